@@ -215,7 +215,7 @@ def restless(counter):
             goes(lambda state: 8 if state["turn"] == 3 else state["curr_pos"]),
             r"in turn 3 .*not legal.*state\['legal'\]",
         ),
-        (lambda state: None, "not legal.*set no state"),
+        (lambda state: None, "not legal.*was not set"),
         (lambda state: state.update(action=state["curr_pos"], turn=0), r"in turn 1 .*changed state\['turn'\] to 0"),
         (lambda state: state.update(action=state["curr_pos"], legal=[1]), r"changed state\['legal'\]"),
         (

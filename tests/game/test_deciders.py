@@ -110,7 +110,7 @@ def test_who_gets_no_action_from_a_plan_stays_and_is_counted(ctx):
     result = ctx.game.run(1)
     assert nodes(ctx) == {"a": 6, "b": 5, "c": 5}
     assert [(error["agent"], error["kind"]) for error in result.errors] == [("b", "illegal"), ("c", "illegal")]
-    assert "the plan of its team set no state['action']" in result.errors[1]["message"]
+    assert "state['action'] was not set" in result.errors[1]["message"]
 
 
 def test_a_plan_that_raises_is_an_error_of_all_its_agents(ctx):

@@ -376,7 +376,7 @@ def test_a_state_without_an_action_is_no_action_whatever_else_is_gone(grid, spoi
         assert (agent.current_node_id, result.agents["a"]["illegal"]) == (0, 2)
         assert "legal are [0, 1, 4" in result.errors[0]["message"]
         ctx.game.on_illegal = "raise"
-        with pytest.raises(gamms.game.IllegalAction, match="set no state"):
+        with pytest.raises(gamms.game.IllegalAction, match="was not set"):
             ctx.game.step()
 
 

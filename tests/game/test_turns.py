@@ -46,6 +46,7 @@ def test_a_strategy_gets_its_name_and_what_it_may_do(ctx, play, everything):
         "memory",
         "team_memory",
         "facts",
+        "blocked",
         "action",
     ]
     assert (first["curr_pos"], first["name"], first["team"], first["turn"]) == (0, "a", "red", 0)
@@ -98,7 +99,7 @@ def test_an_action_that_is_not_legal_means_staying_and_is_counted(ctx, play, act
 def test_a_strategy_that_sets_no_action_is_an_error(ctx):
     ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: None)
     assert (
-        "set no state['action'] (what it returns does not count); legal are [0, 1, 4]"
+        "state['action'] was not set (what is returned does not count); legal are [0, 1, 4]"
         in ctx.game.run(1).errors[0]["message"]
     )
 

@@ -32,6 +32,7 @@ Writes = list[tuple[str, dict[str, Any]]]  # (agent, what it made of its copy), 
 
 _PLAIN = (str, bytes, int, float, bool, type(None))
 _NOTHING: Any = object()  # stands for a key that is not there
+_REASONS = {"error": "its strategy or plan raised an error", "overrun": "its strategy or plan took too long"}
 _COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
 
 
@@ -287,15 +288,20 @@ class Decisions:
         for _, awaitable in self._awaited:
             getattr(awaitable, "close", bool)()
 
-    def close(self) -> None:
-        """Publish what went wrong and merge the team memories, once all have decided."""
-        for i, kind, message in sorted(self._failures, key=itemgetter(0)):
+    def close(self) -> list[tuple[int, str]]:
+        """Publish what went wrong and merge the team memories, once all have decided.
+
+        Return the slots of those that did not do what they wanted, and why; one may be there more than once.
+        """
+        failures = sorted(self._failures, key=itemgetter(0))
+        for i, kind, message in failures:
             slot = self._slots[i]
             slot.counts[_COUNT_OF.get(kind, kind)] += 1
             error = {"turn": self._state.turn, "agent": slot.name, "kind": kind, "message": message}
             self._state.errors.append(error)
         if self._written:
             self._merge_team_memories()
+        return [(i, _REASONS.get(kind, message)) for i, kind, message in failures]
 
     # -- answers ------------------------------------------------------------------------------------------------
 
@@ -303,7 +309,7 @@ class Decisions:
         """Take what an agent has made of its copy of the team's memory."""
         self._written.append((i, team_memory))
 
-    def take(self, i: int, state: State, *, by: str = "its strategy") -> None:
+    def take(self, i: int, state: State) -> None:
         """Take the action that is in the state of an agent."""
         slot, here = self._slots[i], self._starts[i]
         if "action" in state:
@@ -315,7 +321,7 @@ class Decisions:
         else:
             legal = list(self._legality.reachable(slot, here))
             self._refuse(
-                i, IllegalAction(f"{by} set no state['action'] (what it returns does not count); legal are {legal}")
+                i, IllegalAction(f"state['action'] was not set (what is returned does not count); legal are {legal}")
             )
 
     def fail(self, i: int, state: State, error: Exception) -> None:
@@ -370,7 +376,7 @@ class Decisions:
             return
         else:
             for i, state in zip(indices, question.states(), strict=True):
-                self.take(i, state, by="the plan of its team")
+                self.take(i, state)
         self._note(question)
 
     def _take_nodes(self, indices: list[int], arrays: TeamArrays, nodes: IntArray) -> None:

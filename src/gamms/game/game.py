@@ -1,9 +1,8 @@
 """The front of the turn engine: `ctx.game`, which plays turns in which all agents move at once."""
 
-from collections import Counter
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from time import perf_counter
-from typing import Any, Literal, NamedTuple, overload
+from typing import Any, Literal, overload
 
 from gamms import kernels
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
@@ -12,32 +11,20 @@ from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
-from gamms.game.result import Collectors, Result
+from gamms.game.result import Collectors, Result, what_went_wrong
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet, Settings
-from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, copy_game
+from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, Start, copy_game
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState, Scores
 from gamms.plain import Plain
 from gamms.progress import progress as progress_line
 from gamms.readonly import ReadOnlyMapping, frozen, published
-from gamms.text import printable_line, shown
+from gamms.text import shown
 from gamms.typing.agent_engine import IAerialAgent, IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import AerialState, Move, Rule, State, TeamPlan, Track, strategy_name
+from gamms.typing.game import AerialState, Deed, Move, Rule, State, TeamPlan, Track, strategy_name
 from gamms.versions import versions
-
-
-class Start(NamedTuple):
-    """How a game stood before its first turn."""
-
-    snapshot: Snapshot
-    rng: Any  # the state of the context's own stream
-    first_seed: tuple[int, Any]  # the seed and that state of the first start in this context
-
-    def rng_of(self, seed: int) -> Any:
-        """Return the state of the context's own stream at the start with this seed; None: at its beginning."""
-        return dict([self.first_seed, (self.snapshot.seed, self.rng)]).get(seed)
 
 
 class Game(Settings):
@@ -99,14 +86,16 @@ class Game(Settings):
     def add(self, rule: Rule | None = None, *, phase: str = "after", name: str | None = None) -> Any:
         """Add a rule that is applied in every turn; also a decorator, with or without keywords.
 
-        A rule may have three attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
+        A rule may have four attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
+        `check(ctx)` is called in every turn when agents have decided, and may `refuse` moves and deeds;
         `teams` are those that it names, and one without agents is warned about at the next turn;
         `drawer(ctx, data)` draws it, as an artist called `drawer.artist` unless there is one of that name, and on layer
         `drawer.layer` (12).
 
         Args:
             rule: called with the context; rules are called in the order in which they were added.
-            phase: "after" all agents have moved, or "before" any observes.
+            phase: "after" all agents have moved, "before" any observes, or "deeds": when they have decided, before
+                conflicts and moves.
             name: of the rule, for `rules`, `remove` and errors; None: that of the function, with a number where it is
                 taken.
 
@@ -258,7 +247,7 @@ class Game(Settings):
             return
         if not self._state.has_begun:  # a rule has reset the game
             self._begin()
-        self._turns.play(self._internals.after_observing)
+        self._turns.play(self._internals.after_observing, self._ruleset)
         self._state.turn += 1
         try:
             self._apply_rules("after")
@@ -295,7 +284,8 @@ class Game(Settings):
             while (last is None or self._state.turn < last) and self._take_turn():
                 if progress:
                     show(f"turn {self._state.turn}{of}")
-        self._warn_of_errors(self.errors[known:])
+        if len(self.errors) > known:
+            self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
         return self.result()
 
     def result(self) -> Result:
@@ -319,6 +309,7 @@ class Game(Settings):
             events=[dict(event) for event in self.events],
             agents=summaries,
             errors=[dict(error) for error in self.errors],
+            deeds=[dict(deed) for deed in self._state.deeds],
             timings=dict(self.timings),
             seed=self.ctx.seed,
             collected=self._collectors.tables(),
@@ -442,6 +433,43 @@ class Game(Settings):
         moves = self._state.moves
         return {} if moves is None else self._phase.shown(moves.by_name())
 
+    @refused_while_deciding
+    def performed(self, kind: str | None = None) -> list[Deed]:
+        """Return what agents do in this turn besides moving, in the order of their names.
+
+        Args:
+            kind: of deed; None: all.
+
+        Raises:
+            UnknownName (KeyError): there is no such deed.
+        """
+        if kind is not None and kind not in self.deeds:
+            raise UnknownName("deed", kind, self.deeds)
+        moves = self._state.moves
+        deeds: list[Deed] = [] if moves is None else moves.deeds
+        return [deed for deed in deeds if kind in (None, deed.kind)]
+
+    @refused_while_deciding
+    def refuse(self, agent: IAgent | str, why: str, deed: str | None = None) -> None:
+        """Refuse the move of an agent in this turn, so that it stays, or one of its deeds; for the `check` of a rule.
+
+        The agent finds the reason in `state["blocked"]`. A refused deed counts as illegal, and is in `errors`.
+
+        Args:
+            agent: the agent, or its name.
+            why: the reason; of several all are named.
+            deed: the deed; None: the move.
+
+        Raises:
+            BadValue: nothing can be refused now.
+        """
+        refusals, reason = self._turns.refusals, as_name(why, "a reason")
+        if refusals is None:
+            raise BadValue("ctx.game.refuse is for the check of a rule: rule.check = function(ctx).")
+        if deed is not None and deed not in self.deeds:
+            raise UnknownName("deed", deed, self.deeds)
+        refusals.add(self._agent(agent).name, reason, deed)
+
     def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
         """Return how agents have moved in this turn: for each, the nodes and from 0 to 1 when it was at each.
 
@@ -475,7 +503,8 @@ class Game(Settings):
     @refused_while_deciding
     def emit(self, kind: str, **data: Plain) -> None:
         """Note that something happened; it is in `events` and in the result. Values should be plain."""
-        self._state.events.append({"turn": self._state.turn, "kind": as_name(kind, "a kind of event"), **data})
+        turn = self._state.turn + self._turns.is_moving
+        self._state.events.append({"turn": turn, "kind": as_name(kind, "a kind of event"), **data})
 
     @refused_while_deciding
     def end(self, reason: str, winner: Plain = None, truncated: bool = False) -> None:
@@ -559,16 +588,6 @@ class Game(Settings):
             began = perf_counter()
             self._ruleset.apply(phase, self._state)
             self._state.timings["rules"] += perf_counter() - began
-
-    def _warn_of_errors(self, errors: list[dict[str, Any]]) -> None:
-        """Log in one line what strategies did wrong."""
-        if errors:
-            kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(Counter(e["kind"] for e in errors).items()))
-            first = errors[0]
-            self.ctx.logger.warning(
-                f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
-                f"{printable_line(first['message']).rstrip('.'):.200}. See result.errors."
-            )
 
     def _agent(self, agent: IAgent | str) -> IAgent:
         found: IAgent = self.ctx.agent.get_agent(getattr(agent, "name", agent))

@@ -1,6 +1,7 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
 from collections.abc import Hashable, Iterable, Mapping, Sequence
+from itertools import pairwise
 from math import inf
 from operator import add, ne
 from typing import Any, NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 from gamms.arguments import as_float, as_range
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
+from gamms.game.deeds import wanted_deeds
 from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Plan, Settings
 from gamms.ir.agents import Position, Progress, Quat, Selection
@@ -32,6 +34,7 @@ class AgentSlot:
         state: of the game.
         seed: of the game.
         facts: a read-only view of what was published.
+        deeds: what agents may do besides moving; read-only.
         follows_edges: whether moves must follow edges.
 
     Attributes:
@@ -61,6 +64,7 @@ class AgentSlot:
         state: GameState,
         seed: int,
         facts: Mapping[str, Any],
+        deeds: Mapping[str, Any],
         *,
         follows_edges: bool,
     ) -> None:
@@ -85,6 +89,8 @@ class AgentSlot:
                 "memory": state.memory_of(self.name),
                 "team_memory": None,
                 "facts": facts,
+                "blocked": state.blocked.get(self.name),
+                **({"deeds": deeds} if deeds else {}),
             }
         )
         self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]
@@ -101,6 +107,52 @@ class Commanded(NamedTuple):
     deciders: Deciders
 
 
+class Part:
+    """The agents that decide and move at once: all living ones, or those of some teams.
+
+    Args:
+        slots: of all living agents.
+        members: the indices of the slots of these; None: all.
+        progress: by row of the agents, on the edge that one has covered part of.
+        plans: by team.
+
+    Attributes:
+        members: as given, all written out.
+        individuals: of each agent that no plan decides for, what a usual turn needs, in the form that is read fastest:
+            the index of its slot, the agent, its template if it is plain, its sensors and its last state.
+        commanded: the agents that plans decide for, team by team.
+        observing: the indices of the slots of agents whose sensors are asked.
+        see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
+        on_ground: the indices of the slots of agents on the ground; None: all living agents.
+        ground: the rows of these.
+        paced: the indices of the slots of agents on the ground that may cover part of an edge.
+    """
+
+    def __init__(
+        self, slots: list[AgentSlot], members: list[int] | None, progress: list[Any], plans: Mapping[Any, Plan]
+    ) -> None:
+        self.members = list(range(len(slots))) if members is None else members
+        pairs = [(i, slots[i]) for i in self.members]
+        self.individuals = [
+            (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
+            for i, slot in pairs
+            if slot.team not in plans
+        ]
+        teams = dict.fromkeys(slot.team for _, slot in pairs)  # in the order of their first agents
+        self.commanded = [_commanded(slots, team, plans[team]) for team in teams if team in plans]
+        blind = {i for one in self.commanded if one.plan.arrays for i in one.indices}
+        self.observing = [i for i in self.members if i not in blind]
+        self.see_world_only = all(slots[i].sees_world_only for i in self.observing)
+        ground = [i for i, slot in pairs if not slot.flies]
+        self.on_ground = None if len(ground) == len(slots) else ground
+        self.ground = Selection([slots[i].row for i in ground])
+        self.paced = [i for i, slot in pairs if slot.speed is not None or progress[slot.row]]
+
+    def of_ground(self, values: list[Any]) -> list[Any]:
+        """Return those values, one per slot, that are of agents on the ground."""
+        return values if self.on_ground is None else [values[i] for i in self.on_ground]
+
+
 class TurnOrder:
     """The living agents in the order of their names, and what each turn needs of them.
 
@@ -108,44 +160,35 @@ class TurnOrder:
         slots: of the agents, sorted by name.
         progress: by row of the agents, on the edge that one has covered part of.
         plans: by team.
+        order: the teams that move at once, in their order; None: all.
 
     Attributes:
         slots: the slots.
-        individuals: of each agent that no plan decides for, what a usual turn needs, in the form that is read fastest:
-            the index of its slot, the agent, its template if it is plain, its sensors and its last state.
-        commanded: the agents that plans decide for, team by team.
-        observing: the indices of the slots of agents whose sensors are asked.
+        whole: all of them.
+        parts: those that move at once, in their order.
+        unlisted: the first of an agent whose team is in no part; None: there is no such.
         selection: the rows of all.
-        see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
-        on_ground: the indices of the slots of agents on the ground; None: all.
-        ground: the rows of these.
         index_of: name -> index of the slot.
-        paced: the indices of the slots of agents on the ground that may cover part of an edge.
     """
 
-    def __init__(self, slots: list[AgentSlot], progress: list[Any], plans: Mapping[Any, Plan]) -> None:
+    def __init__(
+        self,
+        slots: list[AgentSlot],
+        progress: list[Any],
+        plans: Mapping[Any, Plan],
+        order: Sequence[Sequence[Any]] | None,
+    ) -> None:
         self.slots = slots
-        self.individuals = [
-            (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
-            for i, slot in enumerate(slots)
-            if slot.team not in plans
-        ]
-        teams = dict.fromkeys(slot.team for slot in slots)  # in the order of their first agents
-        self.commanded = [_commanded(slots, team, plans[team]) for team in teams if team in plans]
-        blind = {i for one in self.commanded if one.plan.arrays for i in one.indices}
-        self.observing = [i for i in range(len(slots)) if i not in blind]
-        self.see_world_only = all(slots[i].sees_world_only for i in self.observing)
-        ground = [i for i, slot in enumerate(slots) if not slot.flies]
-        self.on_ground = None if len(ground) == len(slots) else ground
+        self.whole = Part(slots, None, progress, plans)
+        self.parts, self.unlisted = [self.whole], None
+        if order is not None:
+            listed = {team for teams in order for team in teams}
+            self.unlisted = next((slot for slot in slots if slot.team not in listed), None)
+            members = [[i for i, slot in enumerate(slots) if slot.team in teams] for teams in order]
+            self.parts = [Part(slots, some, progress, plans) for some in members]
         self.selection = Selection([slot.row for slot in slots])
-        self.ground = self.selection if self.on_ground is None else Selection([slots[i].row for i in ground])
         self.index_of = {slot.name: i for i, slot in enumerate(slots)}
-        self.paced = [i for i, slot in enumerate(slots) if slot.speed is not None or progress[slot.row]]
         self._moved = [0] * len(slots)
-
-    def of_ground(self, values: list[Any]) -> list[Any]:
-        """Return those values, one per slot, that are of agents on the ground."""
-        return values if self.on_ground is None else [values[i] for i in self.on_ground]
 
     def count_moves(self, starts: list[int], ends: list[int]) -> None:
         """Count the agents that have moved."""
@@ -213,6 +256,7 @@ class ResolvedAction(NamedTuple):
     progress: Progress | None = None  # along the edge behind the end of the path
     position: Position | None = None  # of a flyer
     quat: Quat | None = None
+    deeds: Mapping[str, dict[str, Any]] | None = None  # what it does besides: deed -> the values of its fields
 
 
 class Legality:
@@ -233,9 +277,15 @@ class Legality:
         Raises:
             GammsError: it is malformed, or not legal; the message says why.
         """
+        deeds = None
+        if isinstance(action, dict) and "do" in action:
+            deeds = wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
+            action = {key: value for key, value in action.items() if key != "do"}
+            if not mover.flies:
+                action.setdefault("node_id", here)
         if mover.flies:
             position, quat = flight(self._ctx.agent.block, mover.row, action)
-            return ResolvedAction(here, (here,), position=position, quat=quat)
+            return ResolvedAction(here, (here,), position=position, quat=quat, deeds=deeds)
         heading: Any = ()
         if isinstance(action, dict):
             heading = heading_in(action)
@@ -245,7 +295,17 @@ class Legality:
         else:
             path, is_route = [self._node(action)], False
         resolved = self._walk(mover, here, path, is_route=is_route)
-        return resolved if heading == () else resolved._replace(heading=heading)
+        if heading == () and deeds is None:
+            return resolved
+        return resolved._replace(heading=heading, deeds=deeds)
+
+    def is_open(self, path: Sequence[int]) -> bool:
+        """Return whether all edges of a path of a legal move are there still."""
+        near = self._ctx.graph.graph.neighborhoods
+        has_node = self._ctx.graph.graph.has_node
+        if self._settings.legal == "any" or not all(map(has_node, path)):
+            return all(map(has_node, path))
+        return all(end in near[start] for start, end in pairwise(path))
 
     def reachable(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
         """Return the nodes that an agent may move to in this turn, its own first; none for a flyer."""

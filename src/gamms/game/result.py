@@ -45,6 +45,7 @@ class Result:
         agents: name -> what became of it: team, alive, node (where it is), moves (turns in which it went on), blocked
             (by conflicts), illegal, errors, overruns (how often each).
         errors: what strategies did wrong, in order: turn, agent, kind ("illegal", "error", "overrun"), message.
+        deeds: what agents did besides moving, in order: turn, agent, deed, at (the node), and its fields.
         timings: seconds by phase: decide (sensing included), resolve, apply, rules, draw.
         seed: of the context.
         collected: name -> columns of what was collected.
@@ -62,6 +63,7 @@ class Result:
     errors: list[dict[str, Any]]
     timings: dict[str, float]
     seed: int
+    deeds: list[dict[str, Any]] = field(default_factory=list)
     collected: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -110,8 +112,8 @@ class Result:
     def table(self, name: str) -> dict[str, "np.ndarray[Any, Any]"]:
         """Return one table as columns of equal length, which pandas and polars take as they are.
 
-        `agents`, `teams`, `scores`, `errors` and `events` are always there; each kind of event and each collected name
-        is a table, too. docs/game.md says which columns they have.
+        `agents`, `teams`, `scores`, `errors`, `deeds` and `events` are always there; each kind of event and each
+        collected name is a table, too. docs/game.md says which columns they have.
 
         Raises:
             UnknownName (KeyError): there is no such table.
@@ -139,6 +141,7 @@ class Result:
             **self.collected,
             "events": {key: [event[key] for event in self.events] for key in ("turn", "kind")},
             "errors": self.errors or {"turn": [], "agent": [], "kind": [], "message": []},
+            "deeds": self.deeds or {"turn": [], "agent": [], "deed": [], "at": []},
             "scores": {"of": list(self.scores), "score": list(self.scores.values())},
             "agents": [{"agent": name, **summary} for name, summary in self.agents.items()],
             "teams": self._teams(),
@@ -218,6 +221,17 @@ def _shown(value: object) -> str:
 
 # -- files ------------------------------------------------------------------------------------------------------
 
+
+def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
+    """Return in one line what strategies did wrong; there is at least one error."""
+    kinds = ", ".join(f"{number} {kind}" for kind, number in sorted(Counter(one["kind"] for one in errors).items()))
+    first = errors[0]
+    return (
+        f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
+        f"{printable_line(first['message']).rstrip('.'):.200}. See result.errors."
+    )
+
+
 _FORMAT = "gamms result 1"
 _BYTES_PER_LETTER = 40  # of memory for each byte of JSON: `{"":0}` takes most
 _Shape = type | tuple[type, ...] | dict[str, Any]
@@ -232,6 +246,7 @@ _SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> what it holds, and each 
     "events": (list, _EVENT),
     "agents": (dict, _AGENT),
     "errors": (list, {**_EVENT, "agent": str, "message": str}),
+    "deeds": (list, {"turn": int, "agent": str, "deed": str}),
     "seed": (int, object),
     "collected": (dict, {"turn": list, "value": list}),
     "provenance": (dict, object),

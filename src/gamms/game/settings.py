@@ -1,17 +1,20 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple
 
-from gamms.arguments import as_bool, as_count, as_float, as_function_of, as_key, as_name
+from gamms.arguments import as_bool, as_count, as_float, as_function_of, as_items, as_key, as_name
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
+from gamms.game.deeds import as_deeds
 from gamms.ir.game_state import GameState
+from gamms.plain import to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
 from gamms.typing.game import IConflicts, Rule
 
+_ORDER_FORM = "lists of teams, each team once, such as [['cops'], ['robber']]"
 _CHOICES = {
     "legal": ("edges", "any"),
     "on_illegal": ("stay", "raise"),
@@ -52,6 +55,9 @@ class Settings(Guarded):
             `on_error="stay"`: "stay", an action, or a function from the agent's state to one. An agent for which it is
             not legal stays.
         plans: team -> what decides for all its agents; see `Game.command`.
+        order: None: all agents decide and move at once. Or lists of teams, such as `[["cops"], ["robber"]]`: in each
+            turn the teams of the first list decide and move at once, then those of the next, which see these moves.
+        deeds: what agents may do besides moving: deed -> its fields -> the kind of each; see docs/game.md.
         max_turns: `run` ends a game when so many turns were played, before it included; None: when a rule says so.
     """
 
@@ -64,8 +70,11 @@ class Settings(Guarded):
     deadline_s: float | None = None
     default_action: Any = "stay"  # an action of any form, or a function that gives one
     plans: Mapping[Any, Plan] = ReadOnlyMapping({})
+    order: Sequence[Sequence[Any]] | None = None
+    deeds: Mapping[str, Mapping[str, Any]] = ReadOnlyMapping({})
     max_turns: int | None = None
     _called = "ctx.game"
+    _changes = 0  # how often a setting was set
     _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -81,6 +90,13 @@ class Settings(Guarded):
         if check is None and self._is_closed and not name.startswith("_") and not hasattr(self, name):
             raise UnknownSetting(name, _CHECKS)
         object.__setattr__(self, name, value if check is None else check(name, value))
+        if check is not None:
+            object.__setattr__(self, "_changes", self._changes + 1)
+
+    @property
+    def changes(self) -> int:
+        """A number that changes whenever a setting is set."""
+        return self._changes
 
     def settings(self) -> dict[str, Any]:
         """Return all settings; `configure` takes them."""
@@ -89,7 +105,8 @@ class Settings(Guarded):
     def plain_settings(self) -> dict[str, Any]:
         """Return the settings that are plain values, defaults included; `configure` takes them."""
         plain = {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "deadline_s", "max_turns")}
-        default = self.default_action
+        default, declared = self.default_action, {"order": self.order, "deeds": to_plain(self.deeds)}
+        plain.update((name, value) for name, value in declared.items() if value)
         return {**plain, "default_action": default} if isinstance(default, (str, int)) else plain
 
     @refused_while_deciding
@@ -108,6 +125,7 @@ class Settings(Guarded):
         checked = {name: _CHECKS[name](name, value) for name, value in given.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, value)
+        object.__setattr__(self, "_changes", self._changes + 1)
 
 
 def _choice(name: str, value: object) -> str:
@@ -129,6 +147,24 @@ def _plans(name: str, value: object) -> Mapping[Any, Plan]:
         as_function_of(function, "A plan", f"the {'arrays' if arrays else 'states'} of its team")
         plans[as_key(team, "A team")] = Plan(function, arrays)
     return ReadOnlyMapping(plans)
+
+
+def as_order(name: str, value: object) -> tuple[tuple[Any, ...], ...] | None:
+    """Return the order of play as tuples of teams.
+
+    Raises:
+        BadType, BadValue: it is not one.
+    """
+    if value is None:
+        return None
+    groups = as_items(value, f"ctx.game.{name}", _ORDER_FORM)
+    order = tuple(tuple(as_items(teams, f"Each item of ctx.game.{name}", "teams")) for teams in groups)
+    teams = [as_key(team, "A team") for group in order for team in group]
+    twice = next((team for team in teams if teams.count(team) > 1), None)
+    if twice is not None or not all(order) or not order:
+        flaw = "has an empty list" if twice is None else f"names team {shown(twice)} twice"
+        raise BadValue(f"ctx.game.{name} {flaw}: it needs {_ORDER_FORM}.")
+    return order
 
 
 def _conflicts(name: str, value: object) -> Any:
@@ -161,11 +197,13 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "deadline_s": _seconds,
     "default_action": _action,
     "plans": _plans,
+    "order": as_order,
+    "deeds": lambda _, value: as_deeds(value),
     "max_turns": lambda name, value: None if value is None else as_count(value, f"ctx.game.{name}", 0),
 }
 
 
-PHASES = ("before", "after")
+PHASES = ("before", "deeds", "after")
 
 
 class NamedRule(NamedTuple):
@@ -173,7 +211,7 @@ class NamedRule(NamedTuple):
 
     name: str
     rule: Rule
-    phase: str  # "before" or "after"
+    phase: str  # one of PHASES
 
     def __repr__(self) -> str:
         """Show the name, the rule as a program writes it, and the phase."""
@@ -190,6 +228,7 @@ class RuleSet:
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self.rules: tuple[NamedRule, ...] = ()
+        self._looked_at: tuple[tuple[NamedRule, ...], bool] = ((), False)
         self._unchecked: list[NamedRule] = []
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
@@ -227,26 +266,48 @@ class RuleSet:
             if named not in before or _artist_of(named) in gone:
                 self._propose(named)
 
-    def apply(self, phase: str, state: GameState) -> None:
+    def apply(self, phase: str, state: GameState) -> bool:
         """Call the rules of a phase, those that other rules add meanwhile too, and those that they remove no longer.
 
-        A game that ends before a turn ends at once.
+        A game that ends before a turn ends at once. Return whether a rule was called.
         """
         seen = rules = self.rules
+        was_called = False
         while rules:
             for named in rules:
                 if named.phase == phase and (self.rules is seen or named in self.rules):
-                    try:
-                        named.rule(self._ctx)
-                    except Exception as error:
-                        error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.")
-                        raise
+                    self._call(named, named.rule, phase, state)
+                    was_called = True
                     if phase == "before" and state.over is not None:
-                        return
+                        return True
             if self.rules is seen:
-                return
+                return was_called
             rules = tuple(one for one in self.rules if one not in seen)
             seen = (*seen, *rules)
+        return was_called
+
+    @property
+    def act_before_moves(self) -> bool:
+        """Whether a rule checks moves and deeds, or carries out deeds."""
+        rules, do_act = self._looked_at
+        if rules is not self.rules:
+            do_act = any(one.phase == "deeds" or hasattr(one.rule, "check") for one in self.rules)
+            self._looked_at = self.rules, do_act
+        return do_act
+
+    def check(self, state: GameState) -> bool:
+        """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""
+        checks = [(named, check) for named in self.rules if (check := getattr(named.rule, "check", None)) is not None]
+        for named, check in checks:
+            self._call(named, check, "check", state)
+        return bool(checks)
+
+    def _call(self, named: NamedRule, function: Rule, phase: str, state: GameState) -> None:
+        try:
+            function(self._ctx)
+        except Exception as error:
+            error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.")
+            raise
 
     def warn_of_unknown_teams(self) -> None:
         """Warn about the teams that rules name and no agent plays for, once for each new rule."""

@@ -68,6 +68,18 @@ class Snapshot:
         )
 
 
+class Start(NamedTuple):
+    """How a game stood before its first turn."""
+
+    snapshot: Snapshot
+    rng: Any  # the state of the context's own stream
+    first_seed: tuple[int, Any]  # the seed and that state of the first start in this context
+
+    def rng_of(self, seed: int) -> Any:
+        """Return the state of the context's own stream at the start with this seed; None: at its beginning."""
+        return dict([self.first_seed, (self.snapshot.seed, self.rng)]).get(seed)
+
+
 class SnapshotTaker(NamedTuple):
     """The parts of a game of which snapshots are taken."""
 
@@ -90,8 +102,7 @@ class SnapshotTaker(NamedTuple):
             "settings": self.settings.settings(),
             "rules": self.rules.rules,
             "collectors": self.collectors.snapshot(),
-            "events": state.event_history.mark(state.events),
-            "errors": state.error_history.mark(state.errors),
+            "logs": state.marks(),
             "global_random": self.global_random.snapshot(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
@@ -114,8 +125,7 @@ class SnapshotTaker(NamedTuple):
             self.rules.restore(parts["rules"])
         self.collectors.restore(parts["collectors"])
         _write(state, _copies(snapshot._values))
-        state.event_history.go_to(state.events, parts["events"])
-        state.error_history.go_to(state.errors, parts["errors"])
+        state.go_to(parts["logs"])
         self.turns.restore(parts["turns"])
 
     def restore_streams(self, snapshot: Snapshot) -> None:
@@ -189,7 +199,7 @@ def _write(state: GameState, values: dict[str, Any]) -> None:
 _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state -> how it is copied
     **dict.fromkeys(("turn", "last_turn", "start", "has_begun", "moves"), lambda value, _: value),
     **dict.fromkeys(("over", "team_memories", "data"), copied),
-    **dict.fromkeys(("players", "began", "scores", "facts", "timings"), lambda value, _: dict(value)),
+    **dict.fromkeys(("players", "began", "scores", "facts", "timings", "blocked"), lambda value, _: dict(value)),
     "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
     "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},
 }

@@ -1,6 +1,6 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from functools import lru_cache
 from operator import itemgetter
@@ -8,14 +8,16 @@ from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from gamms.deciding import DecidePhase
+from gamms.errors import BadValue
 from gamms.game.decisions import Decisions, memory_copy
-from gamms.game.order import AgentSlot, Legality, ResolvedAction, TurnOrder
-from gamms.game.settings import Settings
+from gamms.game.order import AgentSlot, Legality, Part, ResolvedAction, TurnOrder
+from gamms.game.settings import RuleSet, Settings
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
+from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import Move, Track
+from gamms.typing.game import Deed, Move, Track
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
@@ -36,6 +38,8 @@ class TurnEngine:
     Attributes:
         is_deciding: whether agents observe and decide right now.
         is_playing: whether a turn is under way, rules included.
+        is_moving: whether agents are asked and moved right now.
+        refusals: what rules refuse, while they may; else None.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
@@ -45,7 +49,9 @@ class TurnEngine:
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
-        self.is_deciding = self.is_playing = False
+        self.is_deciding = self.is_playing = self.is_moving = False
+        self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
+        self.refusals: Refusals | None = None
 
     def order(self) -> TurnOrder:
         """Return the living agents, as they are asked in a turn."""
@@ -54,17 +60,18 @@ class TurnEngine:
         agents, state = self._ctx.agent, self._state
         block = agents.block
         block.locate()
-        plans = self._settings.plans
-        key = (block, block.structure_version, self._settings.legal, plans, state.stream_version)
+        settings = self._settings
+        key = (block, block.structure_version, settings.changes, state.stream_version)
         if self._order is None or self._order_key != key:
             self.update_counts()
             living = sorted([(name, agent) for name, agent in agents.agents.items() if agent.alive], key=itemgetter(0))
-            access_of, follows_edges = agents.storage.turn_access, self._settings.legal == "edges"
+            access_of, follows_edges, deeds = agents.storage.turn_access, settings.legal == "edges", settings.deeds
+            groups = self._groups if self.is_moving else settings.order
             slots = [
-                AgentSlot(one, access_of(one), state, self._ctx.seed, self._facts, follows_edges=follows_edges)
+                AgentSlot(one, access_of(one), state, self._ctx.seed, self._facts, deeds, follows_edges=follows_edges)
                 for _, one in living
             ]
-            self._order, self._order_key = TurnOrder(slots, block.progress, plans), key
+            self._order, self._order_key = TurnOrder(slots, block.progress, settings.plans, groups), key
             state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
 
@@ -95,6 +102,7 @@ class TurnEngine:
         if order is not None:
             order.restart_counts()
             for slot in order.slots:
+                slot.template["blocked"] = self._state.blocked.get(slot.name)
                 draws, rng = drawn.get(slot.name, (None, None))
                 slot.draws.go_to(draws)
                 slot.rng.go_to(rng)
@@ -118,23 +126,114 @@ class TurnEngine:
         state["team_memory"] = memory_copy(known) if known else {}
         return state
 
-    def play(self, observers: list[Observer]) -> None:
-        """Observe, decide, resolve conflicts and move; `observers` are called before any agent decides."""
+    def play(self, observers: list[Observer], rules: RuleSet) -> None:
+        """Let all agents observe, decide and move, those of one part after those of another.
+
+        Args:
+            observers: called before the agents of a part decide.
+            rules: of the game; those of the phase "deeds" are applied before each part moves.
+
+        Raises:
+            BadValue: the order of play leaves out a team.
+        """
+        self._groups, self.is_moving = self._settings.order, True
+        try:
+            order = self.order()
+            if order.unlisted is not None:
+                raise BadValue(
+                    f"ctx.game.order leaves out team {shown(order.unlisted.team)}, of which agent "
+                    f"{order.unlisted.name!r} is. Add the team to one of its lists."
+                )
+            turn, parts = self._play_part(order, 0, observers, rules), len(order.parts)
+            if parts > 1:
+                turn = turn.between(0, parts)
+            for number in range(1, parts):
+                if self._state.over is None:
+                    later = self._play_part(self.order(), number, observers, rules).between(number, parts)
+                    turn = turn.on(later.order).then(later)
+            self._state.moves = turn
+        finally:
+            self.is_moving = False
+            if self._settings.order is not self._groups:  # a rule has set another one, which counts from now on
+                self._order_key = ()
+
+    def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> "TurnMoves":
+        part = order.parts[number]
         began = perf_counter()
-        turn = self._state.moves = self._ask(self.order(), observers)
-        decided = perf_counter()
+        turn = self._state.moves = self._ask(order, part, observers)
+        asked = decided = perf_counter()
+        if self._settings.deeds or rules.act_before_moves:
+            turn = self._do_deeds(turn, part, rules)
+            part = turn.order.parts[number]
+            self._state.timings["rules"] += perf_counter() - decided
+            decided = perf_counter()
         if self._settings.conflicts is not None:
             self._resolve(turn)
         resolved = perf_counter()
-        self._apply(turn)
+        self._apply(turn, part)
         applied = perf_counter()
         spent = self._state.timings
-        spent["decide"] += decided - began
+        spent["decide"] += asked - began
         spent["resolve"] += resolved - decided
         spent["apply"] += applied - resolved
+        return turn
 
-    def _ask(self, order: TurnOrder, observers: list[Observer]) -> "TurnMoves":
-        """Ask all agents what they do.
+    def _do_deeds(self, turn: "TurnMoves", part: Part, rules: RuleSet) -> "TurnMoves":
+        """Let rules refuse moves and deeds, note the deeds that remain, and let rules carry them out.
+
+        Return the moves of the agents that there are now; one that was put elsewhere stays there, and one whose way
+        was closed stays where it is.
+        """
+        self.refusals = Refusals(turn)
+        try:
+            if rules.check(self._state):
+                self._refuse(turn, part)
+        finally:
+            self.refusals = None
+        deeds = turn.deeds
+        number, revision = self._state.turn + 1, self._ctx.graph.graph.revision
+        self._state.deeds += [
+            {"turn": number, "agent": deed.agent, "deed": deed.kind, "at": deed.at, **deed.values} for deed in deeds
+        ]
+        if not rules.apply("deeds", self._state):
+            return turn
+        turn = self._state.moves = turn.on(self.order())
+        turn.give_up(turn.order.selection.of(self._ctx.agent.block.node))
+        if self._ctx.graph.graph.revision != revision:
+            closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.path(i))]
+            self._stop(turn, closed, "its way was closed")
+        return turn
+
+    def _refuse(self, turn: "TurnMoves", part: Part) -> None:
+        """Take back the moves and deeds that rules have refused."""
+        refusals = self.refusals
+        assert refusals is not None  # noqa: S101 - set by the only caller
+        slots = turn.slots
+        for i in part.members:
+            name = slots[i].name
+            why = refusals.moves.get(name)
+            if why:
+                self._stop(turn, [i], "; ".join(sorted(why)))
+            for kind, reasons in sorted(refusals.deeds.get(name, {}).items()):
+                message = f"{kind}: {'; '.join(sorted(reasons))}"
+                slots[i].counts["illegal"] += 1
+                error = {"turn": self._state.turn, "agent": name, "kind": "illegal", "message": message}
+                self._state.errors.append(error)
+                self._block(slots[i], message)
+                turn.refuse_deed(i, kind)
+
+    def _stop(self, turn: "TurnMoves", indices: Iterable[int], why: str) -> None:
+        """Keep agents where they are."""
+        for i in indices:
+            if turn.stop(i):
+                self._block(turn.slots[i], why)
+
+    def _block(self, slot: AgentSlot, why: str) -> None:
+        known = self._state.blocked.get(slot.name)
+        slot.template["blocked"] = self._state.blocked[slot.name] = why if known is None else f"{known}; {why}"
+
+    def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> "TurnMoves":
+        """Ask the agents of a part what they do.
 
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
@@ -143,13 +242,13 @@ class TurnEngine:
         decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
         self.is_deciding = True
         try:
-            seen = self._observe_first(order, observers)
+            seen = self._observe_first(order, part, observers)
             if seen is not None or state.team_memories or self._settings.time_budget is not None:
-                for i, *_ in order.individuals:
+                for i, *_ in part.individuals:
                     decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
             else:
-                self._ask_individuals(order, starts, decisions)
-            for commanded in order.commanded:
+                self._ask_individuals(order, part, starts, decisions)
+            for commanded in part.commanded:
                 if commanded.plan.arrays:
                     decisions.ask_arrays(commanded, self._ctx.seed, self._facts)
                 else:
@@ -165,14 +264,22 @@ class TurnEngine:
         finally:
             self._phase.agent, self.is_deciding = None, False
             decisions.drop()
-        decisions.close()
+        if state.blocked:
+            self._forget_blocked(order, part)
+        for i, why in decisions.close():
+            self._block(order.slots[i], why)
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
 
-    def _ask_individuals(self, order: TurnOrder, starts: list[int], decisions: Decisions) -> None:
+    def _forget_blocked(self, order: TurnOrder, part: Part) -> None:
+        for i in part.members:
+            if self._state.blocked.pop(order.slots[i].name, None) is not None:
+                order.slots[i].template["blocked"] = None
+
+    def _ask_individuals(self, order: TurnOrder, part: Part, starts: list[int], decisions: Decisions) -> None:
         """Ask agents one by one, where neither memories of teams nor a time budget count."""
         near, phase, turn = self._ctx.graph.graph.neighborhoods, self._phase, self._state.turn
         ends, note, wait_for = decisions.ends, decisions.note, decisions.wait_for
-        for i, agent, template, carried, last in order.individuals:
+        for i, agent, template, carried, last in part.individuals:
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
                 decisions.ask(i, self.observation(order.slots[i]))
@@ -207,33 +314,41 @@ class TurnEngine:
             if noted:
                 note(i, noted)
 
-    def _observe_first(self, order: TurnOrder, observers: list[Observer]) -> dict[int, dict[str, Any]] | None:
+    def _observe_first(
+        self, order: TurnOrder, part: Part, observers: list[Observer]
+    ) -> dict[int, dict[str, Any]] | None:
         """Return the states of all by slot, where none may decide before all have observed; else None."""
-        if order.see_world_only and not observers:
+        if part.see_world_only and not observers:
             return None
-        seen = {i: self.observation(order.slots[i]) for i in order.observing}
+        seen = {i: self.observation(order.slots[i]) for i in part.observing}
         for observe in observers:
             observe([order.slots[i].agent for i in seen], list(seen.values()))
         return seen
 
     def _resolve(self, turn: "TurnMoves") -> None:
         """Stop the agents that the conflict resolver stops."""
-        order, ground, conflicts = turn.order, turn.order.on_ground, self._settings.conflicts
+        whole, conflicts = turn.order.whole, self._settings.conflicts
+        ground = whole.on_ground
         involved = getattr(conflicts, "involved", None)
         if involved is None:
             few = list(range(len(turn.slots))) if ground is None else ground
         else:
-            few = involved(order.of_ground(turn.starts), order.of_ground(turn.ends))
+            few = involved(whole.of_ground(turn.starts), whole.of_ground(turn.ends))
             few = few if ground is None else [ground[i] for i in few]
         if few:
-            turn.stop(conflicts.resolve(turn.named(few), self._ctx), few)  # type: ignore[union-attr] # asked where there is one
+            names = conflicts.resolve(turn.named(few), self._ctx)  # type: ignore[union-attr] # asked where there is one
+            for i in few:
+                if turn.slots[i].name in names:
+                    end = turn.ends[i]
+                    if turn.stop(i):
+                        self._block(turn.slots[i], f"in conflict with other agents on the way to node {end}")
 
-    def _apply(self, turn: "TurnMoves") -> None:
-        """Write the moves into the columns of the agents."""
-        block, order = self._ctx.agent.block, turn.order
-        block.move_all(order.ground, order.of_ground(turn.ends))
-        order.count_moves(turn.starts, turn.ends)
-        for i in order.paced:
+    def _apply(self, turn: "TurnMoves", part: Part) -> None:
+        """Write the moves of a part into the columns of the agents."""
+        block = self._ctx.agent.block
+        block.move_all(part.ground, part.of_ground(turn.ends))
+        turn.order.count_moves(turn.starts, turn.ends)
+        for i in part.paced:
             block.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)
         for i, action in turn.actions.items():
             slot = turn.slots[i]
@@ -247,6 +362,30 @@ class TurnEngine:
                     block.turn(slot.row, action.quat)
 
 
+class Refusals:
+    """What rules refuse in a turn, and why.
+
+    Args:
+        turn: the moves and deeds of the turn.
+
+    Attributes:
+        moves: agent -> why it may not move.
+        deeds: agent -> deed -> why it may not do that.
+    """
+
+    def __init__(self, turn: "TurnMoves") -> None:
+        self._turn = turn
+        self.moves: dict[str, set[str]] = {}
+        self.deeds: dict[str, dict[str, set[str]]] = {}
+
+    def add(self, agent: str, why: str, deed: str | None) -> None:
+        """Refuse the move of an agent, or a deed of it."""
+        if deed is None:
+            self.moves.setdefault(agent, set()).add(why)
+        elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
+            self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
+
+
 class TurnMoves:
     """The moves of one turn by slot: as lists for the engine, by name for rules and resolvers."""
 
@@ -256,6 +395,17 @@ class TurnMoves:
         self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
         self.slots = order.slots
         self._by_name: dict[str, Move] | None = None
+
+    @property
+    def deeds(self) -> list[Deed]:
+        """What agents do besides moving, in the order of their names."""
+        slots, starts = self.slots, self.starts
+        return [
+            Deed(slots[i].name, slots[i].team, kind, starts[i], values)
+            for i, action in sorted(self.actions.items())
+            if action.deeds is not None
+            for kind, values in action.deeds.items()
+        ]
 
     def of_agents(self, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
         """Return the same moves of other agents, of which each takes the place of one of these."""
@@ -268,7 +418,7 @@ class TurnMoves:
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, of all on the ground, in the order of the names."""
         if self._by_name is None:
-            self._by_name = self.named(self.order.of_ground(list(range(len(self.slots)))))
+            self._by_name = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
         return self._by_name
 
     def named(self, indices: list[int]) -> dict[str, Move]:
@@ -291,6 +441,10 @@ class TurnMoves:
                 tracks.append(track(i))
         return tracks
 
+    def path(self, i: int) -> tuple[int, ...]:
+        """Return the nodes of the move of a slot."""
+        return self._track(i)[0]
+
     def _track(self, i: int) -> Track:
         """Return the nodes of a move, and when the agent is at each."""
         action = self.actions.get(i)
@@ -304,18 +458,71 @@ class TurnMoves:
         action = self.actions.get(i)
         return action is not None and action.position not in (None, self.slots[i].agent.prev_position)
 
-    def stop(self, names: set[str], among: list[int]) -> None:
-        """Keep the agents with these names where they are; they are among the slots given."""
-        for i in among:
-            slot = self.slots[i]
-            if slot.name in names and self.ends[i] != self.starts[i]:
-                slot.counts["blocked"] += 1
-                self.ends[i] = self.starts[i]
-                if i in self.actions:
-                    self.actions[i] = self.actions[i]._replace(
-                        end=self.starts[i], path=(self.starts[i],), times=(), progress=None
-                    )
+    def stop(self, i: int) -> bool:
+        """Keep the agent of a slot where it is; return whether it was about to go elsewhere."""
+        slot, here, action = self.slots[i], self.starts[i], self.actions.get(i)
+        goes = self.ends[i] != here
+        if action is not None:
+            goes = goes or len(action.path) > 1 or action.progress is not None or action.position is not None
+        if goes:
+            slot.counts["blocked"] += 1
+            self._stay(i, here)
+        return goes
+
+    def give_up(self, nodes: list[int]) -> None:
+        """Let agents that are on other nodes than those where their moves begin stay there."""
+        for i, (start, node) in enumerate(zip(self.starts, nodes, strict=True)):
+            if start != node:
+                self.starts[i] = node
+                self._stay(i, node)
+
+    def refuse_deed(self, i: int, kind: str) -> None:
+        """Take back a deed of the agent of a slot."""
+        action = self.actions[i]
+        self.actions[i] = action._replace(deeds={one: of for one, of in (action.deeds or {}).items() if one != kind})
+
+    def _stay(self, i: int, node: int) -> None:
+        self.ends[i] = node
+        if i in self.actions:
+            self.actions[i] = self.actions[i]._replace(end=node, path=(node,), times=(), progress=None, position=None)
         self._by_name = None
+
+    # -- turns of several parts -----------------------------------------------------------------------------------
+
+    def on(self, order: TurnOrder) -> "TurnMoves":
+        """Return the moves of the agents of another order; those that are new in it stay."""
+        if order is self.order:
+            return self
+        old = {id(slot.agent): i for i, slot in enumerate(self.slots)}
+        pairs = [(i, old[id(slot.agent)]) for i, slot in enumerate(order.slots) if id(slot.agent) in old]
+        starts = [slot.agent.current_node_id for slot in order.slots]
+        ends = starts.copy()
+        for i, j in pairs:
+            starts[i], ends[i] = self.starts[j], self.ends[j]
+        return TurnMoves(order, starts, ends, {i: self.actions[j] for i, j in pairs if j in self.actions})
+
+    def between(self, number: int, parts: int) -> "TurnMoves":
+        """Return the same moves, made in that one of several equal parts of the turn."""
+        actions = dict(self.actions)
+        for i, (start, end) in enumerate(zip(self.starts, self.ends, strict=True)):
+            path, times = self._track(i)
+            if len(path) > 1 or start != end:
+                action = actions.get(i, ResolvedAction(end, path))
+                scaled = tuple([(number + time) / parts for time in times])
+                waits = ((path[0],), (0.0,)) if number else ((), ())
+                actions[i] = action._replace(path=waits[0] + path, times=waits[1] + scaled)
+        return TurnMoves(self.order, self.starts, self.ends, actions)
+
+    def then(self, later: "TurnMoves") -> "TurnMoves":
+        """Return these moves and later ones of other agents, as one turn; both are of the same order."""
+        starts, ends, actions = self.starts.copy(), self.ends.copy(), {**self.actions, **later.actions}
+        for i, (start, end) in enumerate(zip(later.starts, later.ends, strict=True)):
+            if start != end or i in later.actions:
+                if start != self.ends[i]:  # it was put there before it moved
+                    action, starts[i] = later.actions[i], start
+                    actions[i] = action._replace(path=action.path[1:] or action.path, times=action.times[1:])
+                ends[i] = end
+        return TurnMoves(self.order, starts, ends, actions)
 
 
 @lru_cache(maxsize=256)

@@ -90,8 +90,8 @@ class State:
     def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
         """Number this turn, and the following ones by adding `pace`; agents began at `starts`."""
 
-    def emit(self, event: dict[str, Any]) -> None:
-        """Add to what rules emitted."""
+    def append(self, log: str, entry: dict[str, Any]) -> None:
+        """Add to one of the logs of the game."""
 
     def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
         """Publish facts, and withdraw others."""
@@ -429,16 +429,29 @@ def as_over(value: object) -> dict[str, Any] | None:
     return None if value is None else dict(value)
 
 
-def as_event(data: Mapping[str, Plain]) -> dict[str, Any]:
-    """Return what a rule emitted, as it is in `ctx.game.events`.
+LOGGED: dict[int, str] = {}
+"""Kind -> the log of `GameState` that it adds an entry to."""
+
+_TEXTS = {"events": ("kind",), "deeds": ("agent", "deed")}  # log -> what each of its entries must have
+
+
+def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
+    """Return an entry as it is in a log of `GameState`.
 
     Raises:
-        BadType: it has no kind.
+        BadType: it lacks what all entries have.
     """
     found = dict(data)
-    if not isinstance(found.get("kind"), str):
-        raise BadType(f"{shown(found)} is no event: it has no kind.")
+    missing = next((key for key in _TEXTS[log] if not isinstance(found.get(key), str)), None)
+    if missing is not None:
+        raise BadType(f"{shown(found)} is not one of the {log}: it has no {missing}.")
     return deepcopy(found)
+
+
+def _logged(code: int, name: str, audience: Audience, fields: str, log: str) -> int:
+    """Add the kind that notes an entry of a log."""
+    LOGGED[code] = log
+    return _event(code, name, audience, fields, lambda state, data: state.append(log, as_entry(log, data)))
 
 
 def set_scores(game: "GameState", scores: Plain) -> None:
@@ -453,6 +466,21 @@ def set_scores(game: "GameState", scores: Plain) -> None:
         raise BadValue(f"its scores are none ({error})") from error
     game.scores.clear()
     game.scores.update(found)
+
+
+def as_blocked(value: object) -> dict[str, str]:
+    """Return agent -> why it did not do what it wanted.
+
+    Raises:
+        BadType: it is something else.
+    """
+    if not isinstance(value, Mapping) or not all(isinstance(text, str) for pair in value.items() for text in pair):
+        raise BadType(f"Agents and why they were blocked are texts, not {shown(value)}.")
+    return dict(value)
+
+
+def _set_blocked(state: State, data: Mapping[str, Plain]) -> None:
+    state.game.blocked = as_blocked(data["blocked"])
 
 
 def _over(state: State, data: Mapping[str, Plain]) -> None:
@@ -476,7 +504,7 @@ GAME_SCORES = _event(
 GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
-GAME_EVENT = _event(0x04000002, "GAME_EVENT", _ALL, "kind", lambda state, data: state.emit(as_event(data)))
+GAME_EVENT = _logged(0x04000002, "GAME_EVENT", _ALL, "kind", "events")
 GAME_OVER = _event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _over)
 GAME_TURN = _event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts", _count)
 GAME_MEMORY = _event(0x04000005, "GAME_MEMORY", _TEAM, "agents teams", _remember)
@@ -484,6 +512,8 @@ GAME_FACTS = _event(
     0x04000006, "GAME_FACTS", _ALL, "set removed", lambda state, data: state.publish(data["set"], data["removed"])
 )
 GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
+GAME_DEED = _logged(0x04000008, "GAME_DEED", _SENSED, "agent:AGENT deed at:NODE", "deeds")
+GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _set_blocked)
 USER_EVENT = _event(0x05000000, "USER_EVENT", _ALL, "kind")
 
 TERMINATE = _record(0x00000000, "TERMINATE", _ALL)

@@ -4,6 +4,8 @@ from dataclasses import dataclass, field
 from typing import Any
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
+LOGS = ("events", "errors", "deeds")
+"""The fields of a state to which entries are only appended."""
 
 
 class Scores(dict[Any, float]):
@@ -71,6 +73,8 @@ class GameState:
         data: the plain values that rules remember.
         events: what was emitted, in order; append-only: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order; append-only.
+        deeds: what agents did besides moving, in order; append-only: dicts with `turn`, `agent`, `deed`, `at`.
+        blocked: agent -> why it did not do in its last turn what it wanted; only those that did not.
         facts: what was published, read-only values; this dict is never replaced.
         memories: agent -> what it remembers; this dict is never replaced, nor are those in it.
         team_memories: team -> what it remembers.
@@ -84,8 +88,8 @@ class GameState:
         start: the snapshot to which `reset` returns; None before the first turn. Any: it holds what all engines gave.
         has_begun: whether a turn was played since the game was created, reset or resumed.
         stream_version: changes whenever all random streams begin again.
-        event_history, error_history: of the two logs, for snapshots.
-        shared_logs: those of the two that are the ones of another game and were not read yet.
+        histories: of each log, for snapshots.
+        shared_logs: those logs that are the ones of another game and were not read yet.
     """
 
     turn: int = 0
@@ -93,6 +97,8 @@ class GameState:
     data: dict[str, Any] = field(default_factory=dict)
     events: list[dict[str, Any]] = field(default_factory=list)
     errors: list[dict[str, Any]] = field(default_factory=list)
+    deeds: list[dict[str, Any]] = field(default_factory=list)
+    blocked: dict[str, str] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
     memories: dict[str, dict[Any, Any]] = field(default_factory=dict)
     team_memories: dict[Any, dict[Any, Any]] = field(default_factory=dict)
@@ -106,25 +112,30 @@ class GameState:
     start: Any = None
     has_begun: bool = False
     stream_version: int = 0
-    event_history: LogHistory = field(default_factory=LogHistory)
-    error_history: LogHistory = field(default_factory=LogHistory)
+    histories: dict[str, LogHistory] = field(default_factory=lambda: {name: LogHistory() for name in LOGS})
     shared_logs: dict[str, LogPoint] = field(default_factory=dict)
 
+    def marks(self) -> dict[str, LogPoint]:
+        """Return the point at which each log is now."""
+        return {name: history.mark(getattr(self, name)) for name, history in self.histories.items()}
+
+    def go_to(self, marks: dict[str, LogPoint]) -> None:
+        """Cut or extend the logs so that they are as they were at these points."""
+        for name, point in marks.items():
+            self.histories[name].go_to(getattr(self, name), point)
+
     def share_logs(self, source: "GameState") -> None:
-        """Take over the events and errors of another game; they are copied when they are first read."""
-        self.shared_logs = {
-            "events": source.event_history.mark(source.events),
-            "errors": source.error_history.mark(source.errors),
-        }
-        self.event_history, self.error_history = LogHistory(), LogHistory()
-        del self.events, self.errors
+        """Take over the logs of another game; they are copied when they are first read."""
+        self.shared_logs = source.marks()
+        self.histories = {name: LogHistory() for name in LOGS}
+        del self.events, self.errors, self.deeds
 
     def __getattr__(self, name: str) -> list[Any]:
         """Copy a log that was taken over."""
-        if name not in ("events", "errors"):
+        if name not in LOGS:
             raise AttributeError(f"A game has no {name!r}.")
         log: list[Any] = []
-        (self.event_history if name == "events" else self.error_history).go_to(log, self.shared_logs.pop(name))
+        self.histories[name].go_to(log, self.shared_logs.pop(name))
         setattr(self, name, log)
         return log
 
@@ -135,8 +146,10 @@ class GameState:
     def clear_history(self) -> None:
         """Forget what has happened in the game; scores, data, facts and agents' memories stay."""
         self.turn, self.over, self.last_turn, self.moves = 0, None, None, None
-        self.events, self.errors, self.counts, self.team_memories, self.players = [], [], {}, {}, {}
-        self.event_history, self.error_history = LogHistory(), LogHistory()
+        self.counts, self.team_memories, self.players, self.blocked = {}, {}, {}, {}
+        for name in LOGS:
+            setattr(self, name, [])
+        self.histories = {name: LogHistory() for name in LOGS}
         self.timings = dict.fromkeys(PHASES, 0.0)
 
     def begin_from_here(self) -> None:

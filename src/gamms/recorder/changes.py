@@ -132,6 +132,11 @@ class _NewEntries(_Detector):
         return len(value)
 
 
+class _Blocked(_Detector):
+    def detect(self, value: Mapping[str, str]) -> list[Any]:
+        return [{"blocked": known} for known in super().detect(value)]
+
+
 class _Items(_Detector):
     """Changed items of a dict."""
 
@@ -205,6 +210,8 @@ class _TeamMemories(_Memories):
 
 DETECTED: dict[str, tuple[int, type[_Detector]]] = {
     "events": (kinds.GAME_EVENT, _NewEntries),
+    "deeds": (kinds.GAME_DEED, _NewEntries),
+    "blocked": (kinds.GAME_BLOCKED, _Blocked),
     "scores": (kinds.GAME_SCORES, _Scores),
     "data": (kinds.GAME_DATA, _Items),
     "over": (kinds.GAME_OVER, _Detector),

@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
-from gamms.ir.events import EVENTS, AgentsState, Log, State, events_of
+from gamms.ir.events import EVENTS, LOGGED, AgentsState, Log, State, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain
@@ -27,7 +27,7 @@ _NOT_HELD = {
     kinds.WORLD,
     kinds.VISUALS,
     kinds.VISUAL_COMMANDS,
-    kinds.GAME_EVENT,
+    *LOGGED,
     kinds.GAME_FACTS,
     kinds.USER_EVENT,
     kinds.SENSED,

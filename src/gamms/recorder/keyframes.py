@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
 from gamms.ir.agents import NUMBERS, Progress
-from gamms.ir.events import as_over, set_scores
+from gamms.ir.events import as_blocked, as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain, plain_subset, to_plain
@@ -90,7 +90,8 @@ def packed(
         "sensor_kinds": groups,
         "attributes": {row: values for row, values in enumerate(columns["attributes"]) if values},
         "strategies": list(columns["strategies"]),
-        **{name: field.captured(getattr(game, name)) for name, field in GAME_FIELDS.items()},
+        **{name: field.captured(getattr(game, name)) for name, field in GAME_FIELDS.items() if name != "blocked"},
+        **({"blocked": dict(game.blocked)} if game.blocked else {}),
         "chance": to_plain(rng_state),
     }
 
@@ -137,6 +138,7 @@ GAME_FIELDS = {
     "data": GameField(plain_subset, lambda game, data: _refill(game.data, data)),
     "over": GameField(to_plain, _setting("over", as_over)),
     "turn": GameField(to_plain, _setting("turn", int), 0),
+    "blocked": GameField(to_plain, _setting("blocked", as_blocked), {}),
     "memories": GameField(lambda memories: dict(sorted(_captured_each(memories))), _restore_memories, {}),
     "team_memories": GameField(_captured_each, _setting("team_memories", lambda each: dict(deepcopy(list(each)))), ()),
 }
@@ -153,6 +155,7 @@ def history(ctx: HostContext) -> Keyframe:
     game = ctx.game
     return {
         "events": to_plain(game.events),
+        **({"deeds": to_plain(game.internals.state.deeds)} if game.internals.state.deeds else {}),
         "settings": game.plain_settings(),
         **({"facts": plain_subset(game.facts)} if game.facts else {}),
         **({"starts": to_plain(game.internals.starts)} if game.internals.starts else {}),

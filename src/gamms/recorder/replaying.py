@@ -13,10 +13,11 @@ from gamms.ir.events import (
     COLUMN_EVENTS,
     COMPONENTS,
     EVENTS,
+    LOGGED,
     AgentsState,
     Mover,
     State,
-    as_event,
+    as_entry,
     events_of,
     records_of,
 )
@@ -61,7 +62,8 @@ class LiveState(State):
         keyframes.restore_game(game, snapshot)
         self.set_rng(snapshot.get("chance"))
         if "events" in snapshot:
-            game.events[:] = map(as_event, snapshot["events"])
+            for log in LOGGED.values():
+                getattr(game, log)[:] = [as_entry(log, entry) for entry in snapshot.get(log, ())]
             self.publish(deepcopy(snapshot.get("facts", {})), list(game.facts))
         if "starts" in snapshot:
             game.began = dict(snapshot["starts"])
@@ -77,9 +79,9 @@ class LiveState(State):
         self.pace, self.game.turn = pace, turn - pace
         self.game.began |= starts
 
-    def emit(self, event: dict[str, Any]) -> None:
-        """Add to what rules emitted."""
-        self.game.events.append(event)
+    def append(self, log: str, entry: dict[str, Any]) -> None:
+        """Add to one of the logs of the game."""
+        getattr(self.game, log).append(entry)
 
     def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
         """Publish facts, and withdraw others."""
@@ -413,12 +415,13 @@ class Replayer:
         self.turn += 1
         return self._turn(self.turn - 1, reader.log(self.turn - 1))
 
-    def play_until(self, log: kinds.Log, kind: int) -> Any:
-        """Apply a turn as far as the first event of some kind, and return the data of that; None if there is none."""
+    def play_until_sensed(self, log: kinds.Log, agent: str) -> Any:
+        """Apply a turn as far as an agent senses, and return what was sensed then; None: it does not."""
         for code, data in events_of(log):
-            if code == kind:
+            if code == kinds.SENSED and agent in map(self.state.agents.names.get, data["agents"].tolist()):
                 return data
-            self.apply(code, data)
+            if code != kinds.SENSED:
+                self.apply(code, data)
         return None
 
     def _begin(self, header: dict[str, Any], snapshot: dict[str, Plain]) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gamms.arguments import as_int
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import COMPONENTS, change
+from gamms.ir.events import COMPONENTS, LOGGED, change
 from gamms.recorder import sensed
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError, refusing
@@ -27,7 +27,7 @@ Strategies = Mapping[str, Any]  # agent or team -> its strategy
 _Logged = tuple[int, int, Any]  # the log, the kind and the data of an event
 
 _SEED_BITS = 63
-_HISTORY = (kinds.SNAPSHOT, kinds.GAME_EVENT, kinds.GAME_FACTS, kinds.GAME_TURN)
+_HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN)
 
 
 def opened_context(seed: int, vis_engine: object, *, is_quiet: bool) -> HostContext:
@@ -60,8 +60,10 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
     replayer = Replayer(ctx)
     agents = replayer.state.agents
     agents.names, agents.following = before.agents.names_by_number(), before.agents.following
-    found = replayer.play_until(log, kinds.SENSED)
+    found = replayer.play_until_sensed(log, agent)
     if found is None:
+        if any(kind == kinds.SENSED for kind, _ in kinds.events_of(log)):
+            raise UnknownName("living agent", agent, before.agents.columns["names"])
         raise BadValue(
             f"What was sensed in turn {turn} is not in this recording: start it with ctx.record.start(…, sensed=True), "
             "and play by ctx.game."
@@ -196,8 +198,8 @@ def history(reader: "Reader", past: Past, turn: int) -> dict[str, Any]:
     for _, kind, data in past.events(turn, _HISTORY):
         if kind == kinds.SNAPSHOT:
             known = _history_in(deepcopy(data))  # whose lists `change` makes longer
-        elif kind == kinds.GAME_EVENT:
-            known["events"].append(data)
+        elif kind in LOGGED:
+            known[LOGGED[kind]].append(data)
         elif kind == kinds.GAME_FACTS:
             change(known["facts"], data)
         if kind in (kinds.SNAPSHOT, kinds.GAME_TURN):
@@ -207,7 +209,7 @@ def history(reader: "Reader", past: Past, turn: int) -> dict[str, Any]:
 
 def _history_in(snapshot: Mapping[str, Any]) -> dict[str, Any]:
     found = {"facts": dict(snapshot.get("facts", {})), "settings": snapshot.get("settings", {})}
-    return {"events": list(snapshot.get("events", ())), **found}
+    return {log: list(snapshot.get(log, ())) for log in LOGGED.values()} | found
 
 
 def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:

@@ -37,6 +37,7 @@ _FLIGHTS_BY_NAME = {kinds.AERIAL_AGENT_POSITION}
 _EMITTED = {kinds.GAME_EVENT, kinds.USER_EVENT}
 _EVENTS: dict[str, type] = {"turn": np.int64, "kind": np.str_}
 _SCORES: dict[str, type] = {"turn": np.int64, "of": np.str_, "score": np.float64}
+_DEEDS: dict[str, type] = {"turn": np.int64, "agent": np.str_, "deed": np.str_, "at": np.int64}
 _SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str_, "node": np.int64, "other": np.str_}
 
 
@@ -170,6 +171,12 @@ def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     return _rows_as(_SCORES, [(turn, of, score) for turn, scores in found.items() for of, score in scores])
 
 
+def _deeds(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+    """Return everything that agents did besides moving: turn, agent, deed, the node they were at, and its fields."""
+    rows = [data for *_, data in reader.events(start, stop, {kinds.GAME_DEED})]
+    return table_of([dict(row) for row in rows]) if rows else _rows_as(_DEEDS, [])
+
+
 def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return every node that a sensor saw: turn, agent, sensor, the node, and the agent there if that was seen."""
     rows: list[tuple[Any, ...]] = []
@@ -192,6 +199,7 @@ def _rows_as(dtypes: Mapping[str, type], rows: list[tuple[Any, ...]]) -> Table:
 
 
 _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
+    "deeds": _deeds,
     "events": _events,
     "moves": _moves,
     "positions": _positions,

@@ -177,7 +177,7 @@ class Rule(_Mapping, frozen=True, kw_only=True):
 
     rule: Reference
     with_: Values = {}
-    phase: Literal["after", "before"] = "after"
+    phase: Literal["after", "before", "deeds"] = "after"
     name: Name | None = None
 
 
@@ -206,6 +206,8 @@ class Settings(_Mapping, frozen=True, kw_only=True):
     time_budget: Annotated[float, Meta(gt=0.0, description="Seconds per decision.")] | None = None
     deadline_s: Annotated[float, Meta(gt=0.0, description="Seconds per turn for what is awaited.")] | None = None
     default_action: Literal["stay"] | NodeId = "stay"
+    order: Annotated[list[Annotated[list[Name], Meta(min_length=1)]], Meta(min_length=1)] | None = None
+    deeds: dict[Name, dict[Name, str | list[Any]] | None] = {}
 
 
 class Spec(_Mapping, frozen=True, kw_only=True):

@@ -8,6 +8,8 @@ from typing import NamedTuple
 
 from gamms.arguments import as_member
 from gamms.errors import nearest
+from gamms.game.deeds import as_deeds
+from gamms.game.settings import as_order
 from gamms.plain import Plain
 from gamms.scenario import maps
 from gamms.scenario import spec as schema
@@ -22,7 +24,7 @@ from gamms.scenario.code import (
     offered_function,
     plain_defaults,
 )
-from gamms.scenario.documents import MOST_BYTES, ScenarioError, joined
+from gamms.scenario.documents import MOST_BYTES, ScenarioError, at, joined
 from gamms.scenario.placement import members
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
 from gamms.sensor.catalog import KINDS
@@ -71,6 +73,12 @@ def check_sense(spec: Spec) -> None:
     if spec.conflicts is not None and isinstance(spec.conflicts.resolve, schema.ByPriority):
         for number, team_name in enumerate(spec.conflicts.resolve.by_priority):
             _known_team(team_name, spec, f"conflicts.resolve.by_priority.{number}")
+    for number, group in enumerate(spec.settings.order or ()):
+        for team_name in group:
+            _known_team(team_name, spec, f"settings.order.{number}")
+    for name, check in (("order", lambda order: as_order("order", order)), ("deeds", as_deeds)):
+        with at(f"settings.{name}"):
+            check(getattr(spec.settings, name))
     for one in code_in(spec):
         _check_teams_of(one, spec)
 

@@ -21,15 +21,21 @@ NodeId = int | np.integer[Any]
 
 
 class NodeAction(TypedDict):
-    """Move to a node, and face somewhere."""
+    """Move to a node, face somewhere, and do something besides."""
 
-    node_id: NodeId
+    node_id: NotRequired[NodeId]
+    """May be left out where there is `do`: then the agent stays."""
+    do: NotRequired[Mapping[str, Any]]
+    """Deeds that `ctx.game.deeds` declares -> the values of their fields."""
     orientation: NotRequired[tuple[float, float] | None]
     """`(cos, sin)` of the heading, of any length but zero; None: follow the moves again."""
 
 
 class AerialAction(TypedDict, total=False):
-    """Fly, turn, or both."""
+    """Fly, turn, do something besides, or all of it."""
+
+    do: Mapping[str, Any]
+    """Deeds that `ctx.game.deeds` declares -> the values of their fields."""
 
     direction: Sequence[float] | FloatArray
     """`(dx, dy, dz)`, of any length: the agent moves by its speed; all zeros: it stays."""
@@ -76,6 +82,10 @@ class _GameKeys(TypedDict, total=False):
     """A copy of what the team remembers; what is written into it is known to the team in the next turn."""
     facts: Mapping[str, Any]
     """What the scenario has published; read-only all the way down."""
+    blocked: str | None
+    """Why the agent did not do in its last turn what it wanted; None: it did."""
+    deeds: Mapping[str, Mapping[str, Any]]
+    """What agents may do besides moving, as `ctx.game.deeds` declares it; only where that declares something."""
 
 
 class State(_GameKeys):
@@ -168,6 +178,16 @@ class Move(NamedTuple):
     start: int  # node id
     end: int  # node id; the start for one that stays
     path: tuple[int, ...]  # node ids from start to end; only the start for one that stays
+
+
+class Deed(NamedTuple):
+    """What one agent does in a turn besides moving."""
+
+    agent: str
+    team: Any
+    kind: str  # as declared
+    at: int  # id of the node where it is, or above which it flies
+    values: Mapping[str, Any]  # of its fields
 
 
 class IConflicts(Protocol):

@@ -1,0 +1,185 @@
+"""Deeds: what agents may do besides moving, as a game declares it, and how what they want to do is checked."""
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+from gamms.arguments import as_bool, as_float, as_int, as_key, as_mapping, as_text
+from gamms.errors import BadType, BadValue, UnknownName, nearest
+from gamms.plain import is_same, to_plain, why_not_plain
+from gamms.readonly import ReadOnlyMapping
+from gamms.text import shown
+from gamms.typing.context import HostContext
+
+OF_DEED = ("turn", "agent", "deed", "at")
+"""What every deed has, so that no field can be called like this."""
+
+_OPTIONAL = "?"  # ends the kind of a field that may be missing
+
+
+def _agent(value: object, name: str, ctx: HostContext) -> Any:
+    return _known(as_text(getattr(value, "name", value), name), "agent", name, ctx.agent.agents)
+
+
+def _team(value: object, name: str, ctx: HostContext) -> Any:
+    return _known(as_key(value, name), "team", name, ctx.agent.teams)
+
+
+def _node(value: object, name: str, ctx: HostContext) -> int:
+    node = as_int(value, name)
+    return node if ctx.graph.graph.has_node(node) else _known(node, "node", name, ())
+
+
+def _edge(value: object, name: str, ctx: HostContext) -> int:
+    try:
+        return int(ctx.graph.graph.get_edge(as_int(value, name)).id)
+    except KeyError:
+        return int(_known(value, "edge", name, ()))
+
+
+def _sensor(value: object, name: str, ctx: HostContext) -> Any:
+    return _known(as_text(value, name), "sensor", name, ctx.sensor.sensors)
+
+
+def _known(value: Any, kind: str, name: str, known: Collection[Any]) -> Any:
+    """Return a value that is one of those known."""
+    if value not in known:
+        raise UnknownName(f"{kind} as {name}:", value, known)
+    return value
+
+
+def _plain(value: object, name: str, _: HostContext) -> Any:
+    flaw = why_not_plain(value)
+    if flaw:
+        raise BadType(f"{name} must be a plain value, such as numbers, texts, lists and dicts of these: {flaw}.")
+    return to_plain(value)
+
+
+FIELD_KINDS: dict[str, Callable[[Any, str, HostContext], Any]] = {
+    "agent": _agent,
+    "team": _team,
+    "node": _node,
+    "edge": _edge,
+    "sensor": _sensor,
+    "integer": lambda value, name, _: as_int(value, name),
+    "number": lambda value, name, _: as_float(value, name),
+    "boolean": lambda value, name, _: as_bool(value, name),
+    "text": lambda value, name, _: as_text(value, name),
+    "value": _plain,
+}
+"""Kind of field -> what checks a value of it."""
+
+
+class DeclaredField(NamedTuple):
+    """A field of a deed: the name of its kind, or its choices, and whether it must be given."""
+
+    kind: str
+    choices: tuple[Any, ...]
+    is_required: bool
+
+
+def as_deeds(value: object) -> Mapping[str, Mapping[str, Any]]:
+    """Return declared deeds as a read-only mapping: deed -> its fields -> the kind of each, or its choices.
+
+    Raises:
+        BadType, BadValue: they are not declared like this.
+    """
+    declared = {}
+    for deed, fields in as_mapping(value, "ctx.game.deeds").items():
+        name = f"ctx.game.deeds[{shown(deed)}]"
+        if not isinstance(deed, str) or not deed.isidentifier():
+            raise BadValue(f"A deed is called by a name of letters, digits and _, not {shown(deed)}.")
+        given = {} if fields is None else as_mapping(fields, name)
+        declared[deed] = ReadOnlyMapping({key: _declaration(key, kind, name) for key, kind in given.items()})
+    return ReadOnlyMapping(declared)
+
+
+def _declaration(key: object, kind: object, name: str) -> Any:
+    """Return the kind of a field, or a tuple of its choices."""
+    if not isinstance(key, str) or not key.isidentifier():
+        raise BadValue(f"A field of {name} is called by a name of letters, digits and _, not {shown(key)}.")
+    if key in OF_DEED:
+        raise BadValue(f"A field of {name} cannot be called {key!r}, which all deeds have. Use another name.")
+    if isinstance(kind, str):
+        if kind.removesuffix(_OPTIONAL) not in FIELD_KINDS:
+            hint = nearest(kind, FIELD_KINDS) or f" Use one of: {', '.join(map(repr, FIELD_KINDS))}; or a list."
+            raise BadValue(f"{name}[{key!r}] cannot be {kind!r}.{hint}")
+        return kind
+    if not isinstance(kind, Sequence) or not kind or any(why_not_plain(one) for one in kind):
+        raise BadType(
+            f"{name}[{key!r}] must be a kind of field, such as 'agent' or 'number', or a list of the values that it "
+            f"may have, not {shown(kind)}."
+        )
+    return tuple(map(to_plain, kind))
+
+
+def field_of(kind: str | tuple[Any, ...]) -> DeclaredField:
+    """Return what the declaration of a field says."""
+    if isinstance(kind, tuple):
+        return DeclaredField("choice", kind, is_required=True)
+    return DeclaredField(kind.removesuffix(_OPTIONAL), (), not kind.endswith(_OPTIONAL))
+
+
+def wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, dict[str, Any]]:
+    """Return what an agent wants to do, checked: deed -> the values of its fields, plain and in their order.
+
+    Args:
+        given: deed -> its fields; the value alone stands for those of a deed that needs one field, and None, True or an
+            empty dict for those of a deed that needs none.
+        declared: the deeds of the game.
+        ctx: the context, whose agents and map count.
+
+    Raises:
+        UnknownName (KeyError): there is no such deed, field, agent, node and so on.
+        BadType, BadValue: a field is missing, or has an impossible value.
+    """
+    if not isinstance(given, Mapping):
+        raise BadType(f"What an agent does is a dict from deeds to their fields, not {shown(given)}.")
+    wanted = {}
+    for deed, value in given.items():
+        if deed not in declared:
+            if not declared:
+                raise UnknownName("deed, because ctx.game.deeds declares none: ", deed)
+            raise UnknownName("deed", deed, declared)
+        wanted[deed] = _checked_fields(deed, value, declared[deed], ctx)
+    return wanted
+
+
+def _checked_fields(deed: str, given: object, declared: Mapping[str, Any], ctx: HostContext) -> dict[str, Any]:
+    fields = {key: field_of(kind) for key, kind in declared.items()}
+    values = _by_field(deed, given, [key for key, field in fields.items() if field.is_required])
+    for key in values:
+        if key not in fields:
+            raise UnknownName(f"field of the deed {deed!r}:", key, fields)
+    checked = {}
+    for key, field in fields.items():
+        name = f"{key!r} of the deed {deed!r}"
+        if values.get(key) is not None:
+            checked[key] = _checked_value(values[key], field, name, ctx)
+        elif field.is_required:
+            raise BadValue(f"There is no {name}; it needs {_listed(fields)}.")
+    return checked
+
+
+def _by_field(deed: str, given: object, required: list[str]) -> Mapping[Any, Any]:
+    if isinstance(given, Mapping):
+        return given
+    if len(required) == 1:
+        return {required[0]: given}
+    if not required and (given is None or given is True):
+        return {}
+    needs = _listed(required) if required else "no field: give None"
+    raise BadType(f"The deed {deed!r} needs {needs}, not {shown(given)}.")
+
+
+def _checked_value(value: object, field: DeclaredField, name: str, ctx: HostContext) -> Any:
+    if field.kind != "choice":
+        return FIELD_KINDS[field.kind](value, name, ctx)
+    plain = _plain(value, name, ctx)
+    if not any(is_same(plain, choice) for choice in field.choices):
+        hint = nearest(value, field.choices) or f" Use one of: {_listed(field.choices)}."
+        raise BadValue(f"{name} cannot be {shown(value)}.{hint}")
+    return plain
+
+
+def _listed(values: Iterable[object]) -> str:
+    return ", ".join(map(shown, values))

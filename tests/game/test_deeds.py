@@ -1,0 +1,277 @@
+"""What agents do besides moving: declared, checked, handed to rules before moves, recorded, in tables."""
+
+import io
+
+import pytest
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.typing.game import Deed
+
+
+@pytest.fixture
+def road():
+    """Return a road of ten nodes with ann of red on 0 and bob of blue on 9, who do what they are told, turn by turn."""
+    ctx = gamms.create_context(seed=3, logger_config={"level": "ERROR"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+    ctx.plans, ctx.seen = {"ann": [], "bob": []}, []
+
+    def strategy(state):
+        ctx.seen.append((state["name"], state["turn"], state["blocked"]))
+        plan = ctx.plans[state["name"]]
+        state["action"] = plan[state["turn"]] if state["turn"] < len(plan) else state["curr_pos"]
+
+    ctx.agent.create_agent("ann", start_node_id=0, team="red", strategy=strategy)
+    ctx.agent.create_agent("bob", start_node_id=9, team="blue", strategy=strategy)
+    ctx.game.deeds = {"attack": {"target": "agent", "force": "number?"}, "wait": None}
+    yield ctx
+    ctx.terminate()
+
+
+def attack(target, **more):
+    return {"do": {"attack": {"target": target, **more}}}
+
+
+def test_a_deed_is_noted_with_its_turn_its_agent_and_the_node(road):
+    road.plans["ann"] = [1, {"node_id": 2, "do": {"attack": "bob", "wait": None}}, attack("bob", force=2)]
+    result = road.game.run(4)
+    assert result.deeds == [
+        {"turn": 2, "agent": "ann", "deed": "attack", "at": 1, "target": "bob"},
+        {"turn": 2, "agent": "ann", "deed": "wait", "at": 1},
+        {"turn": 3, "agent": "ann", "deed": "attack", "at": 2, "target": "bob", "force": 2.0},
+    ]
+    assert result.agents["ann"]["node"] == 2  # a deed alone stays
+    assert result.table("deeds")["deed"].tolist() == ["attack", "wait", "attack"]
+    assert result.table("deeds")["force"].tolist() == [None, None, 2.0]
+
+
+def test_rules_carry_deeds_out_before_anyone_moves(road):
+    road.plans = {"ann": [attack("bob")], "bob": [8]}
+    seen = []
+
+    @road.game.add(phase="deeds")
+    def kill(ctx):
+        for deed in ctx.game.performed("attack"):
+            seen.append((deed, ctx.game.moves["bob"].end, ctx.agent.get_agent("bob").current_node_id))
+            ctx.game.eliminate(deed.values["target"])
+
+    result = road.game.run(1)
+    assert seen == [(Deed("ann", "red", "attack", 0, {"target": "bob"}), 8, 9)]
+    assert (result.agents["bob"]["node"], result.agents["bob"]["alive"]) == (9, False)
+    assert result.events == [{"turn": 1, "kind": "eliminated", "agent": "bob", "node": 9}]
+
+
+def test_one_that_is_put_elsewhere_by_a_deed_stays_there(road):
+    road.plans = {"ann": [attack("bob")], "bob": [8]}
+    road.game.add(
+        lambda ctx: [ctx.game.respawn(one.values["target"], 4) for one in ctx.game.performed()], phase="deeds"
+    )
+    road.game.step()
+    assert road.agent.get_agent("bob").current_node_id == 4
+    assert road.game.tracks(road.game.agents) == [((0,), (0.0,)), ((4,), (0.0,))]
+
+
+def test_one_whose_way_is_closed_by_a_deed_stays_and_is_told(road):
+    road.plans = {"ann": [attack("bob")], "bob": [8, 9]}
+    graph = road.graph.graph
+
+    def close(ctx):
+        for _ in ctx.game.performed("attack"):
+            for edge in [one for one in map(graph.get_edge, graph.get_edges()) if {one.source, one.target} == {8, 9}]:
+                graph.remove_edge(edge.id)
+
+    road.game.add(close, phase="deeds")
+    result = road.game.run(2)
+    assert result.agents["bob"]["node"] == 9
+    assert result.agents["bob"]["blocked"] == 1
+    assert ("bob", 1, "its way was closed") in road.seen
+
+
+def test_an_agent_that_a_deed_makes_is_there_and_moves_from_the_next_turn_on(road):
+    road.plans["ann"] = [{"node_id": 1, "do": {"attack": "bob"}}]
+
+    def split(ctx):
+        for deed in ctx.game.performed("attack"):
+            ctx.agent.create_agent("amy", start_node_id=5, team=deed.team, strategy=gamms.strategies.goto(ctx, 9))
+            ctx.agent.delete_agent("bob")
+
+    road.game.add(split, phase="deeds")
+    result = road.game.run(2)
+    assert {name: one["node"] for name, one in result.agents.items()} == {"amy": 6, "ann": 1, "bob": 9}
+
+
+def test_a_deed_may_place_and_move_a_fixed_sensor(road):
+    road.game.deeds = {"place": {"where": "node"}, "shift": {"sensor": "sensor", "where": "node"}}
+    road.plans["ann"] = [
+        {"do": {"place": 5}},
+        {"do": {"shift": {"sensor": "tower", "where": 7}}},
+        {"do": {"shift": {"sensor": "towr", "where": 8}}},
+    ]
+    seen = []
+
+    @road.game.add(phase="deeds")
+    def build(ctx):
+        for deed in ctx.game.performed():
+            if deed.kind == "place":
+                ctx.sensor.create_sensor("tower", "agent_range", range=25, at=deed.values["where"])
+            else:
+                ctx.sensor.get_sensor(deed.values["sensor"]).at = deed.values["where"]
+
+    road.game.add(lambda ctx: seen.append(ctx.sensor.get_sensor("tower").at))
+    result = road.game.run(3)
+    assert seen == [5, 7, 7]
+    assert "Unknown sensor as 'sensor' of the deed 'shift': 'towr'. Did you mean" in result.errors[0]["message"]
+
+
+@pytest.mark.parametrize(
+    ("do", "message"),
+    [
+        ({"atack": "bob"}, "Unknown deed 'atack'. Did you mean 'attack'?"),
+        ({"attack": "bobby"}, "Unknown agent as 'target' of the deed 'attack': 'bobby'. Did you mean 'bob'?"),
+        ({"attack": {}}, "There is no 'target' of the deed 'attack'; it needs 'target', 'force'."),
+        (
+            {"attack": {"target": "bob", "forse": 1}},
+            "Unknown field of the deed 'attack': 'forse'. Did you mean 'force'?",
+        ),
+        ({"attack": {"target": "bob", "force": "much"}}, "'force' of the deed 'attack' must be a number"),
+        ({"wait": 5}, "The deed 'wait' needs no field: give None, not 5."),
+        ("attack", "What an agent does is a dict from deeds to their fields, not 'attack'."),
+    ],
+)
+def test_an_action_with_an_impossible_deed_is_not_done_at_all(road, do, message):
+    road.plans["ann"] = [{"node_id": 1, "do": {"wait": None} | do if isinstance(do, dict) else do}]
+    result = road.game.run(2)
+    assert message in result.errors[0]["message"]
+    assert (result.agents["ann"]["node"], result.agents["ann"]["illegal"], result.deeds) == (0, 1, [])
+    assert message in road.seen[2][2]
+
+
+def test_a_game_without_deeds_says_so(road):
+    road.game.deeds = {}
+    road.plans["ann"] = [attack("bob")]
+    assert "because ctx.game.deeds declares none" in road.game.run(1).errors[0]["message"]
+
+
+@pytest.mark.parametrize(
+    ("deeds", "error", "message"),
+    [
+        ({"two words": {}}, BadValue, "A deed is called by a name of letters"),
+        ({"a": {"agent": "agent"}}, BadValue, "cannot be called 'agent', which all deeds have"),
+        ({"a": {"to": "agnt"}}, BadValue, r"\['to'\] cannot be 'agnt'. Did you mean 'agent'"),
+        ({"a": {"to": []}}, BadType, "must be a kind of field"),
+        ({"a": {"to": [object()]}}, BadType, "must be a kind of field"),
+        ({"a": 5}, BadType, r"ctx.game.deeds\['a'\] must be a dict"),
+        (["a"], BadType, "ctx.game.deeds must be a dict"),
+    ],
+)
+def test_a_declaration_that_means_nothing_is_refused_at_once(road, deeds, error, message):
+    before = road.game.deeds
+    with pytest.raises(error, match=message):
+        road.game.deeds = deeds
+    assert road.game.deeds == before
+
+
+@pytest.mark.parametrize(
+    ("kind", "good", "bad"),
+    [
+        ("agent", "bob", "cat"),
+        ("team", "blue", "green"),
+        ("node", 4, 40),
+        ("edge", 0, 400),
+        ("integer", 3, 3.5),
+        ("number", 3.5, float("nan")),
+        ("boolean", True, "yes"),
+        ("text", "hello", 5),
+        ("value", {"a": [1, (2, 3)]}, object()),
+        (["north", 3], 3, "south"),
+        ("node?", None, "x"),
+    ],
+)
+def test_fields_are_checked_by_their_kinds(road, kind, good, bad):
+    road.game.deeds = {"do_it": {"what": kind}}
+    road.plans = {"ann": [{"do": {"do_it": {"what": good}}}], "bob": [{"do": {"do_it": {"what": bad}}}]}
+    result = road.game.run(1)
+    assert [deed["agent"] for deed in result.deeds] == ["ann"]
+    assert result.deeds[0].get("what") == good
+    assert [error["agent"] for error in result.errors] == ["bob"]
+
+
+def test_a_check_refuses_moves_and_deeds_before_they_are_done(road):
+    road.plans = {"ann": [{"node_id": 1, "do": {"attack": "bob", "wait": None}}], "bob": [8]}
+
+    def tired(ctx):
+        """Do nothing after the moves."""
+
+    def check(ctx):
+        ctx.game.refuse("ann", "its weapon is cold", deed="attack")
+        ctx.game.refuse(ctx.agent.get_agent("bob"), "it is tired")
+        ctx.game.refuse("bob", "it is old")
+        ctx.game.refuse("bob", "it has none", deed="attack")  # which it did not want to do
+
+    tired.check = check
+    road.game.add(tired)
+    result = road.game.run(2)
+    assert [deed["deed"] for deed in result.deeds] == ["wait"]
+    assert {name: one["node"] for name, one in result.agents.items()} == {"ann": 1, "bob": 9}
+    assert result.errors == [{"turn": 0, "agent": "ann", "kind": "illegal", "message": "attack: its weapon is cold"}]
+    assert road.seen[2:] == [("ann", 1, "attack: its weapon is cold"), ("bob", 1, "it is old; it is tired")]
+    assert (result.agents["bob"]["blocked"], result.agents["ann"]["illegal"]) == (1, 1)
+    with pytest.raises(BadValue, match="is for the check of a rule"):
+        road.game.refuse("bob", "why")
+    with pytest.raises(UnknownName, match="Unknown deed 'atack'"):
+        road.game.performed("atack")
+
+
+def test_a_strategy_knows_what_it_may_do(road):
+    found = []
+    road.agent.get_agent("ann").register_strategy(lambda state: found.append(dict(state)) or state.update(action=0))
+    road.game.run(1)
+    assert found[0]["deeds"] == {"attack": {"target": "agent", "force": "number?"}, "wait": {}}
+    road.game.deeds = {}
+    road.game.run(1)
+    assert "deeds" not in found[1]
+
+
+def played(road, turns=6):
+    road.plans = {"ann": [attack("bob"), 1, attack("bob", force=1), 5], "bob": [8, {"do": {"attack": "ann"}}]}
+
+    @road.game.add(phase="deeds", name="hit")
+    def hit(ctx):
+        for deed in ctx.game.performed("attack"):
+            ctx.game.scores[deed.team] += 1
+
+    file = io.BytesIO()
+    road.record.start(file)
+    result = road.game.run(turns)
+    road.record.stop()
+    return file.getvalue(), result
+
+
+def test_a_recording_has_deeds_as_a_table_and_goes_on_with_them(road):
+    data, result = played(road)
+    with gamms.recorder.open(io.BytesIO(data)) as recording:
+        table = recording.table("deeds")
+        assert table["turn"].tolist() == [1, 2, 3]
+        assert table["agent"].tolist() == ["ann", "bob", "ann"]
+        assert table["at"].tolist() == [0, 8, 1]
+        for turn in range(7):
+            with recording.resume(turn) as ctx:
+                assert ctx.game.deeds == road.game.deeds
+                assert ctx.game.result().deeds == [deed for deed in result.deeds if deed["turn"] <= turn]
+
+
+def test_a_snapshot_takes_deeds_back_and_tells_again_who_was_blocked(road):
+    road.plans["ann"] = [attack("bob"), 7, 1]
+    road.game.run(2)
+    moment = road.game.snapshot()
+    first = (road.game.run(2), list(road.seen))
+    road.game.restore(moment)
+    assert len(road.game.result().deeds) == 1
+    del road.seen[4:]
+    assert (road.game.run(2), road.seen) == first
+    assert "Node 7 is not next to node 0" in road.seen[4][2]
+    fork = road.game.snapshot()
+    assert road.game.fork(1).result().deeds == road.game.result().deeds
+    road.game.restore(fork)
+    road.game.reset()
+    assert road.game.result().deeds == []

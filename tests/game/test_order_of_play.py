@@ -1,0 +1,227 @@
+"""Teams that move one after another within a turn."""
+
+import io
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadType, BadValue
+from gamms.rules import Conflicts, contacts, reach, tag
+
+
+def road(order, *, nodes=10, seed=5):
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "ERROR"}, game={"order": order})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(1, nodes))
+    return ctx
+
+
+def player(ctx, name, team, start, *ends, seen=None, **more):
+    def strategy(state):
+        where = {other: agent.current_node_id for other, agent in ctx.agent.agents.items()}
+        if seen is not None:
+            seen.append((state["turn"], name, where))
+        turn = state["turn"]
+        state["action"] = ends[turn] if turn < len(ends) else state["curr_pos"]
+
+    return ctx.agent.create_agent(name, start_node_id=start, team=team, strategy=strategy, **more)
+
+
+def test_each_team_sees_the_moves_before_its_own():
+    seen = []
+    with road([["cops"], ["robber"]]) as ctx:
+        player(ctx, "a", "robber", 9, 8, 7, seen=seen)
+        player(ctx, "b", "cops", 0, 1, 2, seen=seen)
+        player(ctx, "c", "cops", 1, 2, 3, seen=seen)
+        result = ctx.game.run(2)
+        assert result.turns == 2
+        assert ctx.game.moves["b"].path == (1, 2)
+        assert ctx.agent.get_agent("a").prev_node_id == 8
+        assert ctx.agent.get_agent("b").prev_node_id == 1
+    assert seen == [
+        (0, "b", {"a": 9, "b": 0, "c": 1}),
+        (0, "c", {"a": 9, "b": 0, "c": 1}),
+        (0, "a", {"a": 9, "b": 1, "c": 2}),
+        (1, "b", {"a": 8, "b": 1, "c": 2}),
+        (1, "c", {"a": 8, "b": 1, "c": 2}),
+        (1, "a", {"a": 8, "b": 2, "c": 3}),
+    ]
+    assert {name: one["moves"] for name, one in result.agents.items()} == {"a": 2, "b": 2, "c": 2}
+
+
+def test_moves_of_a_team_take_their_part_of_the_turn():
+    with road([["cops"], ["robber"]]) as ctx:
+        player(ctx, "cop", "cops", 2, 3)
+        player(ctx, "rob", "robber", 3, 4)
+        player(ctx, "fast", "cops", 0, 2, speed=2)
+        player(ctx, "slow", "robber", 9, 9)
+        ctx.game.step()
+        assert ctx.game.tracks(ctx.game.agents) == [
+            ((2, 3), (0.0, 0.5)),
+            ((0, 1, 2), (0.0, 0.25, 0.5)),
+            ((3, 3, 4), (0.0, 0.5, 1.0)),
+            ((9,), (0.0,)),
+        ]
+        (contact,) = contacts(ctx, "cops", "robber")
+        assert (contact.a, contact.b, contact.time, contact.a_node) == ("cop", "rob", 0.5, 3)
+
+
+@pytest.mark.parametrize(("order", "winner"), [([["cops"], ["robber"]], "cops"), ([["robber"], ["cops"]], "robber")])
+def test_who_moves_first_decides(order, winner):
+    with road(order) as ctx:
+        player(ctx, "cop", "cops", 2, 3)
+        player(ctx, "rob", "robber", 3, 4)
+        ctx.game.add(tag("cops", "robber", then="eliminate", score=1))
+        ctx.game.add(reach("robber", 4))
+        result = ctx.game.run(1)
+        assert (result.winner == "robber", result.scores.get("cops", 0)) == (winner == "robber", winner == "cops")
+
+
+def test_conflicts_count_those_who_have_moved_and_those_who_have_not():
+    with road([["first"], ["second"]]) as ctx:
+        ctx.game.conflicts = Conflicts(capacity=1)
+        player(ctx, "a", "first", 1, 2)
+        player(ctx, "b", "second", 3, 2)
+        player(ctx, "c", "first", 4, 3)
+        result = ctx.game.run(1)
+        assert {name: one["node"] for name, one in result.agents.items()} == {"a": 2, "b": 3, "c": 4}
+        assert {name: one["blocked"] for name, one in result.agents.items()} == {"a": 0, "b": 1, "c": 1}
+
+
+def test_deeds_of_the_first_are_done_before_the_next_decide():
+    with road([["cops"], ["robber"]]) as ctx:
+        seen = []
+        ctx.agent.create_agent(
+            "cop", start_node_id=0, team="cops", strategy=lambda s: s.update(action={"do": {"shoot": "rob"}})
+        )
+        player(ctx, "rob", "robber", 5, 6, seen=seen)
+        player(ctx, "sid", "robber", 7, 8, seen=seen)
+        ctx.game.deeds = {"shoot": {"whom": "agent"}}
+        ctx.game.add(
+            lambda ctx: [ctx.game.eliminate(one.values["whom"]) for one in ctx.game.performed()], phase="deeds"
+        )
+        result = ctx.game.run(1)
+        assert [name for _, name, _ in seen] == ["sid"]
+        assert {name: one["node"] for name, one in result.agents.items()} == {"cop": 0, "rob": 5, "sid": 8}
+        assert [one.agent for one in ctx.game.performed()] == ["cop"]
+
+
+def test_a_game_that_ends_between_two_teams_asks_no_more():
+    with road([["cops"], ["robber"]]) as ctx:
+        seen = []
+        player(ctx, "cop", "cops", 0, 1)
+        player(ctx, "rob", "robber", 5, 6, seen=seen)
+        ctx.game.add(lambda ctx: ctx.game.end("enough", winner="cops"), phase="deeds")
+        result = ctx.game.run(3)
+        assert (result.turns, result.winner, seen, result.agents["cop"]["node"]) == (1, "cops", [], 1)
+
+
+@pytest.mark.parametrize(
+    ("order", "error", "message"),
+    [
+        (["cops", "robber"], BadType, r"Each item of ctx.game.order must be a list of teams, not 'cops'"),
+        ("cops", BadType, "ctx.game.order must be a list of lists of teams"),
+        ([["cops"], []], BadValue, "has an empty list: it needs lists of teams"),
+        ([], BadValue, "has an empty list"),
+        ([["cops"], ["robber", "cops"]], BadValue, "names team 'cops' twice"),
+    ],
+)
+def test_an_order_that_means_nothing_is_refused(order, error, message):
+    with road(None) as ctx:
+        with pytest.raises(error, match=message):
+            ctx.game.order = order
+        assert ctx.game.order is None
+
+
+def test_a_team_that_the_order_leaves_out_is_an_error_before_the_turn():
+    with road([["cops"]]) as ctx:
+        player(ctx, "cop", "cops", 0, 1)
+        player(ctx, "rob", None, 5, 6)
+        with pytest.raises(BadValue, match=r"ctx\.game\.order leaves out team None, of which agent 'rob' is"):
+            ctx.game.step()
+        assert (ctx.game.turn, ctx.agent.get_agent("cop").current_node_id) == (0, 0)
+        ctx.game.order = [["cops"], [None]]
+        ctx.game.step()
+        assert ctx.agent.get_agent("rob").current_node_id == 6
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    teams=st.lists(st.sampled_from("xyz"), min_size=1, max_size=5),
+    order=st.permutations([["x"], ["y"], ["z"]]),
+    turns=st.integers(1, 4),
+    seed=st.integers(0, 99),
+)
+def test_the_order_of_creation_counts_for_nothing_and_a_recording_goes_on_the_same(teams, order, turns, seed):
+    def game(reverse):
+        ctx = road(order, nodes=6, seed=seed)
+        ctx.game.conflicts = Conflicts(capacity=2)
+        ctx.game.add(tag("x", "y"))
+        numbers = range(len(teams))
+        for i in reversed(numbers) if reverse else numbers:
+            name, start = f"agent {i}", (2 * i + 1) % 6
+            ctx.agent.create_agent(name, start_node_id=start, team=teams[i], strategy=gamms.strategies.random_walk)
+        return ctx
+
+    file = io.BytesIO()
+    with game(reverse=False) as one, game(reverse=True) as other:
+        one.record.start(file)
+        result = one.game.run(turns + 2)
+        one.record.stop()
+        assert other.game.run(turns + 2) == result
+    with gamms.recorder.open(io.BytesIO(file.getvalue())) as recording, game(reverse=False) as fresh:
+        ctx = recording.resume(turns, ctx=fresh)
+        assert ctx.game.run(2).events == result.events
+
+
+def test_a_snapshot_keeps_the_order():
+    with road([["cops"], ["robber"]]) as ctx:
+        player(ctx, "cop", "cops", 0, 1, 2)
+        player(ctx, "rob", "robber", 5, 6, 7)
+        moment = ctx.game.snapshot()
+        ctx.game.order = None
+        ctx.game.run(1)
+        ctx.game.restore(moment)
+        assert ctx.game.order == (("cops",), ("robber",))
+        assert ctx.game.fork(1).order == ctx.game.order
+
+
+def test_a_scenario_sets_order_and_deeds(tmp_path):
+    spec = {
+        "map": {"grid": {"width": 6, "height": 1}},
+        "teams": {"cops": {"count": 1}, "robber": {"count": 1}},
+        "settings": {"order": [["cops"], ["robber"]], "deeds": {"call": {"whom": "agent?"}, "wave": None}},
+        "max_turns": 2,
+    }
+    scenario = gamms.scenario.Scenario(**spec)
+    with scenario.build(seed=1) as ctx:
+        assert ctx.game.order == (("cops",), ("robber",))
+        assert ctx.game.deeds == {"call": {"whom": "agent?"}, "wave": {}}
+    file = io.BytesIO()
+    with scenario.build(seed=1) as ctx:
+        ctx.record.start(file)
+        ctx.game.run()
+        ctx.record.stop()
+    with gamms.recorder.open(io.BytesIO(file.getvalue())) as recording, recording.resume(1) as ctx:
+        assert (ctx.game.order, ctx.game.deeds["call"]) == ((("cops",), ("robber",)), {"whom": "agent?"})
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"order": [["cops"], ["robbers"]]}, "item 2 of settings.order.*Did you mean 'robber'"),
+        ({"order": [["cops"], ["cops"]]}, r"settings.order.*names team 'cops' twice"),
+        ({"order": [[]]}, "settings.order"),
+        ({"deeds": {"call": {"whom": "agnt"}}}, r"settings.deeds.*Did you mean 'agent'"),
+        ({"deeds": {"call": 3}}, "settings.deeds.call"),
+    ],
+)
+def test_a_scenario_with_an_impossible_order_or_deed_names_the_place(given, message):
+    spec = {
+        "map": {"grid": {"width": 6, "height": 1}},
+        "teams": {"cops": {"count": 1}, "robber": {"count": 1}},
+        "settings": given,
+    }
+    with pytest.raises(gamms.scenario.ScenarioError, match=message):
+        gamms.scenario.Scenario(**spec)
