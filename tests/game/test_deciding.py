@@ -514,8 +514,8 @@ READERS = {
     "Agent": "",
     "AerialAgent": "",
     "SensorEngine": "get_sensor",
-    "Sensor": "heading last_view outline place places_of pose sense_many",
-    "DetectionModel": "rolled_back repeated wanted",
+    "Sensor": "coverage heading last_view outline place places_of pose sense_many",
+    "DetectionModel": "chances rolled_back repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
         get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns place
         scenery_columns shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
