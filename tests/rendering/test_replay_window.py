@@ -8,6 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 import gamms
+from gamms import recordings
 from gamms.cli import app
 from gamms.strategies import random_walk
 
@@ -52,6 +53,29 @@ def test_a_recording_is_shown_turn_by_turn_and_stays_until_it_is_closed(recordin
     assert result.exit_code == 0, result.output
     assert "4 turns" in result.output
     assert shown == [4]
+
+
+@pytest.mark.parametrize("has_captions", [True, False])
+@pytest.mark.parametrize("is_command", [True, False])
+def test_what_happens_is_said_in_the_window_of_a_replay_unless_it_is_turned_off(
+    recording, monkeypatch, has_captions, is_command
+):
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    from gamms.visual.window.engine import WindowEngine
+
+    found = []
+    monkeypatch.setattr(
+        WindowEngine,
+        "handle_single_draw",
+        lambda engine: found.append(engine.overlay.has_captions) or engine.quit(),
+    )
+    if is_command:
+        options = [] if has_captions else ["--no-captions"]
+        assert CliRunner().invoke(app, ["replay", str(recording), "--window", *options]).exit_code == 0
+    else:
+        recordings.watch(recording, captions=has_captions)
+    assert found == [has_captions]
 
 
 def is_in_view(engine):

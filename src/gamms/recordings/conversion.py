@@ -88,6 +88,7 @@ def watch(
     theme: str = "light",
     labels: bool = False,
     trails: int = 0,
+    captions: bool = True,
 ) -> None:
     """Show a recording in a window, until that is closed.
 
@@ -99,6 +100,7 @@ def watch(
         theme: "light" or "dark".
         labels: whether agents have their names beside them.
         trails: of how many turns the ways of agents are shown.
+        captions: whether it is said what happens.
 
     Raises:
         BadFile, RecordingError (ValueError): a file is damaged.
@@ -106,8 +108,8 @@ def watch(
         NoDisplay (RuntimeError): no window can be opened here.
         OSError: a file cannot be read.
     """
-    look = {"simulation_time_constant": seconds, "theme": theme, "labels": labels, "trails": trails}
-    with context_for(path, map, Engine.PYGAME, **look) as ctx:
+    look = {"theme": theme, "labels": labels, "trails": trails, "captions": captions}
+    with context_for(path, map, Engine.PYGAME, simulation_time_constant=seconds, **look) as ctx:
         for _ in ctx.record.replay(path, start=start):
             pass
         ctx.visual.stay_open()
