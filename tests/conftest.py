@@ -1,5 +1,6 @@
 """What tests of several packages need; each package brings its own `ctx`."""
 
+import gc
 import logging
 
 import pytest
@@ -7,6 +8,12 @@ from hypothesis import settings
 
 settings.register_profile("gamms", deadline=None)  # no test is about time
 settings.load_profile("gamms")
+
+
+def pytest_collection_finish():
+    """Keep thousands of collected tests from being looked through by each garbage collection."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)
