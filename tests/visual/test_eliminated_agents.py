@@ -126,11 +126,11 @@ def test_a_film_shows_the_last_way_and_then_the_cross_alone(road):
     assert walker.alive
     out_in_turn(road, 1, "walker")
     frames = Frames(Source(road, road.visual.drawing, road.visual.artists), (300, 60), {"background": "white"})
-    seen = []
+    seen = {}
 
     def spy(ctx, data):
         artist = ctx.visual.artists.shown()["walker"]
-        seen.append(artist.data["agent_data"].current_position)
+        seen[data["_alpha"]] = artist.data["agent_data"].current_position
 
     road.visual.add_artist("spy", {"drawer": spy, "layer": 90})
 
@@ -141,7 +141,7 @@ def test_a_film_shows_the_last_way_and_then_the_cross_alone(road):
 
     road.visual.after_turn.append(tell)
     road.game.run(1)
-    assert seen == [(5.0, 0.0), None]
+    assert seen == {0.5: (5.0, 0.0), 1.0: None}
     assert crosses(road) == 1
 
 

@@ -6,8 +6,9 @@ import re
 import pytest
 
 import gamms
-from gamms.rules import reach
+from gamms.rules import capture_flag, reach
 from gamms.visual.appearance import PAPER, TEAM_COLORS
+from gamms.visual.backends.pillow_backend import pixels_of
 
 BLUE, RED = TEAM_COLORS[:2]
 
@@ -81,3 +82,19 @@ def test_a_program_can_hide_the_goals_and_their_row_of_the_legend(race):
     race.visual.add_artist("goals", {"drawer": lambda ctx, data: None}).set_visible(False)
     assert goals(race)[0] == set()
     assert "goal" not in words(race)
+
+
+@pytest.mark.parametrize(("width", "height"), [(200, 150), (400, 300), (800, 600)])
+def test_a_flag_is_seen_in_small_pictures(width, height):
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(8, 8))
+        stay = lambda state: state.update(action=state["curr_pos"])
+        for name, node in (("red", 9), ("blue", 54)):
+            ctx.agent.create_agent(name, start_node_id=node, team=name, strategy=stay)
+        ctx.game.add(capture_flag({"red": 27, "blue": 36}))
+        ctx.game.step()
+        svg = ctx.visual.picture(".svg", width, height, captions=True).decode()
+        pennants = re.findall(r'<path d="m[\d.]+ [\d.]+ ?([\d.]+) ?([\d.]+)', svg)
+        assert sum(float(right) > 0.7 * 17.0 for right, _ in pennants) == 2
+        pixels = ctx.visual.frame(width, height, captions=True)
+        assert (pixels == pixels_of(ctx.visual.picture(".png", width, height, captions=True))).all()

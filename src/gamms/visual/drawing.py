@@ -275,6 +275,7 @@ def _read_only(array: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
 Measured = TypeVar("Measured")
 
 _FONT_PX = 36
+LEAST_EXTENT_PX = 450.0  # marks are as large as if the map was shown so large
 
 
 class Drawing:
@@ -294,6 +295,7 @@ class Drawing:
         team_colors: text of a team -> the colour that was declared for it.
         has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
         has_stacks: whether so many agents are on one node that they are counted.
+        has_marks: whether something was drawn whose size goes by the `extent`.
         spread: how agents on one node were moved before and after a turn, and for which nodes, looks and moves.
         commands: the open list; None: nothing is drawn.
     """
@@ -305,19 +307,20 @@ class Drawing:
         self.motion, self.events, self.carriers = Motion(ctx), TurnEvents(ctx), Carriers(ctx)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
+        self._marks, self.has_marks = 1.0, False
         self.has_default_look = self.has_stacks = False
         self.spread: tuple[tuple[int, ...], object, FloatArray, FloatArray] | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
     @contextmanager
-    def themed(self, theme: Theme) -> Iterator[None]:
-        """Draw in another theme, in a `with` block."""
-        before, self.theme = self.theme, theme
+    def themed(self, theme: Theme, marks: float = 1.0) -> Iterator[None]:
+        """Draw in another theme, and marks so many times as large as usual, in a `with` block."""
+        before, (self.theme, self._marks) = (self.theme, self._marks), (theme, marks)
         try:
             yield
         finally:
-            self.theme = before
+            self.theme, self._marks = before
 
     def record(self, draw: "Callable[[Commands], None]") -> DrawCommands:
         """Return what is drawn while a function runs, as draw commands."""
@@ -494,10 +497,18 @@ class Drawing:
     def extent(self) -> float:
         """Return how much of the map pictures show, world units, for marks of one size in all; 0.0 for no map.
 
-        It is the longer side of the map, or less where `look_at` or `follow` said so.
+        It is the longer side of the map, or less where `look_at` or `follow` said so. In small pictures it is
+        larger, so that marks can still be seen.
         """
+        self.has_marks = True
         whole, look = self.of_map(longer_side), self.viewpoint.look
-        return whole if look is None else min(whole, look.world_width)
+        return self._marks * (whole if look is None else min(whole, look.world_width))
+
+    def marks_in(self, scale: float) -> float:
+        """Return how many times as large marks have to be at some pixels per world unit, so that they can be seen."""
+        had_marks, extent_px = self.has_marks, self.extent() / self._marks * scale
+        self.has_marks = had_marks
+        return max(1.0, LEAST_EXTENT_PX / max(extent_px, 1.0))
 
     def of_map(self, measure: Callable[[GraphColumns], Measured]) -> Measured:
         """Return what a function makes of the map, computed once per map: drawers ask for it in every frame."""

@@ -110,16 +110,23 @@ def _backend(path: Path) -> Backend:
 def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
     """Paint the present state and what stands around it, as the content of a file."""
     artists, viewpoint = source.artists.shown(style.trails, sensors=style.sensors), source.drawing.viewpoint
-    blocks, commands = blocks_of(source.ctx, artists), ArtistGroup(source.ctx, artists).commands()
+    blocks, group = blocks_of(source.ctx, artists), ArtistGroup(source.ctx, artists)
     fine = sheet.dpi / CSS_DPI  # so that lines, letters and marks are as large on paper whatever the dpi
-    box = bounds(commands)
-    width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine))
-    page, camera, corner = Page(width, height, blocks, style, fine), viewpoint.camera(width, height), None
-    if camera is None:
-        camera, corner = page.fit(*box)
-    pen = page.pen(camera)
-    for words, left, middle in page.labels(Labels(), camera, source.ctx, artists, corner):
-        pen.text(words, left, middle, LABEL_PX)
+
+    def fitted(commands: DrawCommands) -> tuple[Page, Camera, Point | None]:
+        box = bounds(commands)
+        width, height = size(*_sides(sheet.asked, box, blocks, viewpoint, style, fine))
+        page, camera = Page(width, height, blocks, style, fine), viewpoint.camera(width, height)
+        return (page, *page.fit(*box)) if camera is None else (page, camera, None)
+
+    source.drawing.has_marks = False
+    page, camera, corner = fitted(commands := group.commands())
+    with source.drawing.themed(style.theme, marks := source.drawing.marks_in(camera.scale / fine)):
+        if marks > 1.0 and source.drawing.has_marks:
+            page, camera, corner = fitted(commands := group.commands())
+        pen = page.pen(camera)
+        for words, left, middle in page.labels(Labels(), camera, source.ctx, artists, corner):
+            pen.text(words, left, middle, LABEL_PX)
     commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
     if page.has_captions:
         bar = Captions(source.ctx, source.drawing).now(source.hidden)
@@ -239,7 +246,7 @@ class Frames:
     ) -> None:
         self.ctx, self.scene = source.ctx, scene or Scene(source.ctx, self._world)
         self._source, self._viewpoint, self._options = source, source.drawing.viewpoint, options
-        self._style, self._labels = style_of(self.ctx, **options), Labels()
+        self._style, self._labels, self._marks = style_of(self.ctx, **options), Labels(), 1.0
         width, height = asked
         if width is None or height is None or self._style.is_tight:
             with self._themed():
@@ -276,15 +283,19 @@ class Frames:
         """Return the picture after a share of the agents' last moves; it is painted over by the next one."""
         if self._artists is None:
             self.begin_turn()
-        artists = self._artists or {}
-        with self._themed():
-            self.scene.draw(artists, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
-        self._is_new_turn = False
+        self._draw(share)
         camera, corner = self._view(share)
+        if self._camera is None and (marks := self._source.drawing.marks_in(camera.scale)) > 1.0:
+            self._marks = marks  # of all frames; those of the first one are drawn again
+            if self._source.drawing.has_marks:
+                self._fitted, self._is_new_turn = None, True
+                self._draw(share)
+                camera, corner = self._view(share)
         budget = None if self._viewpoint.followed is None else whole_frame()  # so that streets are shifted
         self.scene.paint(self.canvas, camera, self._style.background, budget)
         page, bar = self._page, self._caption_bar
-        labels = page.labels(self._labels, camera, self.ctx, artists, corner)
+        with self._themed():
+            labels = page.labels(self._labels, camera, self.ctx, self._artists or {}, corner)
         write_labels(self.canvas, labels, inks(self._style.background)[0])
         self._around.paint(self.canvas, camera, (page, camera), lambda: page.commands(camera, corner))
         if page.has_captions:
@@ -299,8 +310,14 @@ class Frames:
         Painting(self._page.card(self._camera, self._card)).paint(self.canvas, self._camera)
         return True
 
+    def _draw(self, share: float) -> None:
+        self._source.drawing.has_marks = False
+        with self._themed():
+            self.scene.draw(self._artists or {}, lambda group: group.commands(share), is_new_turn=self._is_new_turn)
+        self._is_new_turn = False
+
     def _themed(self) -> AbstractContextManager[None]:
-        return self._source.drawing.themed(self._style.theme)
+        return self._source.drawing.themed(self._style.theme, self._marks)
 
     def _world(self) -> Any:
         """Return what changes when the graph or the obstacles do, or the theme."""

@@ -264,8 +264,9 @@ def render_tags(ctx: IContext, data: dict[str, Any]) -> None:
 def render_eliminated(ctx: IContext, data: dict[str, Any]) -> None:
     """Mark where agents went out of the game in this turn; `data["colors"]` has the colours of those that are shown."""
     visual = drawing_of(ctx)
-    arm = _ARM * visual.extent() or 1.0
-    for name in sorted(visual.events.eliminated() & data["colors"].keys() & ctx.agent.agents.keys()):
+    names = sorted(visual.events.eliminated() & data["colors"].keys() & ctx.agent.agents.keys())
+    arm = _ARM * visual.extent() or 1.0 if names else 1.0
+    for name in names:
         x, y = visual.position_of(name)
         for ink, more_px in ((visual.theme.background, _EDGE_PX), (data["colors"][name], 0.0)):
             _cross(ctx, x, y, arm, ink, _LINE_PX + more_px)
