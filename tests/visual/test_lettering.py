@@ -1,8 +1,12 @@
 """Words are as broad in pixels as they are measured, so that gaps between letters are even."""
 
+import logging
+
 import numpy as np
 import pytest
 
+import gamms
+from gamms.visual import lettering
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.lettering import EM, words_width
 
@@ -41,3 +45,17 @@ def test_widths_are_those_of_helvetica():
 
 def test_a_letter_that_the_font_lacks_has_a_width():
     assert words_width("\U0001f600", 10) > 0
+
+
+@pytest.mark.parametrize("suffix", [".png", ".pdf", ".svg"])
+def test_letters_that_the_font_lacks_are_warned_about_once_where_they_are_boxes(suffix, caplog, monkeypatch):
+    monkeypatch.setattr(lettering, "_warned", [])
+    lettering.warn_of_boxes.cache_clear()
+    with gamms.create_context(logger_config={"level": "WARNING"}) as ctx, caplog.at_level("WARNING", "gamms"):
+        monkeypatch.setattr(logging.getLogger("gamms"), "propagate", True)
+        ctx.graph.add_nodes([0, 1], x=[0, 9], y=[0, 0])
+        for title in ("Zürich, Αθήνα, Москва", "東京", "北京"):
+            ctx.visual.picture(suffix, 300, 200, title=title)
+    told = [record.getMessage() for record in caplog.records]
+    assert len(told) == (suffix != ".svg")
+    assert all("'東京' is written with boxes" in words and ".svg" in words for words in told)

@@ -3,9 +3,12 @@
 Its letters are as broad as those of Arial, Helvetica and Liberation Sans, one of which every viewer of SVG has.
 """
 
+import logging
 from functools import lru_cache
 from pathlib import Path
 from struct import unpack_from
+
+from gamms.text import shown
 
 FONT = Path(__file__).parent.parent / "data" / "fonts" / "Arimo-Regular.ttf"
 FAMILIES = "Arimo, Arial, 'Liberation Sans', Helvetica, sans-serif"
@@ -32,6 +35,23 @@ def shortened(words: str, font_px: float, most_px: float) -> str:
     while begin and (room := room - words_width(words[begin - 1], font_px)) >= 0.0:
         begin -= 1
     return f"…{words[begin:]}" if begin < len(words) else ""
+
+
+@lru_cache(maxsize=1024)
+def warn_of_boxes(words: str) -> None:
+    """Warn, once in a process, that letters of these words are written as boxes, because the font lacks them."""
+    lacking = [letter for letter in words if ord(letter) not in _widths()[0]]
+    if lacking and not _warned:
+        _warned.append(words)
+        logging.getLogger("gamms").warning(
+            "In pixels and PDF, %s is written with boxes for %s: the font of pictures has Latin, Greek and Cyrillic "
+            "letters only. Save a picture as .svg, which is shown in the fonts of its viewer, or use other letters.",
+            shown(words),
+            shown("".join(dict.fromkeys(lacking))),
+        )
+
+
+_warned: list[str] = []
 
 
 @lru_cache(maxsize=1)

@@ -13,7 +13,7 @@ from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pillow_backend import image_size
 from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
 from gamms.visual.camera import CSS_DPI, Camera
-from gamms.visual.lettering import ASCENT, FONT
+from gamms.visual.lettering import ASCENT, FONT, warn_of_boxes
 
 if TYPE_CHECKING:
     from reportlab.pdfgen.canvas import Canvas
@@ -128,6 +128,7 @@ class _Painter:
         words = _UNWRITABLE.sub("\ufffd", self._sheet.text[row])
         if not words or size == 0.0:
             return
+        warn_of_boxes(words)
         for mode in (_STROKE, _FILL) if self._sheet.has_halo(row) else (_FILL,):
             self._page.saveState()
             if mode == _STROKE:

@@ -23,7 +23,7 @@ from gamms.visual.appearance import PAPER, Rgb, Rgba, is_dark
 from gamms.visual.backends.coverage import ByteArray, Patch, PixelArray
 from gamms.visual.backends.pillow_backend import image_size
 from gamms.visual.camera import extent
-from gamms.visual.lettering import ASCENT, EM, FONT, words_width
+from gamms.visual.lettering import ASCENT, EM, FONT, warn_of_boxes, words_width
 
 if TYPE_CHECKING:
     from pygame import Surface
@@ -187,7 +187,8 @@ class Canvas:
         # What is certainly beyond the edge is cut off: a hostile map may want to be credited in a million letters.
         most = min(_LETTERS * (self.width + round(max(-x, 0.0))) // font_px + _LETTERS, _MOST_LETTERS)
         words = words[-most:] if align_right else words[:most]
-        written = _text(_UNWRITABLE.sub(" ", words), font_px, color, edge)
+        warn_of_boxes(words := _UNWRITABLE.sub(" ", words))
+        written = _text(words, font_px, color, edge)
         left = x - 1 - (words_width(words, font_px) if align_right else 0)
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
             self._lay(written, (round(left), round(y - 1)))
