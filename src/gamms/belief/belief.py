@@ -2,6 +2,7 @@
 
 from collections import OrderedDict
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from hashlib import blake2b
 from itertools import groupby
 from operator import attrgetter
@@ -20,15 +21,17 @@ from gamms.context import Context
 from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing.game import AerialState, State
+from gamms.visual.appearance import Rgb, table
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.graph import render_values
-from gamms.visual.legend import Values, checked
+from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import Bar, Row, Rows, Values
 
 _MOST, _MOST_BYTES = 1 << 12, 1 << 26  # arrays, and about as many bytes: what stays of one context
 _LATE = 2  # turns: what teammates tell is known after one
 _MARK = 16  # of so many turns, one is kept
-_COLORS, _FAINT = "magma", 0.01  # of the highest probability: less is not drawn
-_CAN_BE = (150, 110, 190)
+_FAINT = 0.01  # of the highest probability: less is not drawn
+_CAN_BE, _DARK = (150, 110, 190), 384  # a colour, and the sum of a grey in the middle
 
 Step = Callable[[FloatArray, int, list[Observation]], FloatArray]
 
@@ -81,13 +84,16 @@ class Belief:
 
     Attributes:
         turn: the turn.
-        last_seen: agent -> where it was seen last, in which turn and by whom.
     """
 
     def __init__(self, ctx: Context, observations: Sequence[Observation], turn: int) -> None:
         self._ctx, self.turn = ctx, turn
         self._observations = [one for one in observations if one.turn <= turn]
-        self.last_seen: dict[str, Sighting] = sightings_of(self._observations)
+
+    @cached_property
+    def last_seen(self) -> dict[str, Sighting]:
+        """Agent -> where it was seen last, in which turn and by whom."""
+        return sightings_of(self._observations)
 
     # -- where they can be ----------------------------------------------------------------------------------------
 
@@ -121,12 +127,12 @@ class Belief:
             if lines:
                 names, speeds = tuple(targets[line] for line in lines), [paces[line] or 0.0 for line in lines]
                 labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), has_pace and in_metres)
-                found[lines] = labels > -np.inf
+                found[lines] = (labels > -np.inf).T
         found[[not getattr(agent, "alive", True) for agent in agents]] = False
         return found
 
     def _reached(self, targets: tuple[str, ...], speeds: list[float], in_metres: bool) -> FloatArray:
-        """Return labels (targets, nodes) of what targets can have reached; see `Reach`."""
+        """Return labels (nodes, targets) of what targets can have reached; see `Reach`."""
         ground = ground_of(self._ctx.graph.columns())
         closed = tuple((one.turn, arc) for one in self._observations for arc in one.closed or ())
         is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
@@ -201,9 +207,9 @@ class Belief:
 
 
 def likelihoods(ground: Ground, targets: Sequence[str], seen: list[Observation]) -> FloatArray:
-    """Return how probable the observations of a turn are, (targets, nodes) for each node on which a target may be."""
+    """Return how probable the observations of a turn are, (nodes, targets) for each node on which a target may be."""
     found = {name: ground.row(node) for one in seen for name, node in one.found.items()}
-    shown_to_all, special = np.ones(ground.size), list[tuple[frozenset[str], FloatArray]]()
+    values = np.ones((ground.size, len(targets)))
     for look in (look for one in seen for look in one.looks):
         missed = np.ones(ground.size)
         if look.node_ids is None:
@@ -211,19 +217,10 @@ def likelihoods(ground: Ground, targets: Sequence[str], seen: list[Observation])
         else:
             rows = ground.rows(look.node_ids)
             missed[rows[rows >= 0]] -= np.broadcast_to(look.detection, rows.shape)[rows >= 0]
-        if look.not_shown:
-            special.append((look.not_shown, missed))
-        else:
-            shown_to_all *= missed
-    values = np.tile(shown_to_all, (len(targets), 1))
-    for line, name in enumerate(targets):
-        for not_shown, missed in special:
-            if name not in not_shown:
-                values[line] *= missed
-        if found.get(name, -1) >= 0:
-            values[line] = np.arange(ground.size) == found[name]
-        elif name in found:
-            values[line] = 1.0
+        values *= np.where([name in look.not_shown for name in targets], 1.0, missed[:, None])
+    for column, name in enumerate(targets):
+        if name in found:  # on a node that is gone it says nothing
+            values[:, column] = np.arange(ground.size) == found[name] if found[name] >= 0 else 1.0
     return values
 
 
@@ -236,20 +233,30 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
         motion: how that moves; None: `random_walk()`.
         can_be: show all nodes on which it can be, instead of how probable each is.
     """
-    words = f"{target}, by {observer}"
 
-    def values_of(ctx: Context) -> Values:
-        belief, columns = belief_of(ctx, observer), ctx.graph.columns()
+    def chances_of(ctx: Context) -> tuple[dict[int, float], float]:
+        """Return what is shown of each node, and the highest."""
+        belief = belief_of(ctx, observer)
+        found = dict.fromkeys(sorted(belief.reachable(target)), 1.0) if can_be else belief.probability(target, motion)
+        most = max(found.values(), default=1.0)
+        return {node: chance for node, chance in found.items() if chance >= _FAINT * most}, most
+
+    def colors_of(ctx: Context) -> tuple[Rgb, ...]:
         if can_be:
-            shown = dict.fromkeys(sorted(belief.reachable(target)), 1.0)
-            return checked("nodes", shown, columns.node_ids, lambda _: _CAN_BE, (None, None), words)
-        shown = belief.probability(target, motion)
-        least = _FAINT * max(shown.values(), default=0.0)
-        shown = {node: value for node, value in shown.items() if value >= least}
-        return checked("nodes", shown, columns.node_ids, _COLORS, (0.0, None), words)
+            return (_CAN_BE,)
+        return table("magma") if sum(drawing_of(ctx).theme.background[:3]) < _DARK else table("magma")[::-1]
 
     def draw(ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG001 - the arguments of every drawer
-        render_values(ctx, {"values": values_of(ctx)})
+        (chances, most), colors = chances_of(ctx), colors_of(ctx)
+        places = np.rint(np.array([*chances.values()]) / most * (len(colors) - 1)).astype(np.int64)
+        ids = np.array([*chances], np.int64)
+        render_values(ctx, {"values": Values("nodes", ids, colors, places, None)})
+
+    def legend(ctx: Context) -> Bar | Rows:
+        if can_be:
+            return Rows("", (Row(_CAN_BE, f"{target} can be here"),))
+        _, most = chances_of(ctx)
+        return Bar(f"{target}, as {observer} believes", colors_of(ctx)[::12], "0", f"{most / 2:.3g}", f"{most:.3g}")
 
     draw.__dict__["once_a_turn"] = True  # a belief does not glide
-    return {"drawer": draw, "layer": Layer.VALUES, "legend": lambda ctx: values_of(ctx).legend}
+    return {"drawer": draw, "layer": Layer.VALUES, "legend": legend}

@@ -73,7 +73,9 @@ def merge(*memories: Mapping[Any, Any]) -> dict[Key, str]:
     for memory in memories:
         for key, text in memory.items():
             if type(key) is tuple and len(key) == 3 and key[0] == ENTRY:
-                found[key] = max(text, found.get(key, ""))
+                other = found.setdefault(key, text)
+                if text is not other:
+                    found[key] = max(text, other)
     return dict(sorted(found.items()))
 
 
@@ -130,11 +132,11 @@ def note(ctx: Context, state: State | AerialState, name: str, node: NodeId, *, s
 def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, share: bool) -> None:
     memory, turn = _required(state, "memory"), _required(state, "turn")
     key = (ENTRY, turn, _required(state, "name"))
-    known = json.loads(memory[key]) if key in memory else {"found": {}, "looks": []}
-    found = dict(sorted((known["found"] | new["found"]).items()))
-    closed = known.get("closed", []) or _closed(ctx, memory)
-    entry = {"found": found, "looks": new["looks"] or known["looks"], "closed": closed}
-    text = json.dumps({name: part for name, part in entry.items() if part != []}, separators=(",", ":"))
+    known = json.loads(memory.get(key, "{}"))
+    found = dict(sorted({**known.get("found", {}), **new["found"]}.items()))
+    looks = new["looks"] or known.get("looks", [])
+    entry = {"found": found, "looks": looks, "closed": known.get("closed", []) or _closed(ctx, memory)}
+    text = json.dumps({name: part for name, part in entry.items() if part not in ({}, [])}, separators=(",", ":"))
     memory[key] = text
     if share and "team_memory" in state and state.get("team") is not None:
         state["team_memory"][key] = text

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from gamms.arguments import as_count, as_ids, as_items
-from gamms.belief.ground import Ground, ground_of
+from gamms.belief.ground import Ground, column_blocks, ground_of
 from gamms.belief.motion import Chain, Motion, chain_of
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray
@@ -26,8 +26,8 @@ class Filter:
 
     Attributes:
         targets: their names.
-        masses: (targets, states) of the chain of the model; of each target they add up to 1. Settable, to go on from a
-            copy of earlier ones.
+        masses: (states, targets) of the chain of the model; of each target they add up to 1. Settable, to go on from
+            earlier ones.
     """
 
     def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str]) -> None:
@@ -37,18 +37,12 @@ class Filter:
         self._motion = motion
         if not self._ground.size:
             raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")
-        self.masses: FloatArray = np.tile(self._chain.shares / self._ground.size, (len(self.targets), 1))
+        self.masses: FloatArray = np.repeat(self._chain.shares[:, None] / self._ground.size, len(self.targets), axis=1)
 
     def predict(self, turns: int = 1) -> None:
         """Let turns pass, in which the targets move by the model."""
-        sources, targets, chances, *_ = self._chain
-        moved = self.masses.copy()
         for _ in range(as_count(turns, "turns", 0) * self._motion.steps):
-            for line, masses in enumerate(
-                moved
-            ):  # NOTE: one by one, so that the row stays in the cache of the processor
-                moved[line] = np.bincount(targets, masses[sources] * chances, len(masses))
-        self.masses = moved
+            self.masses = self._chain.transitions.sums(self.masses)
 
     def update(
         self,
@@ -78,8 +72,8 @@ class Filter:
         chances = np.broadcast_to(np.asarray(given, np.float64), (len(seen),))
         if not ((chances >= 0.0) & (chances <= 1.0)).all():
             raise BadValue(f"detection_probability must be from 0 to 1, not {shown(detection_probability)}.")
-        places = {} if found is None else dict(found)
-        for name in (*places, *not_shown):
+        places, left_out = {} if found is None else dict(found), frozenset(not_shown)
+        for name in (*places, *sorted(left_out)):
             if name not in self.targets:
                 raise UnknownName("target", name, self.targets)
         rows = dict(
@@ -87,40 +81,41 @@ class Filter:
         )
         missed = np.ones(self._ground.size)
         np.multiply.at(missed, seen, 1.0 - chances)
-        likelihoods = np.tile(missed, (len(self.targets), 1))
-        for line, name in enumerate(self.targets):
+        likelihoods = np.repeat(missed[:, None], len(self.targets), axis=1)
+        for column, name in enumerate(self.targets):
             if name in rows:
-                likelihoods[line] = np.arange(self._ground.size) == rows[name]
-            elif name in not_shown:
-                likelihoods[line] = 1.0
+                likelihoods[:, column] = np.arange(self._ground.size) == rows[name]
+            elif name in left_out:
+                likelihoods[:, column] = 1.0
         return self.weigh(likelihoods)
 
     def weigh(self, likelihoods: FloatArray) -> FloatArray:
         """Take in an observation by how probable it is for each node.
 
         Args:
-            likelihoods: (targets, nodes) of the observation, if the target is on the node.
+            likelihoods: (nodes, targets) of the observation, if the target is on the node.
 
         Returns:
             As `update`.
         """
-        chain = self._chain
-        weighed = self.masses * likelihoods[:, chain.rows]
-        totals: FloatArray = weighed.sum(axis=1)
-        for line in np.flatnonzero(totals == 0.0).tolist():
-            weighed[line] = chain.shares * likelihoods[line, chain.rows]
-            if not weighed[line].any():  # no node is possible
-                weighed[line] = chain.shares
-        is_told = (likelihoods != 1.0).any(
-            axis=1
-        )  # of others not a bit changes, so that targets do not depend on each other
-        self.masses = np.where(is_told[:, None], weighed / weighed.sum(axis=1, keepdims=True), self.masses)
+        rows, masses, totals = self._chain.rows, self.masses.copy(), np.ones(len(self.targets))
+        for columns in column_blocks(masses):
+            told = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
+            by_state = likelihoods[:, told][rows]
+            weighed = masses[:, told] * by_state
+            sums = _totals(weighed)
+            totals[told] = sums
+            for column in np.flatnonzero(sums == 0.0).tolist():
+                anew = self._chain.shares * by_state[:, column]
+                weighed[:, column] = anew if anew.any() else self._chain.shares  # or no node is possible
+                sums[column] = _totals(weighed[:, column : column + 1])[0]
+            masses[:, told] = weighed / sums
+        self.masses = masses
         return totals
 
     def probabilities(self) -> FloatArray:
         """Return how probable each node is, (targets, nodes) with the nodes as in `ctx.graph.columns()`."""
-        rows, size = self._chain.rows, self._ground.size
-        return np.array([np.bincount(rows, masses, size) for masses in self.masses]).reshape(-1, size)
+        return self._chain.by_node.sums(self.masses)[: self._ground.size].T.copy()
 
     def probability(self, target: str) -> dict[int, float]:
         """Return node -> how probable it is that a target is there, without those where it cannot be.
@@ -137,3 +132,15 @@ def by_node(ground: Ground, probabilities: FloatArray) -> dict[int, float]:
     """Return node -> probability for those that are more than 0."""
     rows = np.flatnonzero(probabilities)
     return dict(zip(ground.ids_where(rows), probabilities[rows].tolist(), strict=True))
+
+
+def _totals(masses: FloatArray) -> FloatArray:
+    """Return the sums of columns (columns,), the same bits for a column alone: halves are added up."""
+    while len(masses) > 1:
+        half = len(masses) // 2
+        added = masses[:half] + masses[half : 2 * half]
+        if len(masses) % 2:
+            added[0] += masses[-1]
+        masses = added
+    totals: FloatArray = masses[0].copy()
+    return totals

@@ -13,21 +13,36 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_ids, as_mapping
-from gamms.belief.ground import Ground
+from gamms.belief.ground import Arrivals, Ground
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 from gamms.typing.game import NodeId
 
 
-class Chain(NamedTuple):
-    """A Markov chain whose states are on nodes: a sparse matrix of transitions."""
+class Transitions(NamedTuple):
+    """Where a model leads, from states to states; each state is on a node."""
 
     sources: IntArray  # (transitions,) states
     targets: IntArray  # (transitions,) states
     chances: FloatArray  # (transitions,) of each source they add up to 1
     rows: IntArray  # (states,) of nodes
     shares: FloatArray  # (states,) how probable each state is at first among those on its node
+
+
+class Chain:
+    """A Markov chain on a map, as it is computed with.
+
+    Attributes:
+        rows, shares: see `Transitions`.
+        transitions: the sums of what comes to each state.
+        by_node: the sums of the states on each node, in the first rows.
+    """
+
+    def __init__(self, found: Transitions) -> None:
+        self.rows, self.shares, states = found.rows, found.shares, len(found.rows)
+        self.transitions = Arrivals(found.sources, found.targets, found.chances, states)
+        self.by_node = Arrivals(np.arange(states), found.rows, np.ones(states), states)
 
 
 @dataclass(frozen=True)
@@ -41,7 +56,7 @@ class Motion:
 
     name: Hashable
     steps: int
-    make: Callable[[Ground], Chain] = field(compare=False, repr=False)
+    make: Callable[[Ground], Transitions] = field(compare=False, repr=False)
 
 
 def random_walk(stay: float | None = None, steps: int = 1) -> Motion:
@@ -78,7 +93,7 @@ def to_goals(goals: Iterable[NodeId] | Mapping[int, float], wander: float = 0.1,
     weights = [goals[node] for node in ids] if isinstance(goals, Mapping) else [1.0] * len(ids)
     shares, share = _as_shares(weights, "goals of to_goals"), _as_probability(wander, "wander of to_goals")
 
-    def make(ground: Ground) -> Chain:
+    def make(ground: Ground) -> Transitions:
         rows = ground.known_rows(np.array(ids, np.int64)).tolist()
         return _joined([_path(ground, row, share) for row in rows], shares)
 
@@ -107,19 +122,19 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
 @lru_cache(maxsize=32)
 def chain_of(motion: Motion, ground: Ground) -> Chain:
     """Return the chain of a model on a map, made once."""
-    return motion.make(ground)
+    return Chain(motion.make(ground))
 
 
-def _walk(ground: Ground, stay: float | None) -> Chain:
+def _walk(ground: Ground, stay: float | None) -> Transitions:
     sources, targets = ground.ways
     here, ways = np.arange(ground.size), np.bincount(sources, minlength=ground.size)
     stays = 1.0 / (ways + 1.0) if stay is None else np.where(ways, stay, 1.0)
     chances = np.concatenate((stays, ((1.0 - stays) / np.maximum(ways, 1))[sources]))
     ends = np.concatenate((here, sources)), np.concatenate((here, targets))
-    return Chain(*ends, chances, here, np.ones(ground.size))
+    return Transitions(*ends, chances, here, np.ones(ground.size))
 
 
-def _path(ground: Ground, goal: int, wander: float) -> Chain:
+def _path(ground: Ground, goal: int, wander: float) -> Transitions:
     columns = ground.columns
     arcs = kernels.make_arcs(columns.targets, columns.sources, columns.lengths, ground.size)
     tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, np.array([goal])))
@@ -132,13 +147,13 @@ def _path(ground: Ground, goal: int, wander: float) -> Chain:
     led = np.flatnonzero(is_led & (np.arange(ground.size) != goal))
     ends = np.concatenate((walk.sources, led)), np.concatenate((walk.targets, steps[led]))
     chances = np.concatenate((at_random, np.full(len(led), 1.0 - wander)))
-    return Chain(*ends, chances, walk.rows, walk.shares)
+    return Transitions(*ends, chances, walk.rows, walk.shares)
 
 
-def _joined(chains: list[Chain], shares: list[float]) -> Chain:
+def _joined(chains: list[Transitions], shares: list[float]) -> Transitions:
     """Return one chain of which the states of each are a part, that no transition leaves."""
     first = np.cumsum([0, *(len(chain.rows) for chain in chains)])[:-1].tolist()
-    return Chain(
+    return Transitions(
         np.concatenate([chain.sources + begin for chain, begin in zip(chains, first, strict=True)]),
         np.concatenate([chain.targets + begin for chain, begin in zip(chains, first, strict=True)]),
         np.concatenate([chain.chances for chain in chains]),

@@ -12,26 +12,23 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gamms.belief.evidence import Observation
-from gamms.belief.ground import Arc, Ground
+from gamms.belief.evidence import Look, Observation
+from gamms.belief.ground import Arc, Arrivals, Ground
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.obstacles import BoolArray
 
 _LITTLE = 1e-9  # metres: more than nothing, so that edges without a length can be gone along without a speed
 
 
 class _Edges(NamedTuple):
-    """Edges by their targets."""
+    """Edges that may have been open."""
 
-    sources: IntArray  # (edges,) rows
-    targets: IntArray  # (nodes with edges to them,) rows
-    starts: IntArray  # likewise: where the edges to a target begin
-    costs: FloatArray  # (edges,)
-    most_covered: FloatArray  # (nodes,) the most that an agent can have covered of an edge from there
+    arrivals: Arrivals  # with the costs of the edges
+    most_covered: FloatArray  # (nodes, 1) the most that an agent can have covered of an edge from there
+    enough: float  # a speed by which every path is gone along in a turn
 
 
 class Reach:
-    """Which nodes some targets can have reached: labels (targets, nodes) that are moved from turn to turn.
+    """Which nodes some targets can have reached: labels (nodes, targets) that are moved from turn to turn.
 
     Args:
         ground: the map.
@@ -45,56 +42,44 @@ class Reach:
         self, ground: Ground, speeds: FloatArray, *, in_metres: bool, is_free: bool, closed: tuple[tuple[int, Arc], ...]
     ) -> None:
         self._ground, self._in_metres, self._is_free, self._closed = ground, in_metres, is_free, closed
-        self._speeds = speeds[:, None]
+        self._speeds = speeds
 
     def anywhere(self, turn: int) -> FloatArray:
         """Return labels of targets that can be on any node."""
-        return np.tile(self._edges(turn).most_covered, (len(self._speeds), 1))
+        return np.repeat(self._edges(turn).most_covered, len(self._speeds), axis=1)
 
     def advance(self, labels: FloatArray, turn: int) -> FloatArray:
         """Return the labels after the moves that lead to a turn."""
         if self._is_free:
             return self.anywhere(turn)
-        edges = self._edges(turn)
-        left = labels + np.minimum(self._speeds, 1.0 + edges.costs.sum())  # which is finite
-        while len(edges.targets):
-            offers = np.maximum.reduceat(left[:, edges.sources] - edges.costs, edges.starts, axis=1)
-            now = left[:, edges.targets]
-            is_more = (offers > now) & (offers > 0.0)
+        arrivals, most_covered, enough = self._edges(turn)
+        left = labels + np.minimum(self._speeds, enough)
+        while True:
+            offers = arrivals.largest(left)
+            is_more = (offers > left) & (offers > 0.0)
             if not is_more.any():
-                break
-            left[:, edges.targets] = np.where(is_more, offers, now)
-        moved: FloatArray = np.minimum(left, edges.most_covered)
-        return moved
+                return np.minimum(left, most_covered)
+            left = np.where(is_more, offers, left)
 
     def observe(self, labels: FloatArray, turn: int, seen: list[Observation], targets: tuple[str, ...]) -> FloatArray:
         """Return the labels after what was observed in a turn."""
         anywhere = self.anywhere(turn)
         labels = anywhere.copy() if any(one.closed is None for one in seen) else labels.copy()
-        found = {name: node for one in seen for name, node in one.found.items()}
-        rows = [self._ground.row(found[name]) if name in found else None for name in targets]
-        for line, (name, row) in enumerate(zip(targets, rows, strict=True)):
-            if row is None:
-                is_clear = self._clear(name, seen)
-                labels[line, is_clear] = -inf
-                if not (labels[line] > -inf).any():  # something moved it that is not known here
-                    labels[line] = np.where(is_clear, -inf, anywhere[line])
-            else:
-                here = anywhere[line, row]
-                labels[line] = anywhere[line] if row < 0 else -inf
-                labels[line, row] = here
+        found = {name: self._ground.row(node) for one in seen for name, node in one.found.items()}
+        is_clear = np.zeros(labels.shape, bool)
+        for look in (look for one in seen for look in one.looks):
+            rows = _certain_rows(self._ground, look)
+            is_shown = [name not in look.not_shown and name not in found for name in targets]
+            is_clear[rows] |= is_shown
+        labels[is_clear] = -inf
+        is_lost = ~(labels > -inf).any(axis=0)  # something moved it that is not known here
+        labels[:, is_lost] = np.where(is_clear, -inf, anywhere)[:, is_lost]
+        for column, name in enumerate(targets):
+            row = found.get(name)
+            if row is not None:
+                labels[:, column] = anywhere[:, column] if row < 0 else -inf
+                labels[row, column] = anywhere[row, column]
         return labels
-
-    def _clear(self, name: str, seen: list[Observation]) -> BoolArray:
-        """Return on which nodes (nodes,) a target would have been seen."""
-        is_clear = np.zeros(self._ground.size, bool)
-        for look in (look for one in seen for look in one.looks if name not in look.not_shown):
-            if look.node_ids is None:
-                is_clear |= look.detection == 1.0
-            else:
-                rows = self._ground.rows(look.node_ids[np.broadcast_to(look.detection, look.node_ids.shape) == 1.0])
-                is_clear[rows[rows >= 0]] = True
-        return is_clear
 
     def _edges(self, turn: int) -> _Edges:
         """Return the edges that may have been open in the moves that lead to a turn."""
@@ -114,6 +99,12 @@ def _edges_of(ground: Ground, more: tuple[Arc, ...], in_metres: bool) -> _Edges:
     most = np.full(ground.size, _LITTLE if in_metres else 1.0)
     if in_metres:
         np.maximum.at(most, sources, costs)
-    order = np.argsort(targets, kind="stable")
-    reached, starts = np.unique(targets[order], return_index=True)
-    return _Edges(sources[order], reached, starts, costs[order], most)
+    return _Edges(Arrivals(sources, targets, costs, ground.size), most[:, None], 1.0 + float(costs.sum()))
+
+
+def _certain_rows(ground: Ground, look: Look) -> IntArray:
+    """Return the rows of the nodes on which a target would have been seen for certain."""
+    if look.node_ids is None:
+        return np.arange(ground.size if look.detection == 1.0 else 0)
+    rows = ground.rows(look.node_ids[np.broadcast_to(look.detection, look.node_ids.shape) == 1.0])
+    return rows[rows >= 0]

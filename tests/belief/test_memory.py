@@ -1,0 +1,242 @@
+"""What agents remember: little, plain, the same in every run, and merged whatever the order."""
+
+import os
+import subprocess
+import sys
+from itertools import permutations
+from pathlib import Path
+
+import pytest
+
+import gamms
+from gamms import belief
+from gamms.agent import AgentType
+from gamms.belief import Sighting
+from gamms.errors import BadType, BadValue, MissingKey, UnknownName
+from gamms.plain import is_plain
+from gamms.sensor import SensorType
+from gamms.testing import check_strategy
+
+
+def noting(ctx, *, stay=False, **keywords):
+    def watch(state):
+        belief.observe(ctx, state, **keywords)
+        state["action"] = state["curr_pos"] if stay else state["draw"].choice(state["legal"])
+
+    return watch
+
+
+def hunt(seed=1, turns=30, path=None, **keywords):
+    """A game of three hunters and two that are hunted: its context, which has ended if it was recorded."""
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(30, 30))
+    for i in range(3):
+        eyes = ctx.sensor.create_sensor(f"e{i}", SensorType.AGENT_RANGE, sensor_range=40.0)
+        strategy = noting(ctx, **keywords)
+        ctx.agent.create_agent(f"h{i}", start_node_id=400 + 5 * i, team="red", sensors={"e": eyes}, strategy=strategy)
+    for i in range(2):
+        ctx.agent.create_agent(f"p{i}", start_node_id=410 + i, team="blue", strategy=gamms.strategies.random_walk)
+    if path:
+        ctx.record.start(path)
+    ctx.game.run(turns)
+    if path:
+        ctx.terminate()
+    return ctx
+
+
+def test_who_was_seen_last_where_when_and_by_whom(make_ctx, add):
+    ctx = make_ctx(6)
+    add(ctx, "a", 0, "red", sight=15.0, strategy=noting(ctx))
+    add(ctx, "b", 5, "red", sight=15.0, strategy=noting(ctx, stay=True))
+    add(ctx, "prey", 1, "blue", strategy=lambda state: state.update(action=min(5, state["curr_pos"] + 1)))
+    ctx.game.run(1)
+    assert belief.belief_of(ctx, "b").last_seen == {"prey": Sighting(1, 0, "a")}
+    ctx.game.run(5)
+    assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(5, 5, "b")}
+
+
+def test_mates_and_flyers_are_no_targets_and_an_agent_without_a_team_has_no_mates(make_ctx, add):
+    ctx = make_ctx(3)
+    add(ctx, "a", 0, "red", sight=50.0, strategy=noting(ctx))
+    add(ctx, "mate", 1, "red")
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, start_node_id=0, speed=1.0, team="blue")
+    add(ctx, "n1", 1, None, sight=50.0, strategy=noting(ctx))
+    add(ctx, "n2", 2, None)
+    ctx.game.run(1)
+    assert list(belief.belief_of(ctx, "a").last_seen) == ["n1", "n2"]
+    assert list(belief.belief_of(ctx, "n1").last_seen) == ["a", "mate", "n2"]
+    assert ctx.game.team_memories.get(None, {}) == {}
+
+
+def test_drones_tell_of_agents_on_the_ground(make_ctx, add):
+    ctx = make_ctx(6)
+    known = []
+
+    def see(state):
+        known.append(belief.observe(ctx, state))
+        state["action"] = (0.0, 0.0, 0.0)
+
+    kind = AgentType.AERIAL
+    drone = ctx.agent.create_agent("drone", type=kind, start_node_id=1, speed=1.0, team="red", strategy=see)
+    drone.position = (10.0, 0.0, 5.0)
+    drone.register_sensor("down", ctx.sensor.create_sensor("down", SensorType.AERIAL_AGENT, sensor_range=15.0))
+    add(ctx, "prey", 2, "blue")
+    add(ctx, "far", 5, "blue")
+
+    ctx.game.run(1)
+    assert known[0].last_seen == {"prey": Sighting(2, 0, "drone")}
+    assert known[0].reachable("far") == {3, 4, 5}
+
+
+def test_a_respawned_agent_is_where_it_was_put(make_ctx, add):
+    ctx = make_ctx(6)
+    add(ctx, "a", 0, "red", sight=0.0, strategy=noting(ctx))
+    add(ctx, "prey", 5, "blue")
+    ctx.game.run(1)
+    ctx.game.respawn("prey", 3)
+    ctx.game.run(1)
+    assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(3, 1, "a")}
+
+
+def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
+    ctx = make_ctx(6)
+
+    def told(state):
+        belief.note(ctx, state, "prey", 4)
+        known = belief.observe(ctx, state)
+        assert known.reachable("prey") == {4}
+        assert known.probability("prey") == {4: 1.0}
+        for name, node, error in (("nobody", 4, UnknownName), ("prey", 9, UnknownName), ("prey", "4", BadType)):
+            with pytest.raises(error):
+                belief.note(ctx, state, name, node)
+        state["action"] = state["curr_pos"]
+
+    add(ctx, "a", 0, "red", sight=10.0, strategy=told)
+    add(ctx, "prey", 5, "blue")
+    ctx.game.run(1)
+    assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(4, 0, "a")}
+
+
+def test_the_order_in_which_memories_are_merged_does_not_matter():
+    with hunt(share=False) as ctx:
+        memories = [ctx.game.memories[f"h{i}"] for i in range(3)]
+        merged = [belief.merge(*order) for order in permutations(memories)]
+        assert all(list(one.items()) == list(merged[0].items()) for one in merged)
+        assert belief.merge(merged[0], *memories) == merged[0]
+        assert len(merged[0]) == sum(len(belief.merge(memory)) for memory in memories)
+
+
+def test_what_is_shared_is_what_merged_memories_say():
+    with hunt(share=True) as shared, hunt(share=False) as alone:
+        merged = belief.merge(*(alone.game.memories[f"h{i}"] for i in range(3)))
+        assert belief.merge(shared.game.team_memories["red"]) == merged
+        assert alone.game.team_memories == {}
+
+
+def test_memories_are_plain_and_short_and_forget_old_looks():
+    with hunt(turns=200, horizon=20) as ctx:
+        memory = ctx.game.memories["h0"]
+        assert is_plain(memory)
+        known = belief.belief_of(ctx, "h0").last_seen
+        old = [key for key in belief.merge(memory) if key[1] < 170]
+        assert all("looks" not in memory[key] for key in old)
+        assert len(old) <= len(known)
+        assert len(memory) <= 32 + len(known)
+        assert max(len(text) for text in belief.merge(memory).values()) < 300
+
+
+def test_the_last_sighting_is_never_forgotten(make_ctx, add):
+    ctx = make_ctx(4)
+
+    def leave(state):
+        state["action"] = 1 if state["turn"] == 5 else state["curr_pos"]
+
+    add(ctx, "a", 0, "red", sight=0.0, strategy=noting(ctx, horizon=4, stay=True))
+    add(ctx, "prey", 0, "blue", strategy=leave)
+    ctx.game.run(40)
+    assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(0, 5, "a")}
+
+
+def test_a_recording_grows_by_less_than_a_hundred_bytes_for_each_agent_and_turn(tmp_path):
+    sizes = []
+    for turns in (50, 150):
+        hunt(turns=turns, path=tmp_path / f"{turns}.ggr")
+        sizes.append((tmp_path / f"{turns}.ggr").stat().st_size)
+    assert (sizes[1] - sizes[0]) / 300 < 100  # 25 when it was written; probabilities of 900 nodes would be 7,200
+
+
+def test_a_resumed_and_a_restored_game_believe_what_the_game_did(tmp_path):
+    with hunt(turns=20) as whole:
+        expected = belief.belief_of(whole, "h1").probability("p0")
+    with hunt(turns=10) as ctx:
+        here = ctx.game.snapshot()
+        ctx.game.run(7)
+        ctx.game.restore(here)
+        ctx.game.run(10)
+        assert belief.belief_of(ctx, "h1").probability("p0") == expected
+    hunt(turns=20, path=tmp_path / "g.ggr")
+    with gamms.create_context() as shown:
+        for _ in shown.record.replay(tmp_path / "g.ggr"):
+            pass
+        assert belief.belief_of(shown, "h1").probability("p0") == expected
+
+
+def test_nothing_is_remembered_outside_of_memories():
+    def follow(ctx):
+        def strategy(state):
+            chances = belief.observe(ctx, state).probability("p0")
+            state["action"] = max(state["legal"], key=lambda node: (chances.get(node, 0.0), node))
+
+        return strategy
+
+    def make_ctx():
+        ctx = hunt(turns=0)
+        ctx.agent.get_agent("h0").register_strategy(follow(ctx))
+        return ctx
+
+    check_strategy(None, make_ctx, "h0", turns=15)
+
+
+PROGRAM = """
+import sys
+from test_memory import hunt
+from gamms import belief
+ctx = hunt(turns=12)
+known = belief.belief_of(ctx, "h0")
+print(sorted(ctx.game.memories["h2"].items(), key=repr))
+print(known.last_seen, sorted(known.reachable("p0")), known.probability("p1", belief.to_goals([0, 899])))
+"""
+
+
+def test_beliefs_are_the_same_with_any_hash_seed():
+    printed = set()
+    for seed in ("0", "1", "77"):
+        paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": paths}
+        run = subprocess.run(
+            [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
+        )
+        printed.add(run.stdout)
+    assert len(printed) == 1
+
+
+def test_errors_name_what_is_missing(make_ctx, add):
+    ctx = make_ctx(3)
+    agent = add(ctx, "a", 0, "red", sight=10.0)
+    with pytest.raises(MissingKey, match=r"state\['name'\]. ctx.game puts it there; in a loop of your own, set name"):
+        belief.observe(ctx, agent.get_state())
+    state = agent.get_state() | {"name": "a", "team": "red", "turn": 0, "memory": {}}
+    with pytest.raises(BadValue, match="horizon must be at least 1"):
+        belief.observe(ctx, state, horizon=0)
+    state["memory"]["belief", 0, "b"] = "nonsense"
+    with pytest.raises(BadType, match="what 'b' has observed in turn 0"):
+        belief.believed(ctx, state)
+
+
+def test_it_works_in_a_loop_of_ones_own(make_ctx, add):
+    ctx = make_ctx(4)
+    agent, memory = add(ctx, "a", 0, "red", sight=10.0), {}
+    add(ctx, "prey", 1, "blue")
+    for turn in range(2):
+        state = agent.get_state() | {"name": "a", "team": "red", "turn": turn, "memory": memory}
+        assert belief.observe(ctx, state).probability("prey") == {1: 1.0}
