@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 from gamms.errors import GammsError
@@ -40,6 +41,7 @@ def test_a_store_is_found_by_its_name(engine, tmp_path):
         ((StoreType.FILESYSTEM, "s"), NotImplementedError),
         ((7, "s"), ValueError),
         (("memory", "s"), ValueError),
+        ((np.array([]), "s"), ValueError),
         ((StoreType.MEMORY, ""), ValueError),
         ((StoreType.MEMORY, 5), TypeError),
     ],

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from contextlib import ExitStack
+from numbers import Integral
 from typing import TYPE_CHECKING
 
 from gamms.arguments import as_key, as_name
@@ -57,10 +58,10 @@ class MemoryEngine(IMemoryEngine):
         return self._stores
 
 
-def _opened(store_type: StoreType, name: str, path: IPathLike | None) -> "Store":
+def _opened(store_type: object, name: str, path: IPathLike | None) -> "Store":
     from gamms.memory.store import MemoryStore, SqliteStore  # most programs open no store
 
-    if store_type not in tuple(StoreType):
+    if not isinstance(store_type, Integral) or store_type not in tuple(StoreType):
         known = ", ".join(f"StoreType.{one.name}" for one in StoreType)
         raise BadValue(f"Unknown store type {shown(store_type)}. Use one of {known}.")
     if store_type == StoreType.FILESYSTEM:
