@@ -12,6 +12,7 @@ from gamms.ir.events import EVENTS, steps_of
 from gamms.ir.graph import IntArray
 from gamms.ir.tables import table_of
 from gamms.plain import Plain
+from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, RecordingError, refusing
 from gamms.recorder.formats.chunks import FORMS
 from gamms.recorder.formats.reader import Reader
@@ -82,7 +83,8 @@ def _roster_after(
     """Return the names of agents by number, and the next number, after a creation or a snapshot."""
     with refusing(f"An event of kind {KINDS[kind]} is damaged", DAMAGES, with_type=True):
         if kind == kinds.SNAPSHOT:
-            return dict(zip(data["numbers"].tolist(), data["names"], strict=True)), data["next"]
+            numbers = data["numbers"].tolist()
+            return dict(zip(numbers, data["names"], strict=True)), keyframes.checked_following(numbers, data["next"])
         names[following] = data["name"]  # in place, for a thousand may come one by one
     return names, following + 1
 
