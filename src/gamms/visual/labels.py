@@ -249,7 +249,10 @@ def are_free(
         is_free = is_free & ((high <= (left, top)) | (low >= (right, bottom))).any(axis=2)
     around_low, around_high = low.min(axis=1) - comes[:, None], high.max(axis=1) + comes[:, None]
     reach = dots.radii[:, None] + _DOTS_PX
-    is_near = ((dots.centers + reach > around_low[:, None]) & (dots.centers - reach < around_high[:, None])).all(axis=2)
+    dots_low, dots_high = (dots.centers - reach).T, (dots.centers + reach).T
+    # NOTE: one axis after the other, which takes a fraction of the time (frames with 1,000 names).
+    is_near = (dots_high[0] > around_low[:, :1]) & (dots_low[0] < around_high[:, :1])
+    is_near &= (dots_high[1] > around_low[:, 1:]) & (dots_low[1] < around_high[:, 1:])
     labels, others = np.nonzero(is_near)
     centers = dots.centers[others, None]
     beyond = np.maximum(np.maximum(low[labels] - centers, centers - high[labels]), 0.0)
