@@ -435,6 +435,8 @@ class Decisions:
 
     def _note(self, question: _Question) -> None:
         """Take what was written into the copies of the team's memory."""
+        if not self._settings.team_memory:
+            return
         if isinstance(question.given, TeamArrays):
             copies = [question.given.team_memory]
         else:

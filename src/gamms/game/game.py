@@ -1,51 +1,36 @@
 """The front of the turn engine: `ctx.game`, which plays turns in which all agents move at once."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable
 from time import perf_counter
 from typing import Any, Literal, overload
 
 from gamms import kernels
-from gamms.arguments import as_bool, as_choice, as_count, as_int, as_key, as_name
-from gamms.deciding import Protected, phase_of, refused_while_deciding
+from gamms.arguments import as_choice, as_count, as_int, as_key, as_name
+from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.decisions import ArrayPlan
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result, what_went_wrong
-from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet, Settings
+from gamms.game.rule_verbs import RuleVerbs
+from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, Start, copy_game
 from gamms.game.turn import TurnEngine
-from gamms.ir.agents import Position
-from gamms.ir.game_state import GameState, Scores
-from gamms.plain import Plain
+from gamms.ir.game_state import GameState
 from gamms.progress import progress as progress_line
-from gamms.readonly import ReadOnlyMapping, frozen, published
+from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
-from gamms.typing.agent_engine import IAerialAgent, IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import AerialState, Deed, Move, Rule, State, TeamPlan, Track, strategy_name
+from gamms.typing.game import Rule, TeamPlan, strategy_name
 from gamms.versions import versions
 
 
-class Game(Settings):
-    """The turn engine of one context; see `Settings` for what can be set.
+class Game(RuleVerbs):
+    """The turn engine of one context; see `Settings` for what can be set, and `RuleVerbs` for what rules call.
 
     Attributes:
-        ctx: the context; Any: its own class, which knows this one.
-        turn: how many turns were played.
-        data: what rules remember, as plain values; `reset` restores it.
-        events: what was emitted, in order: dicts with `turn` and `kind`.
-        errors: what strategies did wrong, in order.
         facts: what was published.
     """
-
-    turn: Protected[int] = Protected(int, "_state")
-    data: Protected[dict[str, Any]] = Protected(dict, "_state")
-    events: Protected[list[dict[str, Any]]] = Protected(list, "_state")
-    errors: Protected[list[dict[str, Any]]] = Protected(list, "_state")
-    team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected(dict, "_state")
-    counts: Protected[dict[str, dict[str, int]]] = Protected(dict, "_state")
-    timings: Protected[dict[str, float]] = Protected(dict, "_state")
 
     def __init__(self, ctx: HostContext) -> None:
         super().__init__()
@@ -153,11 +138,6 @@ class Game(Settings):
         self._unchecked_plans.append(team)
 
     @refused_while_deciding
-    def publish(self, **facts: object) -> None:
-        """Publish facts to all strategies: they are in `state["facts"]`, read-only all the way down."""
-        self._state.facts.update([(name, published(name, value)) for name, value in facts.items()])
-
-    @refused_while_deciding
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
         """Collect a value after the rules of every turn, or of every few; the result has it as a table.
 
@@ -173,24 +153,7 @@ class Game(Settings):
         """
         self._collectors.add(as_name(name, "a collector"), fn, as_count(every, "every"), per)
 
-    @property
-    def scores(self) -> Scores:
-        """Numbers by team, agent or any other key; one that was not set is 0."""
-        scores = self._state.scores
-        return scores if self._phase.agent is None else ReadOnlyMapping(Scores(frozen(scores)))  # type: ignore[return-value] # it reads like them
-
     # -- playing ------------------------------------------------------------------------------------------------
-
-    @property
-    def is_over(self) -> bool:
-        """Whether a rule has ended the game."""
-        return self._state.over is not None
-
-    @property
-    def over(self) -> dict[str, Any] | None:
-        """The reason of the end, the winner, and whether time was up; None while the game goes on."""
-        over = self._state.over
-        return None if over is None else self._phase.shown(dict(over))
 
     @property
     def last_turn(self) -> int | None:
@@ -420,136 +383,6 @@ class Game(Settings):
         game._state.began, game._internals.scenario = self._internals.starts, self._internals.scenario
         return game
 
-    # -- for rules ----------------------------------------------------------------------------------------------
-
-    @property
-    def agents(self) -> list[IAgent]:
-        """The living agents, in the order of their names."""
-        return [slot.agent for slot in self._turns.order().slots]
-
-    @property
-    def moves(self) -> dict[str, Move]:
-        """How the agents on the ground moved in this turn, by name; rules must not change it."""
-        moves = self._state.moves
-        return {} if moves is None else self._phase.shown(moves.by_name())
-
-    @refused_while_deciding
-    def performed(self, kind: str | None = None) -> list[Deed]:
-        """Return what agents do in this turn besides moving, in the order of their names.
-
-        Args:
-            kind: of deed; None: all.
-
-        Raises:
-            UnknownName (KeyError): there is no such deed.
-        """
-        if kind is not None and kind not in self.deeds:
-            raise UnknownName("deed", kind, self.deeds)
-        moves = self._state.moves
-        deeds: list[Deed] = [] if moves is None else moves.deeds
-        return [deed for deed in deeds if kind in (None, deed.kind)]
-
-    @refused_while_deciding
-    def refuse(self, agent: IAgent | str, why: str, deed: str | None = None) -> None:
-        """Refuse the move of an agent in this turn, so that it stays, or one of its deeds; for the `check` of a rule.
-
-        The agent finds the reason in `state["blocked"]`. A refused deed counts as illegal, and is in `errors`.
-
-        Args:
-            agent: the agent, or its name.
-            why: the reason; of several all are named.
-            deed: the deed; None: the move.
-
-        Raises:
-            BadValue: nothing can be refused now.
-        """
-        refusals, reason = self._turns.refusals, as_name(why, "a reason")
-        if refusals is None:
-            raise BadValue("ctx.game.refuse is for the check of a rule: rule.check = function(ctx).")
-        if deed is not None and deed not in self.deeds:
-            raise UnknownName("deed", deed, self.deeds)
-        refusals.add(self._agent(agent).name, reason, deed)
-
-    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
-        """Return how agents have moved in this turn: for each, the nodes and from 0 to 1 when it was at each.
-
-        An agent that stayed is at its node from 0 on. One that was put elsewhere since its move, or flew, is there
-        only at 1.
-        """
-        moves = self._state.moves
-        tracks: list[Track] | None = None if moves is None else moves.tracks(agents)
-        return [((agent.current_node_id,), (1.0,)) for agent in agents] if tracks is None else tracks
-
-    @overload
-    def observation(self, agent: IAerialAgent) -> AerialState: ...  # type: ignore[overload-overlap] # as `get_state`
-    @overload
-    def observation(self, agent: IAgent | str) -> State: ...
-    @refused_while_deciding
-    def observation(self, agent: IAgent | str) -> Any:
-        """Return the state that the strategy of a living agent, or of the one of that name, would get now.
-
-        Its sensors are asked for it.
-
-        Raises:
-            UnknownName (KeyError): there is no such agent, or it is out of the game.
-        """
-        one = self._agent(agent)
-        slots = self._turns.order().slots
-        for slot in slots:
-            if slot.agent is one:
-                return self._turns.observation(slot)
-        raise UnknownName("living agent", one.name, [slot.name for slot in slots])
-
-    @refused_while_deciding
-    def emit(self, kind: str, **data: Plain) -> None:
-        """Note that something happened; it is in `events` and in the result. Values should be plain."""
-        turn = self._state.turn + self._turns.is_moving
-        self._state.events.append({"turn": turn, "kind": as_name(kind, "a kind of event"), **data})
-
-    @refused_while_deciding
-    def end(self, reason: str, winner: Plain = None, truncated: bool = False) -> None:
-        """End the game after this turn; of several calls the first counts."""
-        over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
-        if self._state.over is None:
-            self._state.over = over
-
-    @refused_while_deciding
-    def eliminate(self, agent: IAgent | str) -> None:
-        """Take an agent, or the one of that name, out of the game; nothing happens if it is out already."""
-        one = self._agent(agent)
-        if one.alive:
-            one.alive = False
-            self.emit("eliminated", agent=one.name, node=one.current_node_id)
-
-    @refused_while_deciding
-    def respawn(self, agent: IAgent | str, node: int | None = None) -> None:
-        """Put an agent, dead or alive, on a node, as if it had always been there; None: where it began."""
-        one: Any = self._agent(agent)  # of any kind: its place is of the same
-        where = self.start_node(one) if node is None else node
-        if isinstance(where, tuple):
-            one.position = where
-        else:
-            one.current_node_id = where
-            one.prev_node_id = where
-        if not one.alive:
-            one.alive = True
-        self.emit("respawned", agent=one.name, node=one.current_node_id)
-
-    def start_node(self, agent: IAgent | str) -> int | Position:
-        """Return the node that an agent began on, or (x, y, z) of one that flies."""
-        return self._internals.start_of(self._agent(agent))
-
-    @property
-    def memories(self) -> Mapping[str, dict[Any, Any]]:
-        """Agent -> what it remembers. While agents decide, each sees only its own."""
-        phase, memories = self._phase, self._state.memories
-        return memories if phase.agent is None else frozen({name: memories.get(name, {}) for name in phase.names()})
-
-    @property
-    def is_deciding(self) -> bool:
-        """Whether agents observe and decide right now."""
-        return self._turns.is_deciding
-
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _refuse_in_turn(self, action: str) -> None:
@@ -588,7 +421,3 @@ class Game(Settings):
             began = perf_counter()
             self._ruleset.apply(phase, self._state)
             self._state.timings["rules"] += perf_counter() - began
-
-    def _agent(self, agent: IAgent | str) -> IAgent:
-        found: IAgent = self.ctx.agent.get_agent(getattr(agent, "name", agent))
-        return found

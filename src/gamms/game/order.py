@@ -12,6 +12,7 @@ from gamms.arguments import as_float, as_range
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
+from gamms.game.facts import FactsOf
 from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Plan, Settings
 from gamms.ir.agents import Position, Progress, Quat, Selection
@@ -33,9 +34,8 @@ class AgentSlot:
         access: to its sensors and its last state.
         state: of the game.
         seed: of the game.
-        facts: a read-only view of what was published.
-        deeds: what agents may do besides moving; read-only.
-        follows_edges: whether moves must follow edges.
+        facts: a read-only view of what was published to all.
+        settings: of the game.
 
     Attributes:
         agent: the agent.
@@ -64,16 +64,14 @@ class AgentSlot:
         state: GameState,
         seed: int,
         facts: Mapping[str, Any],
-        deeds: Mapping[str, Any],
-        *,
-        follows_edges: bool,
+        settings: Settings,
     ) -> None:
         self.agent = agent
         self.name, self.team = agent.name, agent.team
         self.row, self.carried, self.last = access
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
-        self.is_plain = not self.flies and self.speed is None and follows_edges
+        self.is_plain = not self.flies and self.speed is None and settings.legal == "edges"
         self.draws, self.rng = Draws(seed, state, self.name), TurnGenerator(seed, state, self.name)
         self.template: dict[str, Any] = _with_shared_keys(
             {
@@ -87,10 +85,10 @@ class AgentSlot:
                 "draw": self.draws,
                 "rng": self.rng,
                 "memory": state.memory_of(self.name),
-                "team_memory": None,
-                "facts": facts,
+                **({"team_memory": None} if settings.team_memory else {}),
+                "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
                 "blocked": state.blocked.get(self.name),
-                **({"deeds": deeds} if deeds else {}),
+                **({"deeds": settings.deeds} if settings.deeds else {}),
             }
         )
         self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]

@@ -55,6 +55,7 @@ class Settings(Guarded):
             `on_error="stay"`: "stay", an action, or a function from the agent's state to one. An agent for which it is
             not legal stays.
         plans: team -> what decides for all its agents; see `Game.command`.
+        team_memory: whether agents of a team share `state["team_memory"]`; if not, their states have none.
         order: None: all agents decide and move at once. Or lists of teams, such as `[["cops"], ["robber"]]`: in each
             turn the teams of the first list decide and move at once, then those of the next, which see these moves.
         deeds: what agents may do besides moving: deed -> its fields -> the kind of each; see docs/game.md.
@@ -70,6 +71,7 @@ class Settings(Guarded):
     deadline_s: float | None = None
     default_action: Any = "stay"  # an action of any form, or a function that gives one
     plans: Mapping[Any, Plan] = ReadOnlyMapping({})
+    team_memory: bool = True
     order: Sequence[Sequence[Any]] | None = None
     deeds: Mapping[str, Mapping[str, Any]] = ReadOnlyMapping({})
     max_turns: int | None = None
@@ -107,6 +109,8 @@ class Settings(Guarded):
         plain = {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "deadline_s", "max_turns")}
         default, declared = self.default_action, {"order": self.order, "deeds": to_plain(self.deeds)}
         plain.update((name, value) for name, value in declared.items() if value)
+        if not self.team_memory:
+            plain["team_memory"] = False
         return {**plain, "default_action": default} if isinstance(default, (str, int)) else plain
 
     @refused_while_deciding
@@ -197,6 +201,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "deadline_s": _seconds,
     "default_action": _action,
     "plans": _plans,
+    "team_memory": lambda name, value: as_bool(value, f"ctx.game.{name}"),
     "order": as_order,
     "deeds": lambda _, value: as_deeds(value),
     "max_turns": lambda name, value: None if value is None else as_count(value, f"ctx.game.{name}", 0),

@@ -200,6 +200,7 @@ _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state
     **dict.fromkeys(("turn", "last_turn", "start", "has_begun", "moves"), lambda value, _: value),
     **dict.fromkeys(("over", "team_memories", "data"), copied),
     **dict.fromkeys(("players", "began", "scores", "facts", "timings", "blocked"), lambda value, _: dict(value)),
+    **dict.fromkeys(("agent_facts", "team_facts"), lambda value, _: {to: dict(facts) for to, facts in value.items()}),
     "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
     "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},
 }

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue
 from gamms.game.decisions import Decisions, memory_copy
+from gamms.game.facts import FactsOf
 from gamms.game.order import AgentSlot, Legality, Part, ResolvedAction, TurnOrder
 from gamms.game.settings import RuleSet, Settings
 from gamms.ir.game_state import GameState
@@ -61,16 +62,14 @@ class TurnEngine:
         block = agents.block
         block.locate()
         settings = self._settings
-        key = (block, block.structure_version, settings.changes, state.stream_version)
+        is_public = not state.agent_facts and not state.team_facts
+        key = (block, block.structure_version, settings.changes, state.stream_version, is_public)
         if self._order is None or self._order_key != key:
             self.update_counts()
             living = sorted([(name, agent) for name, agent in agents.agents.items() if agent.alive], key=itemgetter(0))
-            access_of, follows_edges, deeds = agents.storage.turn_access, settings.legal == "edges", settings.deeds
+            access_of = agents.storage.turn_access
             groups = self._groups if self.is_moving else settings.order
-            slots = [
-                AgentSlot(one, access_of(one), state, self._ctx.seed, self._facts, deeds, follows_edges=follows_edges)
-                for _, one in living
-            ]
+            slots = [AgentSlot(one, access_of(one), state, self._ctx.seed, self._facts, settings) for _, one in living]
             self._order, self._order_key = TurnOrder(slots, block.progress, settings.plans, groups), key
             state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
@@ -122,8 +121,9 @@ class TurnEngine:
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
         state["turn"] = self._state.turn
-        known = self._state.team_memories.get(slot.team)
-        state["team_memory"] = memory_copy(known) if known else {}
+        if self._settings.team_memory:
+            known = self._state.team_memories.get(slot.team)
+            state["team_memory"] = memory_copy(known) if known else {}
         return state
 
     def play(self, observers: list[Observer], rules: RuleSet) -> None:
@@ -243,14 +243,16 @@ class TurnEngine:
         self.is_deciding = True
         try:
             seen = self._observe_first(order, part, observers)
-            if seen is not None or state.team_memories or self._settings.time_budget is not None:
+            settings = self._settings
+            is_usual = settings.team_memory and not state.team_memories and settings.time_budget is None
+            if seen is not None or not is_usual:
                 for i, *_ in part.individuals:
                     decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
             else:
                 self._ask_individuals(order, part, starts, decisions)
             for commanded in part.commanded:
                 if commanded.plan.arrays:
-                    decisions.ask_arrays(commanded, self._ctx.seed, self._facts)
+                    decisions.ask_arrays(commanded, self._ctx.seed, FactsOf(state, commanded.team, None))
                 else:
                     slots = [(i, order.slots[i]) for i in commanded.indices]
                     states = [self.observation(slot) if seen is None else seen[i] for i, slot in slots]

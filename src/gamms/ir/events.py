@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.applied_to import State
 from gamms.plain import Plain
+from gamms.readonly import published
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -23,96 +24,6 @@ Log = list[Any]  # (id, node id) of each move of an agent on the ground as two i
 Record = tuple[int, dict[str, Any]]  # an operation code of format version 2, and its data
 
 REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened
-
-
-# -- what events are applied to: a live context, or columns that were read ---------------------------------------
-
-Row = Any  # what a state calls an agent: a row of its columns, or the agent itself
-
-
-class AgentsState:
-    """The agents of a state; a subclass overrides what it keeps.
-
-    What names an agent that is not there raises a KeyError or a ValueError.
-    """
-
-    def add(self, name: str, kwargs: dict[str, Any], state: dict[str, Any], strategy: str | None) -> None:
-        """Add an agent: the keywords it was created with, and those columns that do not follow from them."""
-
-    def remove(self, name: str) -> None:
-        """Take an agent out."""
-
-    def row(self, name: str) -> Row:
-        """Return an agent by its name."""
-
-    def row_of(self, number: int) -> Row:
-        """Return an agent by its number."""
-
-    def set(self, row: Row, column: str, value: Plain) -> None:
-        """Set one of the columns of `ir.agents.BY_ROW`, or `strategies`, which are names."""
-
-    def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
-        """Move agents on the ground, in this order; a number may come more than once."""
-
-    def fly(self, row: Row, node: int | None, position: tuple[float, ...]) -> None:
-        """Move a flyer to a position, above this node; None: the node was not noted."""
-
-    def turn(self, row: Row, quat: tuple[float, ...]) -> None:
-        """Turn a flyer in space."""
-
-    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
-        """Set how far along edges agents are, as arrays."""
-
-    def equip(self, row: Row, name: str, sensor_id: str) -> None:
-        """Let an agent carry a sensor."""
-
-    def unequip(self, row: Row, name: str) -> None:
-        """Let an agent carry a sensor no longer."""
-
-
-class State:
-    """What events are applied to: a live context, or columns that were read; a subclass overrides what it keeps.
-
-    Attributes:
-        agents: the agents.
-        game: what the game has come to.
-    """
-
-    agents: AgentsState
-    game: "GameState"
-
-    def restore(self, snapshot: dict[str, Any]) -> None:
-        """Become what a snapshot says."""
-
-    def end_turn(self) -> None:
-        """End the turn."""
-
-    def count(self, turn: int, pace: int, starts: dict[str, Any]) -> None:
-        """Number this turn, and the following ones by adding `pace`; agents began at `starts`."""
-
-    def append(self, log: str, entry: dict[str, Any]) -> None:
-        """Add to one of the logs of the game."""
-
-    def publish(self, facts: dict[str, Any], removed: Sequence[str]) -> None:
-        """Publish facts, and withdraw others."""
-
-    def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
-        """Set the state of the context's own random stream."""
-
-    def add_sensors(self, groups: list[dict[str, Any]]) -> None:
-        """Make sensors: of each type and keywords all `ids`."""
-
-    def replace_world(self, world: bytes) -> None:
-        """Replace graph and obstacles."""
-
-    def show(self, visuals: dict[str, Any]) -> None:
-        """Declare what it looks like."""
-
-    def draw(self, drawing: dict[str, Any]) -> None:
-        """Let an artist draw these commands from now on."""
-
-    def change_component(self, kind: int, data: dict[str, Any]) -> None:
-        """Do what one of the five operation codes of components says."""
 
 
 # -- kinds ------------------------------------------------------------------------------------------------------
@@ -494,6 +405,14 @@ def _remember(state: State, data: Mapping[str, Plain]) -> None:
         change(state.game.team_memories.setdefault(team, {}), changes)
 
 
+def _publish_privately(state: State, data: Mapping[str, Plain]) -> None:
+    for known, told in ((state.game.agent_facts, data["agents"].items()), (state.game.team_facts, data["teams"])):
+        for to, changes in told:
+            facts = known.setdefault(to, {})
+            change(facts, changes)
+            facts.update((name, published(name, facts[name])) for name in changes.get("set", ()))
+
+
 def _count(state: State, data: Mapping[str, Plain]) -> None:
     state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
@@ -512,6 +431,7 @@ GAME_FACTS = _event(
     0x04000006, "GAME_FACTS", _ALL, "set removed", lambda state, data: state.publish(data["set"], data["removed"])
 )
 GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, data: state.set_rng(data["chance"]))
+GAME_PRIVATE_FACTS = _event(0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents teams", _publish_privately)
 GAME_DEED = _logged(0x04000008, "GAME_DEED", _SENSED, "agent:AGENT deed at:NODE", "deeds")
 GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _set_blocked)
 USER_EVENT = _event(0x05000000, "USER_EVENT", _ALL, "kind")

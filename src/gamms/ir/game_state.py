@@ -76,6 +76,8 @@ class GameState:
         deeds: what agents did besides moving, in order; append-only: dicts with `turn`, `agent`, `deed`, `at`.
         blocked: agent -> why it did not do in its last turn what it wanted; only those that did not.
         facts: what was published, read-only values; this dict is never replaced.
+        agent_facts: agent -> what was published to it alone.
+        team_facts: team -> what was published to it alone.
         memories: agent -> what it remembers; this dict is never replaced, nor are those in it.
         team_memories: team -> what it remembers.
         over: reason, winner and truncated of a game that has ended; None while it goes on.
@@ -100,6 +102,8 @@ class GameState:
     deeds: list[dict[str, Any]] = field(default_factory=list)
     blocked: dict[str, str] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
+    agent_facts: dict[str, dict[str, Any]] = field(default_factory=dict)
+    team_facts: dict[Any, dict[str, Any]] = field(default_factory=dict)
     memories: dict[str, dict[Any, Any]] = field(default_factory=dict)
     team_memories: dict[Any, dict[Any, Any]] = field(default_factory=dict)
     over: dict[str, Any] | None = None

@@ -216,6 +216,8 @@ DETECTED: dict[str, tuple[int, type[_Detector]]] = {
     "data": (kinds.GAME_DATA, _Items),
     "over": (kinds.GAME_OVER, _Detector),
     "facts": (kinds.GAME_FACTS, _Facts),
+    "agent_facts": (kinds.GAME_PRIVATE_FACTS, _Memories),
+    "team_facts": (kinds.GAME_PRIVATE_FACTS, _TeamMemories),
     "memories": (kinds.GAME_MEMORY, _Memories),
     "team_memories": (kinds.GAME_MEMORY, _TeamMemories),
 }

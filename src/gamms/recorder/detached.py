@@ -7,7 +7,8 @@ import numpy as np
 
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
-from gamms.ir.events import EVENTS, LOGGED, AgentsState, Log, State, events_of
+from gamms.ir.applied_to import AgentsState, State
+from gamms.ir.events import EVENTS, LOGGED, Log, events_of
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain

@@ -13,6 +13,7 @@ from gamms.ir.events import as_blocked, as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain, plain_subset, to_plain
+from gamms.readonly import published
 from gamms.recorder.errors import Damaged
 from gamms.text import shown
 from gamms.typing.context import HostContext
@@ -90,8 +91,11 @@ def packed(
         "sensor_kinds": groups,
         "attributes": {row: values for row, values in enumerate(columns["attributes"]) if values},
         "strategies": list(columns["strategies"]),
-        **{name: field.captured(getattr(game, name)) for name, field in GAME_FIELDS.items() if name != "blocked"},
-        **({"blocked": dict(game.blocked)} if game.blocked else {}),
+        **{
+            name: field.captured(getattr(game, name))
+            for name, field in GAME_FIELDS.items()
+            if name not in _SELDOM or getattr(game, name)
+        },
         "chance": to_plain(rng_state),
     }
 
@@ -133,12 +137,19 @@ def _setting(name: str, checked: Callable[[Any], Any]) -> Callable[[GameState, A
     return lambda game, found: setattr(game, name, checked(found))
 
 
+def _private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict[str, Any]]:
+    return {to: {name: published(name, value) for name, value in facts.items()} for to, facts in each}
+
+
+_SELDOM = ("blocked", "agent_facts", "team_facts")  # fields that keyframes have only where there is something in them
 GAME_FIELDS = {
     "scores": GameField(lambda scores: list(to_plain(scores).items()), set_scores),
     "data": GameField(plain_subset, lambda game, data: _refill(game.data, data)),
     "over": GameField(to_plain, _setting("over", as_over)),
     "turn": GameField(to_plain, _setting("turn", int), 0),
     "blocked": GameField(to_plain, _setting("blocked", as_blocked), {}),
+    "agent_facts": GameField(_captured_each, _setting("agent_facts", _private_facts), ()),
+    "team_facts": GameField(_captured_each, _setting("team_facts", _private_facts), ()),
     "memories": GameField(lambda memories: dict(sorted(_captured_each(memories))), _restore_memories, {}),
     "team_memories": GameField(_captured_each, _setting("team_memories", lambda each: dict(deepcopy(list(each)))), ()),
 }

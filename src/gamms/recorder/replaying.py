@@ -9,14 +9,13 @@ from gamms.arguments import as_numbers
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.ir import events as kinds
 from gamms.ir.agents import AgentBlock
+from gamms.ir.applied_to import AgentsState, State
 from gamms.ir.events import (
     COLUMN_EVENTS,
     COMPONENTS,
     EVENTS,
     LOGGED,
-    AgentsState,
     Mover,
-    State,
     as_entry,
     events_of,
     records_of,

@@ -79,9 +79,10 @@ class _GameKeys(TypedDict, total=False):
     memory: dict[Any, Any]
     """The agent's own dict, which lasts for the game."""
     team_memory: dict[Any, Any]
-    """A copy of what the team remembers; what is written into it is known to the team in the next turn."""
+    """A copy of what the team remembers; what is written into it is known to the team in the next turn. Not there with
+    `ctx.game.team_memory = False`."""
     facts: Mapping[str, Any]
-    """What the scenario has published; read-only all the way down."""
+    """What was published to all, to the team and to the agent; read-only all the way down."""
     blocked: str | None
     """Why the agent did not do in its last turn what it wanted; None: it did."""
     deeds: Mapping[str, Mapping[str, Any]]
