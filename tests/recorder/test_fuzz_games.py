@@ -35,6 +35,7 @@ def test_mutated_games_end_in_recording_errors_or_work():
         "final/1369",
         "nov20/2206",
         "9488d3be/924",
+        "1f06facb/266",
     ],
 )
 def test_mutants_that_once_did_harm_do_none(name):

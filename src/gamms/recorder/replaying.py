@@ -417,10 +417,12 @@ class Replayer:
     def play_until_sensed(self, log: kinds.Log, agent: str) -> Any:
         """Apply a turn as far as an agent senses, and return what was sensed then; None: it does not."""
         for code, data in events_of(log):
-            if code == kinds.SENSED and agent in map(self.state.agents.names.get, data["agents"].tolist()):
-                return data
             if code != kinds.SENSED:
                 self.apply(code, data)
+                continue
+            with refusing("What was sensed is damaged", with_type=True):
+                if agent in map(self.state.agents.names.get, data["agents"].tolist()):
+                    return data
         return None
 
     def _begin(self, header: dict[str, Any], snapshot: dict[str, Plain]) -> None:
