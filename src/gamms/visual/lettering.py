@@ -26,15 +26,25 @@ def words_width(words: str, font_px: float) -> float:
     return EM * font_px * sum(widths.get(ord(letter), default) for letter in words)
 
 
-def shortened(words: str, font_px: float, most_px: float) -> str:
-    """Return the end of words that has room in so many pixels; what is left out is an ellipsis."""
+def shortened(words: str, font_px: float, most_px: float, *, is_title: bool = False) -> str:
+    """Return as many letters of words as have room in so many pixels, the first ones, and an ellipsis.
+
+    Args:
+        words: the words.
+        font_px: their height, as `render_text` counts it.
+        most_px: the room.
+        is_title: the end counts, where paths have their names; then the beginning is left out.
+    """
     if len(words) * font_px * EM * _SLIMMEST <= most_px and words_width(words, font_px) <= most_px:
         return words
+    letters = words[::-1] if is_title else words
     room = most_px - words_width("…", font_px)
-    begin = len(words)
-    while begin and (room := room - words_width(words[begin - 1], font_px)) >= 0.0:
-        begin -= 1
-    return f"…{words[begin:]}" if begin < len(words) else ""
+    count = 0
+    while count < len(words) and (room := room - words_width(letters[count], font_px)) >= 0.0:
+        count += 1
+    if not count:
+        return ""
+    return f"…{words[-count:]}" if is_title else f"{words[:count].rstrip()}…"
 
 
 @lru_cache(maxsize=1024)

@@ -114,7 +114,10 @@ class Page:
         self._fine, self._size = fine, (width / fine, height / fine)
         self._margin = min(_MARGIN_PX, _MARGIN * max(self._size))
         room = self._size[0] - 2 * self._margin
-        title, note = shortened(style.title, _TITLE_PX, room), shortened(style.note, _NOTE_PX, room)
+        title, note = (
+            shortened(style.title, _TITLE_PX, room, is_title=True),
+            shortened(style.note, _NOTE_PX, room, is_title=True),
+        )
         self._style = replace(style, title=title, note=note)
         self._bar_px = min(_BAR_PX, _BAR * self._size[0])
         self._feet = self._feet_px()
