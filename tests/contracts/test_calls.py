@@ -57,6 +57,8 @@ REFUSED = {
     "a note": (TypeError, lambda ctx: ctx.visual.picture(".svg", note=MANY)),
     "a place of an array": (TypeError, setting(lambda ctx: ctx.sensor.sensors["far"], "at", np.array(1.5))),
     "one who does not fly": (ValueError, lambda ctx: ctx.sensor.sensors["below"].view_from(1, "ann")),
+    "a kind of deed": (TypeError, lambda ctx: ctx.game.performed({"id": 3})),
+    "a winner when time is up": (TypeError, lambda _: gamms.rules.time_limit(3, winner=MANY)),
     "a kind of sensor": (ValueError, lambda ctx: ctx.sensor.create_sensor("x", HUGE)),
     "no sensor": (TypeError, lambda ctx: ctx.sensor.add_sensor(HUGE)),
     "a node without a dict": (TypeError, lambda ctx: ctx.graph.graph.update_node(np.array([]))),

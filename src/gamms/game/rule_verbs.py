@@ -3,7 +3,7 @@
 from collections.abc import Iterable, Mapping
 from typing import Any, overload
 
-from gamms.arguments import as_bool, as_name
+from gamms.arguments import as_bool, as_key, as_name
 from gamms.deciding import Protected, refused_while_deciding
 from gamms.errors import BadValue, UnknownName
 from gamms.game.facts import facts_to
@@ -80,7 +80,7 @@ class RuleVerbs(Settings):
         Raises:
             UnknownName (KeyError): there is no such deed.
         """
-        if kind is not None and kind not in self.deeds:
+        if kind is not None and as_key(kind, "A kind of deed") not in self.deeds:
             raise UnknownName("deed", kind, self.deeds)
         moves = self._state.moves
         deeds: list[Deed] = [] if moves is None else moves.deeds

@@ -128,7 +128,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     """
     last = as_count(turns, "turns")
 
-    named = [] if winner in (LEADER, None) else [as_key(winner, "winner")]
+    named = [] if winner is LEADER or winner is None else [as_key(winner, "winner")]
 
     def time_limit(ctx: Context) -> None:
         if ctx.game.turn >= last:
