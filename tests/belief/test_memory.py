@@ -26,7 +26,7 @@ def noting(ctx, *, stay=False, **keywords):
     return watch
 
 
-def hunt(seed=1, turns=30, path=None, **keywords):
+def hunt(turns=30, seed=1, path=None, **keywords):
     """A game of three hunters and two that are hunted: its context, which has ended if it was recorded."""
     ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
     ctx.graph.attach_networkx_graph(gamms.graph.grid(30, 30))
@@ -126,8 +126,9 @@ def test_the_order_in_which_memories_are_merged_does_not_matter():
         assert len(merged[0]) == sum(len(belief.merge(memory)) for memory in memories)
 
 
-def test_what_is_shared_is_what_merged_memories_say():
-    with hunt(share=True) as shared, hunt(share=False) as alone:
+@pytest.mark.parametrize("turns", [1, 2, 3, 30])
+def test_what_is_shared_is_what_merged_memories_say(turns):
+    with hunt(turns, share=True) as shared, hunt(turns, share=False) as alone:
         merged = belief.merge(*(alone.game.memories[f"h{i}"] for i in range(3)))
         assert belief.merge(shared.game.team_memories["red"]) == merged
         assert alone.game.team_memories == {}
@@ -143,6 +144,13 @@ def test_memories_are_plain_and_short_and_forget_old_looks():
         assert len(old) <= len(known)
         assert len(memory) <= 32 + len(known)
         assert max(len(text) for text in belief.merge(memory).values()) < 300
+
+
+def test_the_memory_of_a_team_has_few_entries(make_ctx):
+    with hunt(turns=30) as ctx:
+        shared = ctx.game.team_memories["red"]
+        assert len(shared) == 28 + 3 * 2  # one for each turn, and what was told in the last two
+        assert is_plain(shared)
 
 
 def test_the_last_sighting_is_never_forgotten(make_ctx, add):
@@ -230,6 +238,10 @@ def test_errors_name_what_is_missing(make_ctx, add):
         belief.observe(ctx, state, horizon=0)
     state["memory"]["belief", 0, "b"] = "nonsense"
     with pytest.raises(BadType, match="what 'b' has observed in turn 0"):
+        _ = belief.believed(ctx, state).last_seen
+    del state["memory"]["belief", 0, "b"]
+    state["memory"]["belief", 0, ""] = "nonsense"
+    with pytest.raises(BadType, match=r"what .a team. has observed in turn 0"):
         belief.believed(ctx, state)
 
 

@@ -1,18 +1,16 @@
 """What an agent believes of others: where it saw them last, where they can be, and where they probably are."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from hashlib import blake2b
-from itertools import groupby
-from operator import attrgetter
 from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from gamms.arguments import as_range
-from gamms.belief.evidence import Observation, Sighting, agent_on_ground, note_senses, observations_in, sightings_of
+from gamms.belief.evidence import Observation, Sighting, Turn, agent_on_ground, last_sightings, note_senses, turns_in
 from gamms.belief.filter import Filter, by_node
 from gamms.belief.ground import Ground, ground_of
 from gamms.belief.motion import Motion, random_walk
@@ -27,8 +25,7 @@ from gamms.visual.drawers.graph import render_values
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Bar, Row, Rows, Values
 
-_MOST, _MOST_BYTES = 1 << 12, 1 << 26  # arrays, and about as many bytes: what stays of one context
-_LATE = 2  # turns: what teammates tell is known after one
+_MOST_BYTES = 1 << 27  # about: of what was worked out, for one context
 _MARK = 16  # of so many turns, one is kept
 _FAINT = 0.01  # of the highest probability: less is not drawn
 _CAN_BE, _DARK = (150, 110, 190), 384  # a colour, and the sum of a grey in the middle
@@ -60,7 +57,7 @@ def observe(ctx: Context, state: State | AerialState, *, share: bool = True, hor
 def believed(ctx: Context, state: State | AerialState) -> "Belief":
     """Return what follows from what an agent and its team remember, without looking."""
     memories = state["memory"], state.get("team_memory", {})
-    return Belief(ctx, observations_in(*memories), state["turn"])
+    return Belief(ctx, turns_in(*memories), state["turn"])
 
 
 def belief_of(ctx: Context, observer: str) -> "Belief":
@@ -71,7 +68,7 @@ def belief_of(ctx: Context, observer: str) -> "Belief":
     """
     team = getattr(ctx.agent.get_agent(observer), "team", None)
     shared = {} if team is None else ctx.game.team_memories.get(team, {})
-    return Belief(ctx, observations_in(ctx.game.memories.get(observer, {}), shared), ctx.game.turn)
+    return Belief(ctx, turns_in(ctx.game.memories.get(observer, {}), shared), ctx.game.turn)
 
 
 class Belief:
@@ -79,21 +76,22 @@ class Belief:
 
     Args:
         ctx: the context.
-        observations: in the order of their turns.
+        turns: what was observed, by turn.
         turn: the present one.
 
     Attributes:
         turn: the turn.
     """
 
-    def __init__(self, ctx: Context, observations: Sequence[Observation], turn: int) -> None:
+    def __init__(self, ctx: Context, turns: Mapping[int, Turn], turn: int) -> None:
         self._ctx, self.turn = ctx, turn
-        self._observations = [one for one in observations if one.turn <= turn]
+        self._turns = {then: seen for then, seen in turns.items() if then <= turn}
+        self._now: dict[bytes, FloatArray] = {}  # what was worked out already
 
     @cached_property
     def last_seen(self) -> dict[str, Sighting]:
         """Agent -> where it was seen last, in which turn and by whom."""
-        return sightings_of(self._observations)
+        return last_sightings(self._turns)
 
     # -- where they can be ----------------------------------------------------------------------------------------
 
@@ -134,7 +132,7 @@ class Belief:
     def _reached(self, targets: tuple[str, ...], speeds: list[float], in_metres: bool) -> FloatArray:
         """Return labels (nodes, targets) of what targets can have reached; see `Reach`."""
         ground = ground_of(self._ctx.graph.columns())
-        closed = tuple((one.turn, arc) for one in self._observations for arc in one.closed or ())
+        closed = tuple((turn, arc) for turn, seen in self._turns.items() for arc in seen.closed)
         is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
         reach = Reach(ground, np.array(speeds), in_metres=in_metres, is_free=is_free, closed=closed)
 
@@ -189,20 +187,25 @@ class Belief:
 
         Each turn has a digest of all that led to it, so that what is kept never has to be forgotten for being wrong.
         """
-        by_turn = {turn: list(seen) for turn, seen in groupby(self._observations, attrgetter("turn"))}
         digests = [blake2b(repr(key).encode(), digest_size=16).digest()]
         for turn in range(self.turn + 1):
-            texts = "\n".join(f"{one.by}\n{one.text}" for one in by_turn.get(turn, ()))
-            digests.append(blake2b(digests[-1] + texts.encode(), digest_size=16).digest())
+            seen = self._turns.get(turn)
+            digests.append(blake2b(digests[-1] + (seen.digest if seen else b""), digest_size=16).digest())
+        if digests[-1] in self._now:
+            return self._now[digests[-1]]
         kept = _worked_out.setdefault(self._ctx, OrderedDict())
         begin = next((turn for turn in range(self.turn, -1, -1) if digests[turn + 1] in kept), -1)
         value = kept[digests[begin + 1]] if begin >= 0 else start
         for turn in range(begin + 1, self.turn + 1):
-            value = advance(value, turn, by_turn.get(turn, []))
-            if turn % _MARK == 0 or turn >= self.turn - _LATE:
+            seen = self._turns.get(turn)
+            value = advance(value, turn, seen.observations if seen else [])
+            if turn == self.turn - 1 or (
+                turn % _MARK == 0 and turn < self.turn
+            ):  # of the present one more will be told
                 kept[digests[turn + 1]] = value
-        while len(kept) > min(_MOST, max(_MARK, _MOST_BYTES // max(1, value.nbytes))):
+        while len(kept) > max(_MARK, _MOST_BYTES // max(1 << 10, value.nbytes)):
             kept.popitem(last=False)
+        self._now[digests[-1]] = value
         return value
 
 

@@ -2,12 +2,15 @@
 
 An entry of a memory is `("belief", turn, observer)` -> JSON: `found` (agent -> node), `looks` (where agents that were
 not found were not noticed) and `closed` (edges that were open until then). Ascending ids of nodes are written as
-differences. An entry never changes, but for what `note` adds, so that a recording gets each once.
+differences. An entry never changes, but for what `note` adds, so that a recording gets each once. In the memory of a
+team, what all have observed in a turn is joined, once all know it, to one entry of the observer "": a JSON object from
+observers to their entries. So the memory of a large team, which each member copies in each turn, stays small.
 """
 
 import json
-from collections.abc import Iterable, Mapping
-from functools import lru_cache
+from collections.abc import Collection, Iterable, Mapping
+from functools import cached_property, lru_cache
+from hashlib import blake2b
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -27,6 +30,7 @@ Memory = dict[Any, Any]
 Key = tuple[str, int, str]
 
 ENTRY = "belief"  # the first part of a key
+_ALL = ""  # the observer of what a team has observed together; no agent has this name
 _MAP = "belief map"  # the key of the digest of the map that was seen last
 _ON_GROUND = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _IN_AIR = {SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT}
@@ -47,9 +51,6 @@ class Look(NamedTuple):
 class Observation(NamedTuple):
     """What one agent observed in one turn."""
 
-    turn: int
-    by: str
-    text: str  # what it was read from
     found: Mapping[str, int]  # agent -> node
     looks: tuple[Look, ...]
     closed: tuple[Arc, ...] | None  # edges that were open until this turn; None: it is not known which
@@ -63,34 +64,100 @@ class Sighting(NamedTuple):
     by: str
 
 
+class Turn:
+    """What some agents observed in one turn.
+
+    Args:
+        turn: which one.
+        texts: observer -> entry.
+
+    Attributes:
+        texts: the same, in the order of the observers.
+        digest: bytes that are others for other texts.
+    """
+
+    def __init__(self, turn: int, texts: Mapping[str, str]) -> None:
+        self._turn, self.texts = turn, dict(sorted(texts.items()))
+        self.digest = blake2b("\n".join(map("\n".join, self.texts.items())).encode(), digest_size=16).digest()
+
+    @cached_property
+    def observations(self) -> list[Observation]:
+        """What was observed, in the order of the observers."""
+        return [_read(self._turn, by, text) for by, text in self.texts.items()]
+
+    @cached_property
+    def found(self) -> dict[str, Sighting]:
+        """Agent -> where it was seen; of several observers, the first counts."""
+        found: dict[str, Sighting] = {}
+        for by, seen in zip(self.texts, self.observations, strict=True):
+            for name, node in seen.found.items():
+                found.setdefault(name, Sighting(node, self._turn, by))
+        return found
+
+    @cached_property
+    def closed(self) -> tuple[Arc, ...]:
+        """Edges that were open until this turn."""
+        if not any('"closed"' in text for text in self.texts.values()):  # NOTE: which spares reading them all
+            return ()
+        return tuple(arc for one in self.observations for arc in one.closed or ())
+
+
+def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
+    """Return what was observed in each turn, by all that is in several memories."""
+    joined: dict[int, set[str]] = {}
+    alone: dict[int, dict[str, str]] = {}
+    for memory in memories:
+        for key, text in memory.items():
+            if type(key) is tuple and len(key) == 3 and key[0] == ENTRY:
+                _, turn, by = key
+                if by == _ALL:
+                    joined.setdefault(turn, set()).add(text)
+                else:
+                    known = alone.setdefault(turn, {})
+                    known[by] = max(text, known.get(by, ""))
+    return {turn: _turn_of(turn, joined.get(turn, ()), alone.get(turn, {})) for turn in sorted({*joined, *alone})}
+
+
+def _turn_of(turn: int, joined: Collection[str], alone: Mapping[str, str]) -> Turn:
+    parts = [_entries_in(turn, text) for text in sorted(joined)]
+    rest = {by: text for by, text in alone.items() if not any(by in part for part in parts)}
+    if len(joined) == 1 and not rest:
+        return _joined_turn(turn, *joined)  # NOTE: the same for all teammates
+    texts: dict[str, str] = {}
+    for part in (*parts, rest):
+        for by, text in part.items():
+            texts[by] = max(text, texts.get(by, ""))
+    return Turn(turn, texts)
+
+
+@lru_cache(maxsize=1 << 10)
+def _joined_turn(turn: int, text: str) -> Turn:
+    return Turn(turn, _entries_in(turn, text))
+
+
+@lru_cache(maxsize=1 << 10)
+def _entries_in(turn: int, text: str) -> Mapping[str, str]:
+    """Return the entries that were joined, by observer."""
+    try:
+        return {by: _as_text(entry) for by, entry in json.loads(text).items()}
+    except (AttributeError, ValueError) as error:
+        raise _nonsense(turn, _ALL, text) from error
+
+
 def merge(*memories: Mapping[Any, Any]) -> dict[Key, str]:
     """Return the observations in several memories, in the order of their turns and observers.
 
     Beliefs of teammates are merged by merging what they follow from: the result is what Bayes' rule gives with all
     observations, whatever the order, and an observation that several know counts once.
     """
-    found: dict[Key, str] = {}
-    for memory in memories:
-        for key, text in memory.items():
-            if type(key) is tuple and len(key) == 3 and key[0] == ENTRY:
-                other = found.setdefault(key, text)
-                if text is not other:
-                    found[key] = max(text, other)
-    return dict(sorted(found.items()))
+    return {(ENTRY, turn, by): text for turn, seen in turns_in(*memories).items() for by, text in seen.texts.items()}
 
 
-def observations_in(*memories: Mapping[Any, Any]) -> list[Observation]:
-    """Return the observations in several memories, read, in the same order."""
-    return [_read(turn, by, text) for (_, turn, by), text in merge(*memories).items()]
-
-
-def sightings_of(observations: Iterable[Observation]) -> dict[str, Sighting]:
+def last_sightings(turns: Mapping[int, Turn]) -> dict[str, Sighting]:
     """Return where each agent was seen last; of several observers in one turn, the first by name counts."""
     last: dict[str, Sighting] = {}
-    for turn, by, _, found, *_ in observations:
-        for name, node in found.items():
-            if name not in last or last[name].turn < turn:
-                last[name] = Sighting(node, turn, by)
+    for turn in sorted(turns):
+        last |= turns[turn].found
     return dict(sorted(last.items()))
 
 
@@ -113,8 +180,10 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
         others = sorted(one for one in covered.not_shown if _is_other(ctx, state, one))
         looks.append(_look(ctx, covered.node_ids, covered.detection, others))
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
-    for memory in (_required(state, "memory"), *([state["team_memory"]] if "team_memory" in state else [])):
+    shared = state.get("team_memory", {})
+    for memory in (_required(state, "memory"), shared):
         _prune(memory, state["turn"], as_count(horizon, "horizon"))
+    _join(shared, state["turn"])
 
 
 def note(ctx: Context, state: State | AerialState, name: str, node: NodeId, *, share: bool = True) -> None:
@@ -136,7 +205,7 @@ def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, shar
     found = dict(sorted({**known.get("found", {}), **new["found"]}.items()))
     looks = new["looks"] or known.get("looks", [])
     entry = {"found": found, "looks": looks, "closed": known.get("closed", []) or _closed(ctx, memory)}
-    text = json.dumps({name: part for name, part in entry.items() if part not in ({}, [])}, separators=(",", ":"))
+    text = _as_text({name: part for name, part in entry.items() if part not in ({}, [])})
     memory[key] = text
     if share and "team_memory" in state and state.get("team") is not None:
         state["team_memory"][key] = text
@@ -204,12 +273,20 @@ def _read(turn: int, by: str, text: str) -> Observation:
         looks = tuple(_read_look(*look) for look in entry.get("looks", ()))
         closed = entry.get("closed", ())
         arcs = None if closed is None else tuple((int(s), int(t), float(length)) for s, t, length in closed)
-        return Observation(turn, by, text, entry.get("found", {}), looks, arcs)
+        return Observation(entry.get("found", {}), looks, arcs)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
-        raise BadType(
-            f"Memory has {shown(text)} as what {by!r} has observed in turn {turn}. "
-            f"Write nothing under keys that begin with {ENTRY!r}; gamms.belief does."
-        ) from error
+        raise _nonsense(turn, by, text) from error
+
+
+def _nonsense(turn: int, by: str, text: str) -> BadType:
+    return BadType(
+        f"Memory has {shown(text)} as what {by or 'a team'!r} has observed in turn {turn}. "
+        f"Write nothing under keys that begin with {ENTRY!r}; gamms.belief does."
+    )
+
+
+def _as_text(entry: Mapping[str, Any]) -> str:
+    return json.dumps(entry, separators=(",", ":"))
 
 
 def _read_look(steps: list[int] | None, detection: float | list[float], not_shown: Iterable[str] = ()) -> Look:
@@ -238,21 +315,29 @@ def _prune(memory: Memory, turn: int, horizon: int) -> None:
     """Forget looks that are older than some turns; where each agent was seen last stays."""
     if turn % max(1, horizon // 2):  # NOTE: seldom, because what is worked out from the first entry on has to be again
         return
-    observations = observations_in(memory)
-    last = sightings_of(observations)
+    turns = turns_in(memory)
+    last = last_sightings(turns)
     oldest = min((one.turn for one in last.values()), default=turn)
-    for one in observations:
-        if one.turn >= turn - horizon:
-            return
-        found = {name: node for name, node in one.found.items() if last[name] == (node, one.turn, one.by)}
-        entry: dict[str, Any] = {"found": found} if found else {}
-        if one.closed != () and oldest < one.turn:
-            entry["closed"] = one.closed
-        key = (ENTRY, one.turn, one.by)
-        if entry:
-            memory[key] = json.dumps(entry, separators=(",", ":"))
-        else:
-            del memory[key]
+    for then in (one for one in turns if one < turn - horizon):
+        memory.pop((ENTRY, then, _ALL), None)
+        for by, seen in zip(turns[then].texts, turns[then].observations, strict=True):
+            found = {name: node for name, node in seen.found.items() if last[name] == (node, then, by)}
+            closed = {"closed": seen.closed} if seen.closed != () and oldest < then else {}
+            memory.pop((ENTRY, then, by), None)
+            if found or closed:
+                memory[ENTRY, then, by] = _as_text(({"found": found} if found else {}) | closed)
+
+
+def _join(memory: Memory, turn: int) -> None:
+    """Join what was observed in turns of which all have heard; all do the same, so that they agree."""
+    keys = [key for key in memory if type(key) is tuple and len(key) == 3 and key[0] == ENTRY]
+    then_of = sorted({then for _, then, by in keys if by != _ALL and then < turn - 1})
+    turns = turns_in({key: memory[key] for key in keys if key[1] in then_of}) if then_of else {}
+    for then, seen in turns.items():
+        for by in seen.texts:
+            memory.pop((ENTRY, then, by), None)
+        entries = ",".join(f"{json.dumps(by)}:{text}" for by, text in seen.texts.items())
+        memory[ENTRY, then, _ALL] = f"{{{entries}}}"
 
 
 def agent_on_ground(ctx: Context, name: str) -> IAgent:
