@@ -119,6 +119,15 @@ def test_an_error_about_a_wrong_file_says_what_to_do(arguments, sentence):
     assert sentence in done.stderr
 
 
+@pytest.mark.parametrize("option", [["--theme", "dark"], ["--labels"], ["--trails", "3"], ["--no-captions"]])
+def test_an_option_of_the_window_without_a_window_is_refused(folder, option):
+    run("run", "game.yaml", "--out", "out")
+    done = run("replay", "out/game.ggr", *option)
+    assert done.exit_code == 2
+    assert option[0] in done.stderr
+    assert "add --window" in done.stderr
+
+
 def test_a_folder_that_holds_a_recording_and_a_recording_that_is_to_be_played_say_so(folder):
     run("run", "game.yaml", "--out", "out")
     assert "'out' is a folder, not a recording: give the file in it, 'out/game.ggr'." in run("replay", "out").stderr

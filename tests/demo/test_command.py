@@ -76,7 +76,7 @@ def test_the_same_seed_gives_the_same_bytes_in_any_process(tmp_path):
             [
                 sys.executable,
                 "-m",
-                "gamms.cli",
+                "gamms",
                 "demo",
                 "--max-turns",
                 "40",
@@ -159,7 +159,7 @@ def test_a_bad_map_ends_in_one_sentence(tmp_path, content, hint):
     if content is not None:
         path.write_text(content)
     done = subprocess.run(
-        [sys.executable, "-m", "gamms.cli", "demo", "--map", str(path), "--out", str(tmp_path / "out")],
+        [sys.executable, "-m", "gamms", "demo", "--map", str(path), "--out", str(tmp_path / "out")],
         capture_output=True,
         text=True,
         check=False,

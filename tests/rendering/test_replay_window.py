@@ -129,7 +129,7 @@ def test_without_a_display_there_is_no_window_at_once(recording, program):
     bare = {name: value for name, value in os.environ.items() if name not in named}
     words = ["-c", f"import gamms; {program}"]
     if program == "replay":
-        words = ["-m", "gamms.cli", "replay", str(recording), "--window"]
+        words = ["-m", "gamms", "replay", str(recording), "--window"]
     ended = subprocess.run([sys.executable, *words], env=bare, timeout=30, capture_output=True, text=True, check=False)
     assert ended.returncode == 1
     assert "No window can be opened here" in ended.stderr

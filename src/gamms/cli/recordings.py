@@ -121,6 +121,11 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
     from gamms.recorder import RecordingError
 
     warning, look = None, {"theme": theme, "labels": labels, "trails": trails, "captions": captions}
+    usual = {"theme": "light", "labels": False, "trails": 0, "captions": True}
+    if not window and look != usual:
+        option = next(name for name, value in usual.items() if look[name] != value)
+        hint = f"--{'no-' if option == 'captions' else ''}{option}"
+        raise typer.BadParameter("this is of the window: add --window.", param_hint=hint)
     ctx = recordings.context_for(
         file, map, visual.Engine.PYGAME if window else visual.Engine.NO_VIS, **(look if window else {})
     )

@@ -9,7 +9,7 @@ import os
 from collections.abc import Callable, Mapping
 from typing import Any, Concatenate, Generic, ParamSpec, TypeVar, cast
 
-from gamms.arguments import as_float, misspelt
+from gamms.arguments import as_float, as_range, misspelt
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.ir.draw import DrawCommands
 from gamms.text import shown
@@ -94,7 +94,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         self.drawing = drawing or Drawing(ctx)
         self.viewpoint = self.drawing.viewpoint
         self.artists = Artists(ctx, self.drawing)
-        seconds = as_float(simulation_time_constant, "simulation_time_constant")
+        seconds = as_range(simulation_time_constant, "simulation_time_constant")
         self.pictures = Pictures(ctx, self.drawing, self.artists, seconds)
 
     turn_seconds = _Attribute[float]("pictures", "turn_seconds")

@@ -389,6 +389,15 @@ def test_all_is_seen_while_the_window_stays_open_after_the_last_turn(hunt, perso
     assert shown[-1]
 
 
+def test_the_view_of_a_team_that_is_not_there_is_warned_of_once(hunt, caplog):
+    ctx = hunt(fog="hnted")
+    for _ in range(2):
+        ctx.visual.simulate()
+    assert [record.message for record in caplog.records].count(
+        "fog=: Unknown team 'hnted'. Did you mean 'hunted'? Everything is shown."
+    ) == 1
+
+
 def test_the_view_of_a_team_can_be_shown_all_the_time(hunt):
     ctx = hunt(fog="hunted")
     ctx.visual.simulate()

@@ -350,7 +350,7 @@ def test_a_replay_opens_its_window_on_the_display_there_is_and_ends_when_it_is_c
         ctx.visual.set_agent_visual("anna", color="red")
         ctx.record.start(tmp_path / "game")
         ctx.visual.simulate()
-    words = [sys.executable, "-m", "gamms.cli", "replay", str(tmp_path / "game.ggr"), "--window", "--seconds", "0.1"]
+    words = [sys.executable, "-m", "gamms", "replay", str(tmp_path / "game.ggr"), "--window", "--seconds", "0.1"]
     unnamed = {name: value for name, value in screen.items() if name != "SDL_VIDEODRIVER"}
     with subprocess.Popen(words, env=unnamed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as player:
         try:

@@ -115,7 +115,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.overlay.labels = as_choice(ctx, labels)
         self.overlay.has_captions = as_bool(captions, "captions")
         self.playback: IPlayback | None = None
-        self._fog, self._fogs = fog, dict[str, Fog]()
+        self._fog, self._fogs, self._is_fog_known = fog, dict[str, Fog](), False
         self._wanted: int | None = None  # the turn that the person has chosen in this frame
         self._stays_open, self._was_closed = as_bool(stay_open, "stay_open"), False
         self.hud: HudLines | None = self.overlay.turn_lines
@@ -324,6 +324,10 @@ class WindowEngine(WindowNames, PictureEngine):
         """Show what is known now; everything at the end of a game in which a person was asked."""
         if isinstance(self._fog, str):
             self._see_as(self._fog)
+            teams = {str(color_group(agent)) for agent in self.ctx.agent.create_iter()}
+            if teams and self._fog not in teams and not self._is_fog_known:
+                self._is_fog_known = True
+                self.ctx.logger.warning(f"fog=: {UnknownName('team', self._fog, teams)} Everything is shown.")
         elif self.overlay.is_over:
             self.artists.fog = None
         elif self.artists.fog is not None:

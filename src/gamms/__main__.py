@@ -1,4 +1,4 @@
-"""`python -m gamms.cli`: the same as `gamms`."""
+"""`python -m gamms`: the same as `gamms`."""
 
 from gamms.cli import main
 
