@@ -12,6 +12,7 @@ from functools import wraps
 from types import UnionType
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar, cast, overload
 
+from gamms.arguments import as_int
 from gamms.errors import BadType, IllegalMutation
 from gamms.readonly import Shareable, frozen
 from gamms.text import shown
@@ -180,4 +181,6 @@ class Protected(Generic[T]):
         if not isinstance(value, self._kind):
             kind = getattr(self._kind, "__name__", self._kind)
             raise BadType(f"{self._name.lstrip('_')} must be a {kind}, not {shown(value)} ({type(value).__name__}).")
+        if self._kind is int:
+            as_int(value, self._name.lstrip("_"))
         object.__setattr__(instance if self._part is None else getattr(instance, self._part), self._name, value)

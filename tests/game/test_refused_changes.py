@@ -7,6 +7,7 @@ import pytest
 from whole_world import WALL, other, public, sensor, world
 
 import gamms
+from gamms.errors import BadType, BadValue
 from gamms.recorder.recording import open as open_recording
 from gamms.sensor import SensorType
 from gamms.typing import AgentType
@@ -243,3 +244,16 @@ def ended(ctx, stream):
             recording.state(recording.turns)
             assert recording.turns == turn
     ctx.terminate()
+
+
+def test_a_turn_that_no_game_reaches_is_refused():
+    with gamms.create_context(seed=1) as ctx:
+        with pytest.raises(BadValue, match="turn"):
+            ctx.game.turn = 1 << 20_000
+        assert ctx.game.turn == 0
+
+
+@pytest.mark.parametrize("size", [iter([3]), "large", None, float("nan")])
+def test_a_size_that_is_no_number_is_refused_where_it_is_declared(size):
+    with gamms.create_context(seed=1) as ctx, pytest.raises((BadType, BadValue), match="size must be"):
+        ctx.visual.set_agent_visual("ann", size=size)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
-from gamms.arguments import as_int, as_key, as_name
+from gamms.arguments import as_float, as_int, as_key, as_name
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.text import shown
@@ -263,7 +263,13 @@ class Artists(Guarded):
 
     @refused_while_deciding
     def set_agent_visual(self, name: str, **kwargs: Unpack[AgentVisual]) -> Artist:
-        """Declare how an agent looks, which need not exist yet; `AgentVisual` has the keywords."""
+        """Declare how an agent looks, which need not exist yet; `AgentVisual` has the keywords.
+
+        Raises:
+            BadType, BadValue: the size is no finite number.
+        """
+        if "size" in kwargs:
+            as_float(kwargs["size"], "size")
         artist = self._made("agent", {**kwargs, "name": name}, Layer.AGENTS)
         artist.data["agent_data"].image = kwargs.get("image_path")
         return self._declare(name, artist)
