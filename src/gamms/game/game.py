@@ -273,6 +273,7 @@ class Game(RuleVerbs):
             agents=summaries,
             errors=[dict(error) for error in self.errors],
             deeds=[dict(deed) for deed in self._state.deeds],
+            messages=[dict(message) for message in self.messages],
             timings=dict(self.timings),
             seed=self.ctx.seed,
             collected=self._collectors.tables(),

@@ -16,6 +16,7 @@ from gamms.arguments import as_choice, as_key, as_path, as_text
 from gamms.errors import BadFile, BadType, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
+from gamms.ir.messages import message_table
 from gamms.ir.tables import frame_of, table_of
 from gamms.limits import refuse_above
 from gamms.plain import Plain
@@ -46,6 +47,8 @@ class Result:
             (by conflicts), illegal, errors, overruns (how often each).
         errors: what strategies did wrong, in order: turn, agent, kind ("illegal", "error", "overrun"), message.
         deeds: what agents did besides moving, in order: turn, agent, deed, at (the node), and its fields.
+        messages: what agents sent by channels, in order: turn, channel, sender, to, body, size (bytes), heard and
+            overheard (agent -> the turn in which it has the message), lost, jammed (agents).
         timings: seconds by phase: decide (sensing included), resolve, apply, rules, draw.
         seed: of the context.
         collected: name -> columns of what was collected.
@@ -64,6 +67,7 @@ class Result:
     timings: dict[str, float]
     seed: int
     deeds: list[dict[str, Any]] = field(default_factory=list)
+    messages: list[dict[str, Any]] = field(default_factory=list)
     collected: dict[str, dict[str, list[Any]]] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)
 
@@ -112,8 +116,8 @@ class Result:
     def table(self, name: str) -> dict[str, "np.ndarray[Any, Any]"]:
         """Return one table as columns of equal length, which pandas and polars take as they are.
 
-        `agents`, `teams`, `scores`, `errors`, `deeds` and `events` are always there; each kind of event and each
-        collected name is a table, too. docs/game.md says which columns they have.
+        `agents`, `teams`, `scores`, `errors`, `deeds`, `messages` and `events` are always there; each kind of event
+        and each collected name is a table, too. docs/game.md says which columns they have.
 
         Raises:
             UnknownName (KeyError): there is no such table.
@@ -142,6 +146,7 @@ class Result:
             "events": {key: [event[key] for event in self.events] for key in ("turn", "kind")},
             "errors": self.errors or {"turn": [], "agent": [], "kind": [], "message": []},
             "deeds": self.deeds or {"turn": [], "agent": [], "deed": [], "at": []},
+            "messages": message_table(self.messages),
             "scores": {"of": list(self.scores), "score": list(self.scores.values())},
             "agents": [{"agent": name, **summary} for name, summary in self.agents.items()],
             "teams": self._teams(),
@@ -236,6 +241,7 @@ _FORMAT = "gamms result 1"
 _BYTES_PER_LETTER = 40  # of memory for each byte of JSON: `{"":0}` takes most
 _Shape = type | tuple[type, ...] | dict[str, Any]
 _EVENT = {"turn": int, "kind": str}
+_OUTCOMES = {"heard": dict, "overheard": dict, "lost": list, "jammed": list, "to": object, "body": object}
 _AGENT = {"alive": bool, "moves": int, "team": object}
 _SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> what it holds, and each item of that
     "turns": (int, object),
@@ -247,6 +253,7 @@ _SHAPES: dict[str, tuple[_Shape, _Shape]] = {  # key -> what it holds, and each 
     "agents": (dict, _AGENT),
     "errors": (list, {**_EVENT, "agent": str, "message": str}),
     "deeds": (list, {"turn": int, "agent": str, "deed": str}),
+    "messages": (list, {"channel": str, "sender": str, **dict.fromkeys(("turn", "size"), int), **_OUTCOMES}),
     "seed": (int, object),
     "collected": (dict, {"turn": list, "value": list}),
     "provenance": (dict, object),

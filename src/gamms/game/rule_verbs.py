@@ -27,6 +27,7 @@ class RuleVerbs(Settings):
         data: what rules remember, as plain values; `reset` restores it.
         events: what was emitted, in order: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order.
+        messages: what was sent by channels and who hears it when, in order; see docs/messages.md.
     """
 
     ctx: Any
@@ -38,6 +39,7 @@ class RuleVerbs(Settings):
     data: Protected[dict[str, Any]] = Protected(dict, "_state")
     events: Protected[list[dict[str, Any]]] = Protected(list, "_state")
     errors: Protected[list[dict[str, Any]]] = Protected(list, "_state")
+    messages: Protected[list[dict[str, Any]]] = Protected(list, "_state")
     team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected(dict, "_state")
     counts: Protected[dict[str, dict[str, int]]] = Protected(dict, "_state")
     timings: Protected[dict[str, float]] = Protected(dict, "_state")

@@ -1,18 +1,19 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal, NamedTuple, Unpack
 
 from gamms.arguments import as_bool, as_count, as_float, as_function_of, as_items, as_key, as_name
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
+from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
 from gamms.ir.game_state import GameState
 from gamms.plain import to_plain
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
-from gamms.typing.game import IConflicts, Rule
+from gamms.typing.game import ChannelOptions, IConflicts, Rule
 
 _ORDER_FORM = "lists of teams, each team once, such as [['cops'], ['robber']]"
 _CHOICES = {
@@ -59,6 +60,7 @@ class Settings(Guarded):
         order: None: all agents decide and move at once. Or lists of teams, such as `[["cops"], ["robber"]]`: in each
             turn the teams of the first list decide and move at once, then those of the next, which see these moves.
         deeds: what agents may do besides moving: deed -> its fields -> the kind of each; see docs/game.md.
+        channels: by what agents can send messages: name -> its keywords; see `add_channel`.
         max_turns: `run` ends a game when so many turns were played, before it included; None: when a rule says so.
     """
 
@@ -74,6 +76,7 @@ class Settings(Guarded):
     team_memory: bool = True
     order: Sequence[Sequence[Any]] | None = None
     deeds: Mapping[str, Mapping[str, Any]] = ReadOnlyMapping({})
+    channels: Mapping[str, Channel] = ReadOnlyMapping({})
     max_turns: int | None = None
     _called = "ctx.game"
     _changes = 0  # how often a setting was set
@@ -107,7 +110,8 @@ class Settings(Guarded):
     def plain_settings(self) -> dict[str, Any]:
         """Return the settings that are plain values, defaults included; `configure` takes them."""
         plain = {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "deadline_s", "max_turns")}
-        default, declared = self.default_action, {"order": self.order, "deeds": to_plain(self.deeds)}
+        default, channels = self.default_action, {name: one.options() for name, one in self.channels.items()}
+        declared = {"order": self.order, "deeds": to_plain(self.deeds), "channels": channels}
         plain.update((name, value) for name, value in declared.items() if value)
         if not self.team_memory:
             plain["team_memory"] = False
@@ -130,6 +134,36 @@ class Settings(Guarded):
         for name, value in checked.items():
             object.__setattr__(self, name, value)
         object.__setattr__(self, "_changes", self._changes + 1)
+
+    @refused_while_deciding
+    def add_channel(self, name: str, **options: Unpack[ChannelOptions]) -> Channel:
+        """Add a channel, by which agents send what they put into `state["outbox"]`.
+
+        Args:
+            name: of the channel.
+            options: how far messages go, what is lost, how long they take; see `ChannelOptions` and docs/messages.md.
+
+        Raises:
+            Duplicate: there is a channel of this name.
+            BadValue, BadType: an option is impossible, or none says how far messages go.
+            UnknownName (KeyError): there is no such option.
+        """
+        channel = as_channel(name, options)
+        if name in self.channels:
+            raise Duplicate("a channel", name)
+        self.channels = {**self.channels, name: channel}
+        return channel
+
+    @refused_while_deciding
+    def remove_channel(self, name: str) -> None:
+        """Remove a channel; what is under way on it does not arrive.
+
+        Raises:
+            UnknownName (KeyError): there is no such channel.
+        """
+        if as_key(name, "The name of a channel") not in self.channels:
+            raise UnknownName("channel", name, self.channels)
+        self.channels = {key: one for key, one in self.channels.items() if key != name}
 
 
 def _choice(name: str, value: object) -> str:
@@ -204,6 +238,7 @@ _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     "team_memory": lambda name, value: as_bool(value, f"ctx.game.{name}"),
     "order": as_order,
     "deeds": lambda _, value: as_deeds(value),
+    "channels": lambda _, value: as_channels(value),
     "max_turns": lambda name, value: None if value is None else as_count(value, f"ctx.game.{name}", 0),
 }
 

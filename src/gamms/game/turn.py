@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Any
 
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue
+from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import FactsOf
-from gamms.game.order import AgentSlot, Legality, Part, ResolvedAction, TurnOrder
+from gamms.game.messages import Inboxes, sent
+from gamms.game.order import AgentSlot, IllegalAction, Legality, Part, ResolvedAction, TurnOrder
 from gamms.game.settings import RuleSet, Settings
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
@@ -53,6 +55,9 @@ class TurnEngine:
         self.is_deciding = self.is_playing = self.is_moving = False
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
         self.refusals: Refusals | None = None
+        self._inboxes = Inboxes(ctx, state)
+        self._outgoing: list[Outgoing] = []  # of this turn
+        self._known_channels: list[Channel] = []  # of which it was checked whom they name
 
     def order(self) -> TurnOrder:
         """Return the living agents, as they are asked in a turn."""
@@ -124,6 +129,8 @@ class TurnEngine:
         if self._settings.team_memory:
             known = self._state.team_memories.get(slot.team)
             state["team_memory"] = memory_copy(known) if known else {}
+        if self._settings.channels:
+            state["inbox"], state["outbox"] = self._inboxes.of(slot.name), []
         return state
 
     def play(self, observers: list[Observer], rules: RuleSet) -> None:
@@ -136,7 +143,7 @@ class TurnEngine:
         Raises:
             BadValue: the order of play leaves out a team.
         """
-        self._groups, self.is_moving = self._settings.order, True
+        self._groups, self.is_moving, self._outgoing = self._settings.order, True, []
         try:
             order = self.order()
             if order.unlisted is not None:
@@ -152,6 +159,9 @@ class TurnEngine:
                     later = self._play_part(self.order(), number, observers, rules).between(number, parts)
                     turn = turn.on(later.order).then(later)
             self._state.moves = turn
+            if self._outgoing:
+                agents = [slot.agent for slot in self.order().slots]
+                self._state.messages += sent(self._ctx, agents, self._outgoing, self._state.turn)
         finally:
             self.is_moving = False
             if self._settings.order is not self._groups:  # a rule has set another one, which counts from now on
@@ -216,10 +226,7 @@ class TurnEngine:
                 self._stop(turn, [i], "; ".join(sorted(why)))
             for kind, reasons in sorted(refusals.deeds.get(name, {}).items()):
                 message = f"{kind}: {'; '.join(sorted(reasons))}"
-                slots[i].counts["illegal"] += 1
-                error = {"turn": self._state.turn, "agent": name, "kind": "illegal", "message": message}
-                self._state.errors.append(error)
-                self._block(slots[i], message)
+                self._note_illegal(slots[i], message)
                 turn.refuse_deed(i, kind)
 
     def _stop(self, turn: "TurnMoves", indices: Iterable[int], why: str) -> None:
@@ -243,9 +250,9 @@ class TurnEngine:
         self.is_deciding = True
         try:
             seen = self._observe_first(order, part, observers)
-            settings = self._settings
+            settings, has_channels = self._settings, bool(self._settings.channels)
             is_usual = settings.team_memory and not state.team_memories and settings.time_budget is None
-            if seen is not None or not is_usual:
+            if seen is not None or has_channels or not is_usual:
                 for i, *_ in part.individuals:
                     decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
             else:
@@ -268,9 +275,41 @@ class TurnEngine:
             decisions.drop()
         if state.blocked:
             self._forget_blocked(order, part)
-        for i, why in decisions.close():
+        failures = decisions.close()
+        for i, why in failures:
             self._block(order.slots[i], why)
+        if has_channels:
+            self._take_outboxes(order, part, {i for i, _ in failures})
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
+
+    def _take_outboxes(self, order: TurnOrder, part: Part, failed: set[int]) -> None:
+        """Take what agents send, but for those whose decision does not count."""
+        channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
+        self._warn_of_unknown_names()
+        for i in part.observing:
+            slot = order.slots[i]
+            outbox = slot.last[0].get("outbox", ())
+            if i in failed or (type(outbox) is list and not outbox):
+                continue
+            messages, flaws = checked_outbox(outbox, slot, channels, teams)
+            self._outgoing += messages
+            for flaw in flaws:
+                if self._settings.on_illegal == "raise":
+                    raise IllegalAction(f"Agent {shown(slot.name)} in turn {self._state.turn}: {flaw}")
+                self._note_illegal(slot, flaw)
+
+    def _warn_of_unknown_names(self) -> None:
+        for channel in self._settings.channels.values():
+            if channel not in self._known_channels:
+                for flaw in unknown_in(channel, self._ctx):
+                    self._ctx.logger.warning(f"{channel.name}: {flaw}")
+        self._known_channels = list(self._settings.channels.values())
+
+    def _note_illegal(self, slot: AgentSlot, message: str) -> None:
+        slot.counts["illegal"] += 1
+        error = {"turn": self._state.turn, "agent": slot.name, "kind": "illegal", "message": message}
+        self._state.errors.append(error)
+        self._block(slot, message)
 
     def _forget_blocked(self, order: TurnOrder, part: Part) -> None:
         for i in part.members:

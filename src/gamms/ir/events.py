@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.applied_to import State
+from gamms.ir.messages import as_message
 from gamms.plain import Plain
 from gamms.readonly import published
 from gamms.text import shown
@@ -35,6 +36,7 @@ class Audience(Enum):
     ALL = "all"
     TEAM = "the team of the agent"
     SENSED = "the team of the agent, and who senses it"
+    HEARD = "the team of the sender, and those who hear or overhear it"
     HOST = "only the program that runs the game"
 
 
@@ -343,7 +345,7 @@ def as_over(value: object) -> dict[str, Any] | None:
 LOGGED: dict[int, str] = {}
 """Kind -> the log of `GameState` that it adds an entry to."""
 
-_TEXTS = {"events": ("kind",), "deeds": ("agent", "deed")}  # log -> what each of its entries must have
+_TEXTS = {"events": ("kind",), "deeds": ("agent", "deed"), "messages": ("channel", "sender")}  # that entries must have
 
 
 def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
@@ -356,7 +358,7 @@ def as_entry(log: str, data: Mapping[str, Plain]) -> dict[str, Any]:
     missing = next((key for key in _TEXTS[log] if not isinstance(found.get(key), str)), None)
     if missing is not None:
         raise BadType(f"{shown(found)} is not one of the {log}: it has no {missing}.")
-    return deepcopy(found)
+    return deepcopy(as_message(found) if log == "messages" else found)
 
 
 def _logged(code: int, name: str, audience: Audience, fields: str, log: str) -> int:
@@ -434,6 +436,7 @@ GAME_CHANCE = _event(0x04000007, "GAME_CHANCE", _HOST, "chance", lambda state, d
 GAME_PRIVATE_FACTS = _event(0x0400000B, "GAME_PRIVATE_FACTS", _TEAM, "agents teams", _publish_privately)
 GAME_DEED = _logged(0x04000008, "GAME_DEED", _SENSED, "agent:AGENT deed at:NODE", "deeds")
 GAME_BLOCKED = _event(0x04000009, "GAME_BLOCKED", _TEAM, "blocked", _set_blocked)
+GAME_MESSAGE = _logged(0x0400000A, "GAME_MESSAGE", Audience.HEARD, "sender:AGENT channel to body", "messages")
 USER_EVENT = _event(0x05000000, "USER_EVENT", _ALL, "kind")
 
 TERMINATE = _record(0x00000000, "TERMINATE", _ALL)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
-LOGS = ("events", "errors", "deeds")
+LOGS = ("events", "errors", "deeds", "messages")
 """The fields of a state to which entries are only appended."""
 
 
@@ -74,6 +74,7 @@ class GameState:
         events: what was emitted, in order; append-only: dicts with `turn` and `kind`.
         errors: what strategies did wrong, in order; append-only.
         deeds: what agents did besides moving, in order; append-only: dicts with `turn`, `agent`, `deed`, `at`.
+        messages: what agents sent by channels and who hears it when, in order; append-only: see `ir.messages`.
         blocked: agent -> why it did not do in its last turn what it wanted; only those that did not.
         facts: what was published, read-only values; this dict is never replaced.
         agent_facts: agent -> what was published to it alone.
@@ -100,6 +101,7 @@ class GameState:
     events: list[dict[str, Any]] = field(default_factory=list)
     errors: list[dict[str, Any]] = field(default_factory=list)
     deeds: list[dict[str, Any]] = field(default_factory=list)
+    messages: list[dict[str, Any]] = field(default_factory=list)
     blocked: dict[str, str] = field(default_factory=dict)
     facts: dict[str, Any] = field(default_factory=dict)
     agent_facts: dict[str, dict[str, Any]] = field(default_factory=dict)
@@ -132,7 +134,8 @@ class GameState:
         """Take over the logs of another game; they are copied when they are first read."""
         self.shared_logs = source.marks()
         self.histories = {name: LogHistory() for name in LOGS}
-        del self.events, self.errors, self.deeds
+        for name in LOGS:
+            delattr(self, name)
 
     def __getattr__(self, name: str) -> list[Any]:
         """Copy a log that was taken over."""

@@ -211,6 +211,7 @@ class _TeamMemories(_Memories):
 DETECTED: dict[str, tuple[int, type[_Detector]]] = {
     "events": (kinds.GAME_EVENT, _NewEntries),
     "deeds": (kinds.GAME_DEED, _NewEntries),
+    "messages": (kinds.GAME_MESSAGE, _NewEntries),
     "blocked": (kinds.GAME_BLOCKED, _Blocked),
     "scores": (kinds.GAME_SCORES, _Scores),
     "data": (kinds.GAME_DATA, _Items),

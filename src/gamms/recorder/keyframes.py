@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
 from gamms.ir.agents import NUMBERS, Progress
-from gamms.ir.events import as_blocked, as_over, set_scores
+from gamms.ir.events import LOGGED, as_blocked, as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain, plain_subset, to_plain
@@ -164,9 +164,9 @@ def restore_game(game: GameState, keyframe: Keyframe) -> None:
 def history(ctx: HostContext) -> Keyframe:
     """Return what snapshots hold as well, and keyframes are too many for: events, facts, settings, starts."""
     game = ctx.game
+    logs = {log: getattr(game.internals.state, log) for log in LOGGED.values()}
     return {
-        "events": to_plain(game.events),
-        **({"deeds": to_plain(game.internals.state.deeds)} if game.internals.state.deeds else {}),
+        **{log: to_plain(entries) for log, entries in logs.items() if entries or log == "events"},
         "settings": game.plain_settings(),
         **({"facts": plain_subset(game.facts)} if game.facts else {}),
         **({"starts": to_plain(game.internals.starts)} if game.internals.starts else {}),

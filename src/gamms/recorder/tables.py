@@ -8,8 +8,9 @@ import numpy as np
 from gamms.arguments import as_name
 from gamms.errors import UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, steps_of
+from gamms.ir.events import EVENTS, as_entry, steps_of
 from gamms.ir.graph import IntArray
+from gamms.ir.messages import MESSAGE_COLUMNS, message_table
 from gamms.ir.tables import table_of
 from gamms.plain import Plain
 from gamms.recorder import keyframes
@@ -39,6 +40,7 @@ _EMITTED = {kinds.GAME_EVENT, kinds.USER_EVENT}
 _EVENTS: dict[str, type] = {"turn": np.int64, "kind": np.str_}
 _SCORES: dict[str, type] = {"turn": np.int64, "of": np.str_, "score": np.float64}
 _DEEDS: dict[str, type] = {"turn": np.int64, "agent": np.str_, "deed": np.str_, "at": np.int64}
+_MESSAGES: dict[str, type] = {name: np.int64 if name in ("turn", "size") else object for name in MESSAGE_COLUMNS}
 _SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str_, "node": np.int64, "other": np.str_}
 
 
@@ -179,6 +181,12 @@ def _deeds(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     return table_of([dict(row) for row in rows]) if rows else _rows_as(_DEEDS, [])
 
 
+def _messages(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
+    """Return what was sent, and to whom it came: one row for each message and agent; see `ir.messages`."""
+    sent = [as_entry("messages", data) for *_, data in reader.events(start, stop, {kinds.GAME_MESSAGE})]
+    return table_of(message_table(sent)) if sent else _rows_as(_MESSAGES, [])
+
+
 def _sensed(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
     """Return every node that a sensor saw: turn, agent, sensor, the node, and the agent there if that was seen."""
     rows: list[tuple[Any, ...]] = []
@@ -203,6 +211,7 @@ def _rows_as(dtypes: Mapping[str, type], rows: list[tuple[Any, ...]]) -> Table:
 _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
     "deeds": _deeds,
     "events": _events,
+    "messages": _messages,
     "moves": _moves,
     "positions": _positions,
     "scores": _scores,

@@ -284,7 +284,7 @@ def _lines(recording: Recording) -> Iterator[_Record]:
 
 # -- tables -----------------------------------------------------------------------------------------------------
 
-_TABLES = ("moves", "positions", "scores", "events", "deeds", "sensed")
+_TABLES = ("moves", "positions", "scores", "events", "deeds", "messages", "sensed")
 _MOST_KINDS = 100  # of events that get a file of their own
 _FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 

@@ -1,17 +1,17 @@
 """Which of the agents in view a sensor reports: by team, and at random."""
 
 from abc import abstractmethod
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
-from numbers import Real
-from typing import Any, Self, cast
+from typing import Any, Self
 
 import numpy as np
 
 from gamms import kernels
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadValue
+from gamms.ir.chances import as_chances, chances_at
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Coverage
 from gamms.sensor.sensor import Sensor
@@ -191,23 +191,5 @@ def _teams(given: object) -> Collection[Any]:
 def _chance_of(detection: Detection, name: str) -> Chance | None:
     if detection is None or callable(detection):
         return detection
-    pairs: object = [(0.0, detection)] if isinstance(detection, Real) else detection
-    points = _points_of(cast("Iterable[tuple[float, float]]", pairs), name)
-    if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
-        raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {shown(detection)}.")
-    if (np.diff(points[:, 0]) <= 0.0).any():
-        raise BadValue(f"The distances of {name} must ascend, not {shown(detection)}.")
-    return lambda distances: np.interp(distances, points[:, 0], points[:, 1])
-
-
-def _points_of(detection: Iterable[tuple[float, float]], name: str) -> FloatArray:
-    try:
-        points = np.array([(float(distance), float(chance)) for distance, chance in detection])
-    except (TypeError, ValueError, OverflowError):
-        raise BadType(
-            f"{name} must be a probability, pairs (distance, probability) or a function of distances, "
-            f"not {shown(detection)}."
-        ) from None
-    if not len(points):
-        raise BadValue(f"{name} needs at least one pair (distance, probability).")
-    return points
+    points = as_chances(detection, name, or_function=True)
+    return lambda distances: chances_at(distances, points)

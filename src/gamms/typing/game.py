@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms.ir.agents import Position, Quat
 from gamms.ir.graph import FloatArray
+from gamms.plain import Plain
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
@@ -63,6 +64,72 @@ class Draws(Protocol):
         """Return 64 random bits."""
 
 
+class OutgoingMessage(TypedDict):
+    """A message that an agent sends: an item of `state["outbox"]`."""
+
+    channel: str
+    """The name of a channel."""
+    to: Any  # of a team: any value that can be a key of a dict
+    """The name of an agent, a team, or None for all on the channel."""
+    body: Plain
+    """A plain value, such as numbers, texts, lists and dicts of these."""
+
+
+class Message(TypedDict):
+    """A message that an agent hears: an item of `state["inbox"]`."""
+
+    channel: str
+    """The name of the channel."""
+    sender: str
+    """The agent that has sent it."""
+    to: Any  # as above
+    """Whom it is for: an agent, a team, or None for all on the channel."""
+    body: Plain
+    """What it says."""
+    turn: int
+    """The `state["turn"]` in which it was sent."""
+    overheard: bool
+    """Whether it is for others, and the agent is one of the channel's eavesdroppers."""
+
+
+class JammerOptions(TypedDict, total=False):
+    """Where nothing is heard: around `agent`, all agents of `team`, or the place `at`."""
+
+    radius_m: float
+    """How far around it, map units; always needed."""
+    agent: str
+    """The name of an agent."""
+    team: Any  # any value that can be a key of a dict
+    """A team."""
+    at: int | tuple[float, float]
+    """A node, or (x, y)."""
+
+
+class ChannelOptions(TypedDict, total=False):
+    """The keywords of `ctx.game.add_channel`; one of `range_m`, `hops` and `line_of_sight` is needed, all must hold."""
+
+    range_m: float | None
+    """How far agents hear each other, metres in a straight line, in the air in space; None: however far."""
+    hops: int | None
+    """Likewise in edges, from the node of the sender in their direction."""
+    line_of_sight: bool
+    """Whether buildings, and all other obstacles, block it."""
+    relay: bool | Sequence[Any]
+    """Whether agents on the channel pass messages on, or which agents and teams do; each time takes `delay_turns`."""
+    loss: float | Sequence[tuple[float, float]]
+    """How probably a message is lost on its way to an agent; or pairs (metres, probability), straight lines between."""
+    delay_turns: int
+    """After how many turns it is in the inbox, 1 at least."""
+    max_bytes_per_turn: int | None
+    """How many bytes the bodies of what an agent sends in a turn may have; None: any number."""
+    jammers: Sequence[JammerOptions]
+    """Where nothing is heard; a jammer that is dead jams nothing."""
+    teams: Any  # a team, or several in a list, tuple or set
+    """The teams that may use it; None: all."""
+    eavesdroppers: Any  # as for `teams`, of agents, too
+    """The agents and teams that hear all that reaches them."""
+
+
 class _GameKeys(TypedDict, total=False):
     """What `ctx.game` adds to the state of every agent; `agent.get_state()` alone does not."""
 
@@ -87,6 +154,10 @@ class _GameKeys(TypedDict, total=False):
     """Why the agent did not do in its last turn what it wanted; None: it did."""
     deeds: Mapping[str, Mapping[str, Any]]
     """What agents may do besides moving, as `ctx.game.deeds` declares it; only where that declares something."""
+    inbox: list[Message]
+    """The messages that have arrived for it; only where the game has channels."""
+    outbox: list[OutgoingMessage]
+    """What it sends: append to it; only where the game has channels."""
 
 
 class State(_GameKeys):

@@ -1,0 +1,301 @@
+"""Channels: by what agents can send messages, as a game declares it, and how what they want to send is checked."""
+
+from collections.abc import Collection, Hashable, Iterable, Mapping
+from typing import Any, NamedTuple, Protocol
+
+from gamms.arguments import (
+    as_count,
+    as_flag,
+    as_int,
+    as_items,
+    as_key,
+    as_mapping,
+    as_name,
+    as_numbers,
+    as_range,
+    as_text,
+)
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.ir.chances import as_chances
+from gamms.ir.packing import to_bytes
+from gamms.plain import Plain, to_plain, why_not_plain
+from gamms.readonly import ReadOnlyMapping
+from gamms.text import reason, shown
+from gamms.typing.context import HostContext
+
+_SEVERAL = (list, tuple, set, frozenset)
+_RANGES = "range_m= (metres in a straight line), hops= (edges along the graph) or line_of_sight=True"
+_JAMMER = "{'agent': name, 'radius_m': 50}, with 'team' or 'at' (a node or (x, y)) in place of 'agent'"
+_KEYS = ("channel", "to", "body")  # of a message in an outbox
+
+
+class Jammer(NamedTuple):
+    """An agent, all of a team, or a place, around which nothing is heard on a channel."""
+
+    radius_m: float
+    agent: str | None = None
+    team: Any = None  # any value that can be a key of a dict
+    at: int | tuple[float, float] | None = None
+
+
+class Channel(NamedTuple):
+    """How agents can send messages; `Settings.add_channel` says what each attribute means."""
+
+    name: str
+    range_m: float | None = None
+    hops: int | None = None
+    line_of_sight: bool = False
+    relay: bool | tuple[Any, ...] = False
+    loss: float | tuple[tuple[float, float], ...] = 0.0
+    delay_turns: int = 1
+    max_bytes_per_turn: int | None = None
+    jammers: tuple[Jammer, ...] = ()
+    teams: tuple[Any, ...] | None = None
+    eavesdroppers: tuple[Any, ...] = ()
+
+    def __repr__(self) -> str:
+        """Show the name, and what was declared."""
+        given = [f"{key}={shown(value)}" for key, value in self.options().items()]
+        return f"Channel({', '.join([shown(self.name), *given])})"
+
+    def options(self) -> dict[str, Plain]:
+        """Return the keywords that declare it, as plain values, without those that are as by default."""
+        values = zip(self._fields[1:], self[1:], strict=True)
+        given: dict[str, Any] = {key: value for key, value in values if value != self._field_defaults[key]}
+        if self.jammers:
+            given["jammers"] = [{k: v for k, v in one._asdict().items() if v is not None} for one in self.jammers]
+        plain: dict[str, Plain] = to_plain(given)
+        return plain
+
+    def is_for(self, team: Hashable) -> bool:
+        """Return whether the agents of a team may use it."""
+        return self.teams is None or team in self.teams
+
+    def named(self) -> set[Any]:
+        """Return the agents and teams that it names, without telling which is which."""
+        relays = self.relay if isinstance(self.relay, tuple) else ()
+        jammers = [one.agent if one.team is None else one.team for one in self.jammers if one.at is None]
+        return {*relays, *(self.teams or ()), *self.eavesdroppers, *jammers}
+
+
+# -- declared -----------------------------------------------------------------------------------------------------
+
+
+def as_channels(value: object) -> Mapping[str, Channel]:
+    """Return declared channels as a read-only mapping, by name.
+
+    Raises:
+        BadType, BadValue, UnknownName: they are not declared like this.
+    """
+    given = as_mapping(value, "ctx.game.channels")
+    return ReadOnlyMapping(
+        {name: one if isinstance(one, Channel) else as_channel(name, one) for name, one in given.items()}
+    )
+
+
+def as_channel(name: object, options: object) -> Channel:
+    """Return the channel that keywords declare; None stands for one that is not given.
+
+    Raises:
+        BadType, BadValue: one of them is impossible, or nothing says how far messages go.
+        UnknownName (KeyError): there is no such keyword.
+    """
+    known = Channel(as_name(name, "a channel"))
+    given = {key: one for key, one in as_mapping(options, f"Channel {known.name!r}").items() if one is not None}
+    for key in given:
+        if key not in _CHECKS:
+            raise UnknownName(f"keyword of channel {known.name!r}:", key, _CHECKS)
+    values = {key: _CHECKS[key](one, f"{key} of channel {known.name!r}") for key, one in given.items()}
+    channel = known._replace(**values)
+    if channel.range_m is None and channel.hops is None and not channel.line_of_sight:
+        passed_on = (
+            " relay= passes messages on; what is missing is how far each agent reaches." if channel.relay else ""
+        )
+        raise BadValue(f"Channel {known.name!r} has no range: give {_RANGES}.{passed_on}")
+    return channel
+
+
+def _loss(value: object, name: str) -> float | tuple[tuple[float, float], ...]:
+    points = as_chances(value, name).tolist()
+    return float(points[0][1]) if len(points) == 1 else tuple([(distance, chance) for distance, chance in points])
+
+
+def _names(value: object, name: str) -> tuple[Any, ...]:
+    """Return agents or teams: one, or several in a list, tuple or set."""
+    several = tuple(value) if isinstance(value, _SEVERAL) else (value,)
+    return tuple(dict.fromkeys(as_key(one, f"Each of {name}") for one in several))
+
+
+def _teams(value: object, name: str) -> tuple[Any, ...]:
+    teams = _names(value, name)
+    if not teams:
+        raise BadValue(f"{name} must name a team at least; None lets all use it.")
+    return teams
+
+
+def _relay(value: object, name: str) -> bool | tuple[Any, ...]:
+    return value if isinstance(value, bool) else _names(as_items(value, name, "agents and teams, or True"), name)
+
+
+def _jammers(value: object, name: str) -> tuple[Jammer, ...]:
+    return tuple(_jammer(one, name) for one in as_items(value, name, f"dicts such as {_JAMMER}"))
+
+
+def _jammer(value: object, name: str) -> Jammer:
+    given = as_mapping(value, f"Each of {name}")
+    for key in given:
+        if key not in Jammer._fields:
+            raise UnknownName(f"key of {name}:", key, Jammer._fields)
+    if "radius_m" not in given or sum(given.get(key) is not None for key in ("agent", "team", "at")) != 1:
+        raise BadValue(f"Each of {name} must be like {_JAMMER}, not {shown(value)}.")
+    at, team = given.get("at"), given.get("team")
+    where: Any = (
+        None if at is None else as_int(at, name) if hasattr(at, "__index__") else tuple(as_numbers(at, name, "(x, y)"))
+    )
+    agent = None if given.get("agent") is None else as_name(given["agent"], "a jammer")
+    return Jammer(as_range(given["radius_m"], f"radius_m of {name}"), agent, as_key(team, name), where)
+
+
+_CHECKS: dict[str, Any] = {  # keyword -> what checks it
+    "range_m": as_range,
+    "hops": as_count,
+    "line_of_sight": as_flag,
+    "relay": _relay,
+    "loss": _loss,
+    "delay_turns": as_count,
+    "max_bytes_per_turn": as_count,
+    "jammers": _jammers,
+    "teams": _teams,
+    "eavesdroppers": _names,
+}
+
+
+def unknown_in(channel: Channel, ctx: HostContext) -> list[str]:
+    """Return what a channel names and is not there, such as teams without agents, as errors."""
+    agents, teams, graph = ctx.agent.agents, set(ctx.agent.teams), ctx.graph.graph
+    missing = [one for one in channel.named() if one not in teams and one not in agents]
+    found = [str(UnknownName("agent or team", one, [*agents, *teams])) for one in sorted(missing, key=str)]
+    nodes = [one.at for one in channel.jammers if isinstance(one.at, int) and not graph.has_node(one.at)]
+    return found + [str(UnknownName("node of a jammer:", node)) for node in nodes]
+
+
+# -- sent ---------------------------------------------------------------------------------------------------------
+
+
+class Outgoing(NamedTuple):
+    """A message that an agent sends."""
+
+    sender: str
+    channel: str
+    to: Any  # an agent, a team, or None
+    body: Plain
+    size: int  # bytes
+
+
+class Sender(Protocol):
+    """The agent whose outbox is checked."""
+
+    @property
+    def name(self) -> str:
+        """Its name."""
+
+    @property
+    def team(self) -> Any:
+        """Its team; any value that can be a key of a dict."""
+
+
+def checked_outbox(
+    outbox: Any, sender: Sender, channels: Mapping[str, Channel], teams: Mapping[str, Any]
+) -> tuple[list[Outgoing], list[str]]:
+    """Return the messages of an outbox that can be sent, and what is wrong with the others.
+
+    Args:
+        outbox: what a strategy has left in its state.
+        sender: the agent.
+        channels: of the game, by name.
+        teams: agent -> its team, of all agents.
+    """
+    if type(outbox) not in (list, tuple):
+        return [], [f"BadType: state['outbox'] must be a list of messages, not {shown(outbox)}."]
+    messages: list[Outgoing] = []
+    flaws: list[str] = []
+    left = {name: one.max_bytes_per_turn for name, one in channels.items()}
+    for number, given in enumerate(outbox):
+        try:
+            message = _checked_message(given, sender, channels, teams)
+            left[message.channel] = _left_after(message, left[message.channel], channels[message.channel])
+            messages.append(message)
+        except Exception as error:  # noqa: BLE001 - a body may be of the caller's own class
+            kind = type(error).__name__
+            flaws.append(
+                f"{kind}: state['outbox'][{number}]: {error if isinstance(error, GammsError) else reason(error)}"
+            )
+    return messages, flaws
+
+
+def _left_after(message: Outgoing, left: int | None, channel: Channel) -> int | None:
+    """Return how many bytes are left for further messages of the sender in this turn."""
+    if left is not None and message.size > left:
+        raise BadValue(
+            f"Its body has {message.size} bytes; channel {channel.name!r} takes {channel.max_bytes_per_turn} of each "
+            f"agent per turn; {left} are left."
+        )
+    return None if left is None else left - message.size
+
+
+def _checked_message(
+    given: object, sender: Sender, channels: Mapping[str, Channel], teams: Mapping[str, Any]
+) -> Outgoing:
+    message = as_mapping(given, "A message")
+    for key in (*_KEYS, *message):
+        if key not in message:
+            raise BadValue(f"There is no {key!r}; a message has {', '.join(map(repr, _KEYS))}.")
+        if key not in _KEYS:
+            raise UnknownName("key of a message:", key, _KEYS)
+    channel = channels.get(as_text(message["channel"], "The channel of a message"))
+    if channel is None:
+        raise UnknownName("channel", message["channel"], channels)
+    if not channel.is_for(sender.team):
+        raise BadValue(f"Channel {channel.name!r} is not for team {shown(sender.team)}.")
+    to, body = as_key(message["to"], "The receiver of a message"), message["body"]
+    if to is not None:
+        _check_receivers(to, sender.name, channel, teams)
+    flaw = why_not_plain(body)
+    if flaw:
+        raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts of these: body{flaw}.")
+    body = to_plain(body)
+    return Outgoing(sender.name, channel.name, to_plain(to), body, len(to_bytes(body, "The body of a message")))
+
+
+def _check_receivers(to: Hashable, sender: str, channel: Channel, teams: Mapping[str, Any]) -> None:
+    """Check that there is an agent besides the sender that a message may be for, alive or not."""
+    addressed = receivers_of(to, teams)
+    if not addressed:
+        raise UnknownName(
+            "agent or team", to, [*teams, *dict.fromkeys(team for team in teams.values() if team is not None)]
+        )
+    others = [name for name in addressed if name != sender]
+    if not others:
+        raise BadValue(f"A message to {shown(to)} would come to no agent but its sender.")
+    if not any(channel.is_for(teams[name]) for name in others):
+        raise BadValue(f"Channel {channel.name!r} is not for {shown(to)}.")
+
+
+def receivers_of(to: Hashable, teams: Mapping[str, Any]) -> Collection[str]:
+    """Return the agents that a message is for, the sender included: an agent, or else a team, or all if it is None.
+
+    Args:
+        to: what the message says.
+        teams: agent -> its team.
+    """
+    if to is None:
+        return teams.keys()
+    if isinstance(to, str) and to in teams:
+        return (to,)
+    return [name for name, team in teams.items() if team == to]
+
+
+def matching(named: Iterable[Any], names: Iterable[str], teams: Iterable[Any]) -> list[bool]:
+    """Return for each agent whether it, or its team, is among what was named."""
+    wanted = set(named)
+    return [name in wanted or team in wanted for name, team in zip(names, teams, strict=True)]

@@ -1,0 +1,47 @@
+"""Probabilities that depend on a distance: how sensors notice agents, and how channels lose messages."""
+
+from collections.abc import Iterable
+from numbers import Real
+from typing import cast
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue
+from gamms.ir.graph import FloatArray
+from gamms.text import shown
+
+
+def as_chances(given: object, name: str, *, or_function: bool = False) -> FloatArray:
+    """Return the points (points, 2) of a probability: its distances, which ascend, and what it is there.
+
+    Args:
+        given: a number, which holds at all distances, or pairs `(distance, probability)`.
+        name: what it is, for errors.
+        or_function: whether a function would do, which errors then say.
+
+    Raises:
+        BadType, BadValue: it is neither.
+    """
+    pairs: object = [(0.0, given)] if isinstance(given, Real) else given
+    points = _points_of(cast("Iterable[tuple[float, float]]", pairs), given, name, or_function=or_function)
+    if not np.isfinite(points).all() or (points[:, 1] < 0.0).any() or (points[:, 1] > 1.0).any():
+        raise BadValue(f"{name} must be made of probabilities from 0 to 1, not {shown(given)}.")
+    if (np.diff(points[:, 0]) <= 0.0).any():
+        raise BadValue(f"The distances of {name} must ascend, not {shown(given)}.")
+    return points
+
+
+def chances_at(distances: FloatArray, points: FloatArray) -> FloatArray:
+    """Return a probability at some distances (distances,), with straight lines between its points."""
+    return np.interp(distances, points[:, 0], points[:, 1])
+
+
+def _points_of(pairs: Iterable[tuple[float, float]], given: object, name: str, *, or_function: bool) -> FloatArray:
+    try:
+        points = np.array([(float(distance), float(chance)) for distance, chance in pairs])
+    except (TypeError, ValueError, OverflowError):
+        forms = ["a probability", "pairs (distance, probability)", *(["a function of distances"] * or_function)]
+        raise BadType(f"{name} must be {', '.join(forms[:-1])} or {forms[-1]}, not {shown(given)}.") from None
+    if not len(points):
+        raise BadValue(f"{name} needs at least one pair (distance, probability).")
+    return points

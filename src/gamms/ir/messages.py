@@ -1,0 +1,54 @@
+"""Messages that were sent, as the log of a game holds them: who hears each of them, and when.
+
+An entry has `turn` (the number of the turn in which it was sent, from 1), `channel`, `sender`, `to`, `body`, `size` (of
+the body, bytes), `heard` and `overheard` (agent -> the number of the turn in which it has the message in its inbox),
+`lost` and `jammed` (agents). It says everything as soon as a message is sent: what is under way follows from the log.
+"""
+
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from typing import Any
+
+from gamms.errors import BadType
+from gamms.text import shown
+
+MESSAGE_COLUMNS = ("turn", "channel", "sender", "to", "receiver", "outcome", "arrival", "size", "body")
+_TIMES, _NAMES = ("heard", "overheard"), ("lost", "jammed")
+
+
+def as_message(entry: dict[str, Any]) -> dict[str, Any]:
+    """Check that a dict is an entry of the log.
+
+    Raises:
+        BadType: it is not.
+    """
+    times = [entry.get(key) for key in _TIMES]
+    names: list[Any] = [entry.get(key) for key in _NAMES]
+    has_times = all(isinstance(one, dict) and all(type(turn) is int for turn in one.values()) for one in times)
+    has_numbers = all(type(entry.get(key)) is int for key in ("turn", "size")) and entry.keys() >= {"to", "body"}
+    if not (has_times and has_numbers and all(isinstance(one, list) for one in names)) or not all(
+        isinstance(name, str) for one in (*times, *names) for name in one
+    ):
+        raise BadType(f"{shown(entry)} is not one of the messages: it does not say who hears it, and when.")
+    return entry
+
+
+def arrivals(entry: Mapping[str, Any]) -> Iterator[tuple[str, int, bool]]:
+    """Yield the agents that hear a message, the number of the turn in which they do, and whether they overhear it."""
+    for name, turn in entry["heard"].items():
+        yield name, turn, False
+    for name, turn in entry["overheard"].items():
+        yield name, turn, True
+
+
+def message_table(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
+    """Return entries as columns: one row for each message and agent; one with receiver None where it reaches none."""
+    rows: list[tuple[Any, ...]] = []
+    for entry in entries:
+        first, last = [entry[key] for key in MESSAGE_COLUMNS[:4]], [entry["size"], entry["body"]]
+        outcomes: list[tuple[str | None, str, int | None]] = []
+        for outcome in (*_TIMES, *_NAMES):
+            known: Collection[str] = entry[outcome]
+            turns = known if isinstance(known, Mapping) else {}
+            outcomes += [(name, outcome, turns.get(name)) for name in known]
+        rows += [(*first, *one, *last) for one in outcomes or [(None, "out of reach", None)]]
+    return {name: [row[i] for row in rows] for i, name in enumerate(MESSAGE_COLUMNS)}

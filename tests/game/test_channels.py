@@ -1,0 +1,754 @@
+"""Messages by channels: who hears what and when, what is refused, and that snapshots and recordings hold it all."""
+
+import io
+from math import sqrt
+from random import Random
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadType, BadValue, Duplicate, UnknownName
+
+
+def world(places, *, teams=None, seed=3, plan=None, **game):
+    """Return a context on a road of 10 m edges with an agent for each name -> node, in the order of `places`.
+
+    In each turn, an agent sends `plan(name, turn)`, and what it hears is noted in `ctx.heard` as (turn, name, inbox).
+    """
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "ERROR"}, game=game)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 10))
+    heard = ctx.heard = []
+
+    def strategy(state):
+        heard.append((state["turn"], state["name"], state["inbox"]))
+        state["outbox"] += (plan or (lambda *_: []))(state["name"], state["turn"])
+        state["action"] = state["curr_pos"]
+
+    for name, node in places.items():
+        ctx.agent.create_agent(name, start_node_id=node, team=(teams or {}).get(name), strategy=strategy)
+    return ctx
+
+
+def send(to, body="hello", channel="radio"):
+    return {"channel": channel, "to": to, "body": body}
+
+
+def once(messages, sender="ann", when=0):
+    """Return the plan of one agent that sends messages in one turn."""
+    return lambda name, turn: messages if (name, turn) == (sender, when) else []
+
+
+def inboxes(ctx, name):
+    """Return turn -> the bodies that an agent heard, without empty ones."""
+    return {turn: [one["body"] for one in inbox] for turn, who, inbox in ctx.heard if who == name and inbox}
+
+
+ROAD = {"ann": 0, "bob": 1, "cat": 3}
+
+
+def test_a_message_is_in_the_inbox_of_the_turn_after(tmp_path):
+    with world(ROAD, plan=once([send("bob", {"seen": [1, 2]})])) as ctx:
+        ctx.game.add_channel("radio", range_m=10)
+        result = ctx.game.run(3)
+        inbox = [
+            {"channel": "radio", "sender": "ann", "to": "bob", "body": {"seen": [1, 2]}, "turn": 0, "overheard": False}
+        ]
+        assert [(turn, got) for turn, name, got in ctx.heard if name == "bob"] == [(0, []), (1, inbox), (2, [])]
+        assert inboxes(ctx, "cat") == inboxes(ctx, "ann") == {}
+        assert result.messages == [
+            {
+                "turn": 1,
+                "channel": "radio",
+                "sender": "ann",
+                "to": "bob",
+                "body": {"seen": [1, 2]},
+                "size": result.messages[0]["size"],
+                "heard": {"bob": 2},
+                "overheard": {},
+                "lost": [],
+                "jammed": [],
+            }
+        ]
+        assert result.table("messages")["receiver"].tolist() == ["bob"]
+        result.save(tmp_path / "result.json")
+        assert gamms.game.Result.load(tmp_path / "result.json") == result
+
+
+def test_a_game_without_channels_has_neither_inbox_nor_outbox():
+    seen = []
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 2))
+        ctx.agent.create_agent(
+            "ann", start_node_id=0, strategy=lambda state: seen.append(set(state)) or state.update(action=0)
+        )
+        ctx.game.run(1)
+        ctx.game.add_channel("radio", range_m=1)
+        ctx.game.run(1)
+        ctx.game.remove_channel("radio")
+        ctx.game.run(1)
+    assert [{"inbox", "outbox"} & keys for keys in seen] == [set(), {"inbox", "outbox"}, set()]
+
+
+def test_a_message_goes_to_an_agent_a_team_or_all():
+    teams = {"ann": "red", "bob": "red", "cat": "blue", "dan": "blue", "eve": "red"}
+    plan = once([send("cat", 1), send("red", 2), send(None, 3), send("blue", 4)])
+    with world(dict.fromkeys(teams, 0), teams=teams, plan=plan) as ctx:
+        ctx.game.add_channel("radio", range_m=0)
+        ctx.game.run(2)
+        heard = {name: inboxes(ctx, name) for name in teams}
+    assert heard == {"ann": {}, "bob": {1: [2, 3]}, "eve": {1: [2, 3]}, "cat": {1: [1, 3, 4]}, "dan": {1: [3, 4]}}
+
+
+def test_positions_after_the_moves_of_the_turn_count():
+    with world(ROAD, plan=once([send(None)])) as ctx:
+        ctx.agent.get_agent("ann").register_strategy(
+            lambda state: state.update(action=1, outbox=[send(None)] * (state["turn"] == 0))
+        )
+        ctx.game.add_channel("radio", range_m=10)
+        ctx.agent.get_agent("cat").current_node_id = 2  # 20 m away before the move
+        ctx.game.run(2)
+        assert inboxes(ctx, "cat") == {1: ["hello"]}
+
+
+def test_a_delay_counts_turns_and_moves_later_change_nothing():
+    with world(ROAD, plan=once([send("bob")])) as ctx:
+        ctx.game.add_channel("radio", range_m=10, delay_turns=3)
+        ctx.game.run(1)
+        ctx.agent.get_agent("bob").current_node_id = 9
+        ctx.game.run(4)
+        assert inboxes(ctx, "bob") == {3: ["hello"]}
+
+
+def test_with_an_order_of_play_nobody_hears_a_message_in_its_turn():
+    teams = {"ann": "red", "bob": "blue", "cat": "red"}
+    plan = lambda name, turn: [send(None, f"{name} {turn}")]
+    with world(dict.fromkeys(teams, 0), teams=teams, plan=plan, order=[["blue"], ["red"]]) as ctx:
+        ctx.game.add_channel("radio", range_m=0)
+        ctx.game.run(2)
+        assert [inbox for turn, _, inbox in ctx.heard if turn == 0] == [[], [], []]
+        assert inboxes(ctx, "cat") == {1: ["ann 0", "bob 0"]} or inboxes(ctx, "cat") == {1: ["bob 0", "ann 0"]}
+        assert inboxes(ctx, "bob") == {1: ["ann 0", "cat 0"]}
+
+
+def test_the_dead_neither_send_nor_hear():
+    plan = lambda name, turn: [send(None, name)]
+    with world(dict.fromkeys(ROAD, 0), plan=plan) as ctx:
+        ctx.game.add_channel("radio", range_m=0)
+        ctx.game.add(lambda ctx: ctx.game.eliminate("ann") if ctx.game.turn == 1 else None)
+        ctx.game.run(3)
+        assert inboxes(ctx, "bob") == {1: ["ann", "cat"], 2: ["cat"]}
+        assert inboxes(ctx, "ann") == {}
+        ctx.agent.delete_agent("bob")
+        ctx.game.run(1)
+        assert inboxes(ctx, "cat") == {1: ["ann", "bob"], 2: ["bob"], 3: ["bob"]}
+
+
+def test_a_channel_is_for_its_teams():
+    teams = {"ann": "red", "bob": "red", "cat": "blue"}
+    plan = lambda name, turn: [send(None, name)] if turn == 0 else []
+    with world(dict.fromkeys(teams, 0), teams=teams, plan=plan) as ctx:
+        ctx.game.add_channel("radio", range_m=0, teams="red")
+        result = ctx.game.run(2)
+        assert (inboxes(ctx, "bob"), inboxes(ctx, "cat")) == ({1: ["ann"]}, {})
+        assert "Channel 'radio' is not for team 'blue'." in result.errors[0]["message"]
+        ctx.agent.get_agent("ann").register_strategy(
+            lambda state: state.update(action=0, outbox=[send("cat"), send("blue")])
+        )
+        assert "Channel 'radio' is not for 'cat'." in ctx.game.run(1).errors[1]["message"]
+
+
+# -- what is refused ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("messages", "flaw"),
+    [
+        ([send("bob", channel="raido")], "Unknown channel 'raido'. Did you mean 'radio'?"),
+        ([send("bop")], "Unknown agent or team 'bop'. Did you mean 'bob'?"),
+        ([send("ann")], "A message to 'ann' would come to no agent but its sender."),
+        ([send([])], "The receiver of a message must be a value such as a text or a number"),
+        ([send("bob", object())], "The body must be a plain value"),
+        ([send("bob", {"x": [1, {2j}]})], "The body must be a plain value"),
+        (
+            [send("bob", "x" * 100)],
+            "Its body has 103 bytes; channel 'radio' takes 50 of each agent per turn; 42 are left.",
+        ),
+        ([send("bob", None) | {"two": 1}], "Unknown key of a message: 'two'"),
+        ([{"channel": "radio", "body": 1}], "There is no 'to'; a message has 'channel', 'to', 'body'."),
+        (["hello"], "A message must be a dict, not 'hello' (str)."),
+        ([send("bob", channel=5)], "The channel of a message must be a string"),
+    ],
+)
+def test_an_impossible_message_is_counted_named_and_not_sent(messages, flaw):
+    with world(ROAD, plan=once([send("bob", "before"), *messages, send("bob", "after")])) as ctx:
+        ctx.game.add_channel("radio", range_m=10, max_bytes_per_turn=50)
+        result = ctx.game.run(2)
+        assert flaw in result.errors[0]["message"]
+        assert "state['outbox'][1]: " in result.errors[0]["message"]
+        assert {key: result.errors[0][key] for key in ("turn", "agent", "kind")} == {
+            "turn": 0,
+            "agent": "ann",
+            "kind": "illegal",
+        }
+        assert (len(result.errors), result.agents["ann"]["illegal"]) == (1, 1)
+        assert inboxes(ctx, "bob") == {1: ["before", "after"]}
+
+
+@pytest.mark.parametrize("outbox", [5, None, "hello", {"to": "bob"}])
+def test_an_outbox_that_is_no_list_is_counted(outbox):
+    with world(ROAD) as ctx:
+        ctx.agent.get_agent("ann").register_strategy(lambda state: state.update(action=0, outbox=outbox))
+        ctx.game.add_channel("radio", range_m=10)
+        assert "state['outbox'] must be a list" in ctx.game.run(1).errors[0]["message"]
+
+
+def test_a_body_of_a_hostile_class_is_counted():
+    class Hostile(dict):
+        def items(self):
+            raise RuntimeError("no")
+
+    with world(ROAD, plan=once([send("bob", Hostile(a=1)), send("bob", 2)])) as ctx:
+        ctx.game.add_channel("radio", range_m=10)
+        assert "RuntimeError" in ctx.game.run(2).errors[0]["message"]
+        assert inboxes(ctx, "bob") == {1: [2]}
+
+
+def test_an_illegal_message_raises_where_illegal_actions_do():
+    with world(ROAD, plan=once([send("bop")]), on_illegal="raise") as ctx:
+        ctx.game.add_channel("radio", range_m=10)
+        with pytest.raises(gamms.game.IllegalAction, match="Unknown agent or team 'bop'"):
+            ctx.game.run(1)
+        assert (ctx.game.turn, ctx.game.messages) == (0, [])
+
+
+def test_the_sender_is_told_what_was_refused():
+    told = []
+    with world(ROAD) as ctx:
+        ctx.agent.get_agent("ann").register_strategy(
+            lambda state: told.append(state["blocked"]) or state.update(action=0, outbox=[send("bop")])
+        )
+        ctx.game.add_channel("radio", range_m=10)
+        ctx.game.run(2)
+    assert told[0] is None
+    assert "Unknown agent or team 'bop'" in told[1]
+
+
+def test_bytes_are_counted_per_agent_channel_and_turn():
+    plan = lambda name, turn: [send("cat", "x" * 20), send("cat", "x" * 20), send("cat", "x"), send("cat", 1, "other")]
+    with world(dict.fromkeys(ROAD, 0), plan=plan) as ctx:
+        ctx.agent.get_agent("cat").register_strategy(ctx.agent.get_agent("ann").strategy)
+        ctx.game.add_channel("radio", range_m=0, max_bytes_per_turn=30)
+        ctx.game.add_channel("other", range_m=0, max_bytes_per_turn=3)
+        result = ctx.game.run(2)
+    sizes = [(one["turn"], one["sender"], one["channel"], one["body"]) for one in result.messages]
+    each = [("radio", "x" * 20), ("radio", "x"), ("other", 1)]
+    assert sizes == [(turn, name, *one) for turn in (1, 2) for name in ("ann", "bob") for one in each]
+
+
+@pytest.mark.parametrize("flaw", ["raises", "is late", "moves where it may not", "does not act"])
+def test_what_a_failed_decision_has_put_into_the_outbox_is_dropped(flaw):
+    def strategy(state):
+        state["outbox"].append(send("bob"))
+        if flaw == "raises":
+            raise RuntimeError("broken")
+        if flaw != "does not act":
+            state["action"] = 39 if flaw.startswith("moves") else 0
+
+    with world(ROAD, on_error="stay", time_budget=1e-9 if flaw == "is late" else None) as ctx:
+        ctx.agent.get_agent("ann").register_strategy(strategy)
+        ctx.game.add_channel("radio", range_m=10)
+        result = ctx.game.run(2)
+        assert (len([one for one in result.errors if one["agent"] == "ann"]), result.messages) == (2, [])
+
+
+def test_plans_and_awaitables_send_too():
+    async def slow(state):
+        state["outbox"].append(send("cat", state["name"]))
+        state["action"] = state["curr_pos"]
+
+    def plan(states):
+        for name, state in states.items():
+            state["outbox"].append(send("cat", name))
+            state["action"] = state["curr_pos"]
+
+    with world(dict.fromkeys(ROAD, 0), teams={"ann": "red"}) as ctx:
+        ctx.game.add_channel("radio", range_m=0)
+        ctx.game.command("red", plan)
+        ctx.agent.get_agent("bob").register_strategy(slow)
+        ctx.game.run(2)
+        assert inboxes(ctx, "cat") == {1: ["ann", "bob"]}
+        ctx.game.command("red", lambda arrays: arrays.nodes, arrays=True)
+        ctx.game.run(2)
+        assert inboxes(ctx, "cat")[3] == ["bob"]
+
+
+def test_what_is_sent_and_heard_shares_nothing():
+    kept = {"list": [1]}
+
+    def hear(state):
+        for one in state["inbox"]:
+            one["body"]["list"].append(2)
+        state["action"] = 0
+
+    with world(dict.fromkeys(ROAD, 0), plan=once([send(None, kept)])) as ctx:
+        ctx.agent.get_agent("bob").register_strategy(hear)
+        ctx.game.add_channel("radio", range_m=0, delay_turns=2)
+        ctx.game.run(1)
+        kept["list"].clear()
+        result = ctx.game.run(3)
+        assert inboxes(ctx, "cat") == {2: [{"list": [1]}]}
+        assert result.messages[0]["body"] == {"list": [1]}
+
+
+# -- declarations -------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({}, BadValue, r"Channel 'radio' has no range: give range_m= \(metres in a straight line\), hops="),
+        ({"loss": 0.1}, BadValue, "has no range"),
+        ({"relay": True}, BadValue, "what is missing is how far each agent reaches"),
+        ({"line_of_sight": False}, BadValue, "has no range"),
+        (
+            {"range_m": 10, "loss": 2},
+            BadValue,
+            "loss of channel 'radio' must be made of probabilities from 0 to 1, not 2",
+        ),
+        ({"range_m": 10, "loss": [(5, 0.1), (2, 0.2)]}, BadValue, "must ascend"),
+        ({"range_m": 10, "loss": len}, BadType, "loss of channel 'radio' must be a probability or pairs"),
+        ({"range_m": -1}, BadValue, "range_m of channel 'radio' must not be negative"),
+        ({"range_m": "far"}, BadType, "must be a number"),
+        ({"hops": 0}, BadValue, "at least 1"),
+        ({"hops": 1.5}, BadType, "must be an integer"),
+        ({"hops": 1, "delay_turns": 0}, BadValue, "delay_turns of channel 'radio' must be at least 1, not 0"),
+        ({"hops": 1, "max_bytes_per_turn": 0}, BadValue, "at least 1"),
+        ({"line_of_sight": 1}, BadType, "must be True or False"),
+        ({"hops": 1, "relay": "bob"}, BadType, "must be a list of agents and teams, or True"),
+        ({"hops": 1, "teams": []}, BadValue, "must name a team at least"),
+        ({"hops": 1, "jammers": "bob"}, BadType, "must be a list of dicts such as"),
+        ({"hops": 1, "jammers": [{"agent": "bob"}]}, BadValue, "must be like {'agent': name, 'radius_m': 50}"),
+        ({"hops": 1, "jammers": [{"agent": "bob", "at": 3, "radius_m": 1}]}, BadValue, "must be like"),
+        ({"hops": 1, "jammers": [{"agnt": "bob", "radius_m": 1}]}, UnknownName, "Did you mean 'agent'"),
+        ({"rnge_m": 1}, UnknownName, "Unknown keyword of channel 'radio': 'rnge_m'. Did you mean 'range_m'"),
+    ],
+)
+def test_an_impossible_channel_is_an_error_at_once(options, error, message):
+    with gamms.create_context() as ctx:
+        with pytest.raises(error, match=message):
+            ctx.game.add_channel("radio", **options)
+        assert ctx.game.channels == {}
+
+
+def test_channels_are_listed_shown_and_removed():
+    with gamms.create_context(game={"channels": {"radio": {"range_m": 50, "loss": 0.25}}}) as ctx:
+        pipe = ctx.game.add_channel("pipe", hops=3, teams=["red", "blue"], jammers=[{"at": (1, 2), "radius_m": 5}])
+        assert list(ctx.game.channels) == ["radio", "pipe"]
+        assert repr(ctx.game.channels["radio"]) == "Channel('radio', range_m=50.0, loss=0.25)"
+        assert "hops=3" in repr(pipe)
+        with pytest.raises(Duplicate):
+            ctx.game.add_channel("radio", hops=1)
+        plain = ctx.game.plain_settings()["channels"]
+        with gamms.create_context(game={"channels": plain}) as other:
+            assert other.game.channels == ctx.game.channels
+        ctx.game.remove_channel("radio")
+        with pytest.raises(UnknownName, match="Unknown channel 'radio'"):
+            ctx.game.remove_channel("radio")
+        assert list(ctx.game.channels) == ["pipe"]
+
+
+def test_what_is_under_way_on_a_channel_that_is_removed_does_not_arrive():
+    with world(ROAD, plan=once([send("bob"), send("bob", "by pipe", "pipe")])) as ctx:
+        ctx.game.add_channel("radio", range_m=10, delay_turns=2)
+        ctx.game.add_channel("pipe", hops=5, delay_turns=2)
+        ctx.game.run(1)
+        ctx.game.remove_channel("radio")
+        ctx.game.run(3)
+        assert inboxes(ctx, "bob") == {2: ["by pipe"]}
+
+
+def test_names_that_nothing_has_are_warned_about_once(caplog):
+    with world(ROAD, teams={"ann": "red"}) as ctx:
+        warned = []
+        ctx.logger.warning = warned.append
+        ctx.game.add_channel(
+            "radio", hops=1, teams=["red", "rad"], eavesdroppers=["bob", "bib"], jammers=[{"at": 99, "radius_m": 1}]
+        )
+        ctx.game.run(2)
+    assert [text.split(".")[0] for text in warned] == [
+        "radio: Unknown agent or team 'bib'",
+        "radio: Unknown agent or team 'rad'",
+        "radio: Unknown node of a jammer: 99",
+    ]
+
+
+# -- reach --------------------------------------------------------------------------------------------------------
+
+
+def reach_of(ctx, sender="ann"):
+    """Let one agent send to all once; return who hears it, and when."""
+    ctx.agent.get_agent(sender).register_strategy(
+        lambda state: state.update(action=state["curr_pos"], outbox=[send(None)] * (state["turn"] == 0))
+    )
+    ctx.game.run(1)
+    return next(one["heard"] for one in ctx.game.result().messages if one["sender"] == sender)
+
+
+def test_a_range_holds_in_space():
+    with world(ROAD) as ctx:
+        stay = lambda state: state.update(action=(0, 0, 0))
+        for name, place in (("near", (0.0, 3.0, 4.0)), ("high", (0.0, 0.0, 5.1))):
+            ctx.agent.create_agent(name, type="AERIAL", start_node_id=0, position=place, speed=1.0, strategy=stay)
+        ctx.game.add_channel("radio", range_m=5)
+        assert reach_of(ctx) == {"near": 2}
+
+
+def test_hops_follow_the_direction_of_edges():
+    graph = nx.DiGraph()
+    for node in range(4):
+        graph.add_node(node, x=100.0 * node, y=0.0)
+    graph.add_edges_from([(0, 1), (1, 2), (2, 3)])
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(graph)
+        for node, name in enumerate(["ann", "bob", "cat", "dan"]):
+            ctx.agent.create_agent(name, start_node_id=node)
+        ctx.game.add_channel("radio", hops=2)
+        assert reach_of(ctx) == {"bob": 2, "cat": 2}
+        ctx.game.reset()
+        assert reach_of(ctx, "dan") == {}
+
+
+def block(x, y, width, depth):
+    """Return the walls of a building 8 m high, (4, 4, 3)."""
+    corners = [(x, y), (x + width, y), (x + width, y + depth), (x, y + depth)]
+    return np.array(
+        [[(*a, 0), (*b, 0), (*b, 8), (*a, 8)] for a, b in zip(corners, corners[1:] + corners[:1], strict=True)]
+    )
+
+
+def test_buildings_block_sight_and_drones_see_over_them():
+    with world({"ann": 0, "bob": 2, "cat": 10}) as ctx:
+        ctx.graph.add_obstacles(block(14, -3, 2, 6))
+        ctx.agent.create_agent(
+            "drone",
+            type="AERIAL",
+            start_node_id=0,
+            position=(20.0, 0.0, 30.0),
+            speed=1.0,
+            strategy=lambda state: state.update(action=(0, 0, 0)),
+        )
+        ctx.game.add_channel("radio", line_of_sight=True)
+        assert reach_of(ctx) == {"cat": 2, "drone": 2}
+
+
+def test_relays_pass_on_and_each_takes_the_delay():
+    places = {"ann": 0, "bob": 2, "cat": 4, "dan": 6, "eve": 9}
+    with world(places) as ctx:
+        ctx.game.add_channel("radio", range_m=20, relay=True, delay_turns=2)
+        assert reach_of(ctx) == {"bob": 3, "cat": 5, "dan": 7}
+        ctx.game.run(7)
+        assert {name: list(inboxes(ctx, name)) for name in ("bob", "cat", "dan", "eve")} == {
+            "bob": [2],
+            "cat": [4],
+            "dan": [6],
+            "eve": [],
+        }
+
+
+def test_only_named_relays_pass_on_and_they_need_not_hear():
+    places = {"ann": 0, "bob": 2, "cat": 4, "dan": 6}
+    with world(places, plan=once([send("cat"), send("dan")])) as ctx:
+        ctx.game.add_channel("radio", range_m=20, relay=["bob"])
+        messages = ctx.game.run(3).messages
+        assert [one["heard"] for one in messages] == [{"cat": 3}, {}]
+        assert inboxes(ctx, "bob") == {}
+
+
+def test_a_jammer_is_a_place_an_agent_or_a_team():
+    places = {"ann": 0, "bob": 1, "cat": 3, "dan": 5, "eve": 7, "jam": 7, "joe": 9}
+    jammers = [
+        {"at": 3, "radius_m": 0},
+        {"at": (10.0, 1.0), "radius_m": 1},
+        {"agent": "jam", "radius_m": 1},
+        {"team": "noise", "radius_m": 5},
+        {"agent": "nobody", "radius_m": 1000},
+    ]
+    with world(places, teams={"joe": "noise"}) as ctx:
+        ctx.game.add_channel("radio", range_m=1000, jammers=jammers)
+        ctx.game.add(lambda ctx: ctx.game.eliminate("jam") if ctx.game.turn == 1 else None)
+        assert reach_of(ctx) == {"dan": 2}
+        assert ctx.game.messages[0]["jammed"] == ["bob", "cat", "eve", "jam", "joe"]
+        ctx.agent.get_agent("ann").register_strategy(lambda state: state.update(action=0, outbox=[send("eve")]))
+        ctx.game.run(1)
+        assert ctx.game.messages[1]["heard"] == {"eve": 3}  # a dead jammer jams nothing
+
+
+def test_an_eavesdropper_hears_exactly_what_reaches_it():
+    places = {"ann": 0, "bob": 1, "spy": 2, "far": 5}
+    teams = {"ann": "red", "bob": "red", "spy": "blue", "far": "blue"}
+    with world(places, teams=teams, plan=once([send("bob"), send("red", 2)])) as ctx:
+        ctx.game.add_channel("radio", range_m=20, teams="red", eavesdroppers=["blue"])
+        ctx.game.run(2)
+        spied = [one for turn, name, inbox in ctx.heard if name == "spy" for one in inbox]
+        assert [(one["body"], one["to"], one["overheard"]) for one in spied] == [
+            ("hello", "bob", True),
+            (2, "red", True),
+        ]
+        assert inboxes(ctx, "far") == {}
+        assert inboxes(ctx, "bob") == {1: ["hello", 2]}
+
+
+# -- chance -------------------------------------------------------------------------------------------------------
+
+
+def losses(names, *, seed=5, turns=40, extra=(), **options):
+    """Return (turn, sender, receiver) of all that is lost where all send to all."""
+    with world(dict.fromkeys([*names, *extra], 0), seed=seed, plan=lambda name, turn: [send(None)] * 2) as ctx:
+        ctx.game.add_channel("radio", **({"range_m": 0, "loss": 0.3} | options))
+        table = ctx.game.run(turns).table("messages")
+        rows = zip(table["turn"].tolist(), table["sender"].tolist(), table["receiver"].tolist(), strict=True)
+        return [row for row, outcome in zip(rows, table["outcome"], strict=True) if outcome == "lost"], len(
+            table["turn"]
+        )
+
+
+def test_losses_are_as_probable_as_declared():
+    lost, count = losses([f"a{i}" for i in range(8)])
+    assert count == 40 * 8 * 2 * 7
+    assert abs(len(lost) - 0.3 * count) < 4.0 * sqrt(0.3 * 0.7 * count)  # 1 seed in 16,000 is farther off
+    per_sender = [sum(one[1] == f"a{i}" for one in lost) for i in range(8)]
+    assert all(abs(some - 0.3 * count / 8) < 4.5 * sqrt(0.3 * 0.7 * count / 8) for some in per_sender)
+
+
+def test_losses_by_distance_have_straight_lines_between():
+    with world({"ann": 0, "bob": 5}, plan=lambda name, turn: [send("bob")] * 50 if name == "ann" else []) as ctx:
+        ctx.game.add_channel("radio", range_m=100, loss=[(0, 0.0), (100, 0.8)])
+        outcome = ctx.game.run(60).table("messages")["outcome"]
+    assert abs((outcome == "lost").mean() - 0.4) < 4.0 * sqrt(0.4 * 0.6 / 3000)
+
+
+@settings(max_examples=15)
+@given(st.permutations(["ann", "bob", "cat", "dan", "eve"]), st.integers(0, 2**31))
+def test_losses_follow_names_and_seeds_not_the_order_of_creation(names, seed):
+    assert losses(names, seed=seed, turns=3) == losses(sorted(names), seed=seed, turns=3)
+
+
+def test_one_more_agent_changes_no_luck_of_others():
+    names = ["ann", "bob", "cat"]
+    more, _ = losses(names, extra=["aaa", "zoe"])
+    fewer, _ = losses(names)
+    assert fewer
+    assert [one for one in more if {one[1], one[2]} <= set(names)] == fewer
+
+
+def test_losses_differ_by_turn_number_sender_receiver_and_seed():
+    lost, _ = losses(["ann", "bob", "cat"])
+    others, _ = losses(["ann", "bob", "cat"], seed=6)
+    assert lost != others
+    pairs = {(a, b): frozenset(one[0] for one in lost if one[1:] == (a, b)) for _, a, b in lost}
+    assert len(set(pairs.values())) == len(pairs) == 6
+
+
+# -- against a model ----------------------------------------------------------------------------------------------
+
+
+def model(kind, places, to, graph):
+    """Say by definition who hears a message of "a" without losses: name -> after how many transmissions."""
+
+    def linked(one, other):
+        (x, y), (u, v) = (divmod(places[name], 10)[::-1] for name in (one, other))
+        if kind.get("range_m") is not None and 10 * sqrt((x - u) ** 2 + (y - v) ** 2) > kind["range_m"]:
+            return False
+        if kind.get("hops") is None:
+            return True
+        return nx.has_path(graph, places[one], places[other]) and (
+            nx.shortest_path_length(graph, places[one], places[other]) <= kind["hops"]
+        )
+
+    names = sorted(places)
+    links = nx.DiGraph([(one, other) for one in names for other in names if one != other and linked(one, other)])
+    links.add_nodes_from(names)
+    far = nx.single_source_shortest_path_length(links, "a")
+    most = len(names) if kind.get("relay") else 1
+    return {
+        name: far[name] for name in names if name != "a" and 0 < far.get(name, 0) <= most and (to is None or name == to)
+    }
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10**9))
+def test_range_hops_and_relays_agree_with_their_definitions(seed):
+    draw = Random(seed)
+    places = {name: draw.randrange(40) for name in "abcdefg"}
+    kind = {"range_m": draw.choice([None, 10, 20, 25.0]), "hops": draw.choice([None, 1, 2, 4])}
+    if kind["range_m"] is kind["hops"] is None:
+        kind["hops"] = 3
+    kind["relay"] = draw.random() < 0.5
+    delay, to = draw.randint(1, 3), draw.choice([None, "b"])
+    with world(places, plan=once([send(to)], "a")) as ctx:
+        ctx.game.add_channel("radio", **kind, delay_turns=delay)
+        heard = ctx.game.run(1).messages[0]["heard"]
+        expected = model(kind, places, to, gamms.graph.grid(4, 10))
+    assert heard == {name: 1 + delay * hops for name, hops in expected.items()}
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**9))
+def test_sight_agrees_with_the_lines_of_the_plan(seed):
+    from shapely import LineString, box
+
+    draw = Random(seed)
+    places = {name: draw.randrange(40) for name in "abcdefg"}
+    boxes = [(10 * draw.randrange(9) + 3, 10 * draw.randrange(3) + 2) for _ in range(6)]
+    with world(places, plan=once([send(None)], "a")) as ctx:
+        for x, y in boxes:
+            ctx.graph.add_obstacles(block(x, y, 5, 5))
+        ctx.game.add_channel("radio", line_of_sight=True)
+        heard = set(ctx.game.run(1).messages[0]["heard"])
+    at = {name: (10.0 * (node % 10), 10.0 * (node // 10)) for name, node in places.items()}
+    walls = [box(x, y, x + 5, y + 5) for x, y in boxes]
+    margins = {name: [LineString([at["a"], at[name]]).distance(wall) for wall in walls] for name in "bcdefg"}
+    touched = {
+        name for name in "bcdefg" for x, y in boxes if LineString([at["a"], at[name]]).touches(box(x, y, x + 5, y + 5))
+    }
+    clear = {name for name, far in margins.items() if all(one > 0.0 for one in far)}
+    assert heard - touched == clear - touched
+
+
+# -- state --------------------------------------------------------------------------------------------------------
+
+
+def noisy(seed=7, **more):
+    """Return a game in which all send much, on channels with delays, losses and relays."""
+    ctx = world(
+        {"ann": 0, "bob": 2, "cat": 4, "dan": 6},
+        teams={"ann": "red", "bob": "red", "cat": "blue", "dan": "blue"},
+        seed=seed,
+        plan=lambda name, turn: [send(None, [name, turn]), send("dan", turn, "mesh")],
+        **more,
+    )
+    ctx.game.add_channel("radio", range_m=25, loss=0.4, delay_turns=3, eavesdroppers="dan", teams=("red", "blue"))
+    ctx.game.add_channel("mesh", hops=2, relay=True, loss=[(0, 0.1), (50, 0.6)])
+    return ctx
+
+
+def test_a_snapshot_holds_what_is_under_way():
+    with noisy() as ctx:
+        ctx.game.run(4)
+        moment = ctx.game.snapshot()
+        del ctx.heard[:]
+        first, heard = ctx.game.run(5), list(ctx.heard)
+        for turns in (5, 2, 5):
+            ctx.game.restore(moment)
+            del ctx.heard[:]
+            again = ctx.game.run(turns)
+            assert ctx.heard == heard[: 4 * turns]
+        assert again == first
+
+
+def test_a_reset_begins_with_empty_inboxes_and_repeats_all():
+    with noisy() as ctx:
+        first, heard = ctx.game.run(6), list(ctx.heard)
+        ctx.game.reset()
+        assert ctx.game.messages == []
+        del ctx.heard[:]
+        assert ctx.game.run(6) == first
+        assert ctx.heard == heard
+
+
+def test_a_fork_goes_on_with_what_is_under_way_and_with_chance_of_its_own():
+    with noisy() as ctx:
+        ctx.game.run(4)
+        fork = ctx.game.fork(1)
+        assert fork.messages == ctx.game.messages
+        inbox = fork.observation("bob")["inbox"]
+        assert inbox == ctx.game.observation("bob")["inbox"]
+        before = list(ctx.game.messages)
+        fork.run(20)
+        assert ctx.game.messages == before
+        ctx.game.run(20)
+        assert [one["lost"] for one in fork.messages] != [one["lost"] for one in ctx.game.messages]
+
+
+def test_an_observation_shows_the_inbox_of_the_turn_that_comes():
+    with world(ROAD, plan=once([send("bob")])) as ctx:
+        ctx.game.add_channel("radio", range_m=10)
+        assert ctx.game.observation("bob")["inbox"] == []
+        ctx.game.run(1)
+        assert [one["body"] for one in ctx.game.observation("bob")["inbox"]] == ["hello"]
+        assert [one["body"] for one in ctx.game.observation("bob")["inbox"]] == ["hello"]
+        ctx.game.run(1)
+        assert ctx.game.observation("bob")["inbox"] == []
+
+
+def recorded(turns=8):
+    file = io.BytesIO()
+    with noisy() as ctx:
+        ctx.record.start(file)
+        result = ctx.game.run(turns)
+        ctx.record.stop()
+        return file.getvalue(), result, list(ctx.heard)
+
+
+def test_a_recording_has_the_table_of_messages_and_a_replay_the_same():
+    data, result, _ = recorded()
+    with gamms.recorder.open(io.BytesIO(data)) as recording:
+        mine, theirs = recording.table("messages"), result.table("messages")
+        assert list(mine) == list(theirs)
+        assert all(mine[key].tolist() == theirs[key].tolist() for key in mine)
+        assert recording.table("messages", 0, 0)["turn"].tolist() == []
+    with gamms.create_context() as ctx:
+        copy = io.BytesIO()
+        ctx.record.start(copy)
+        for _ in ctx.record.replay(io.BytesIO(data)):
+            pass
+        assert ctx.game.messages == result.messages
+        ctx.record.stop()
+    with gamms.recorder.open(io.BytesIO(copy.getvalue())) as recording:
+        assert recording.table("messages")["outcome"].tolist() == result.table("messages")["outcome"].tolist()
+
+
+def test_a_game_that_is_resumed_at_any_turn_delivers_the_same():
+    data, result, heard = recorded()
+    with noisy() as source, gamms.recorder.open(io.BytesIO(data)) as recording:
+        strategy = source.agent.get_agent("ann").strategy
+        for turn in range(9):
+            del source.heard[:]
+            with recording.resume(turn, strategies=dict.fromkeys(["ann", "bob", "cat", "dan"], strategy)) as ctx:
+                again = ctx.game.run(8 - turn) if turn < 8 else ctx.game.result()
+                assert again.messages == result.messages
+                assert source.heard == heard[4 * turn :]
+
+
+def test_a_hostile_entry_of_a_recording_is_refused():
+    from gamms.ir.events import as_entry
+
+    good = recorded(2)[1].messages[0]
+    assert as_entry("messages", good) == good
+    for key, value in [("heard", ["bob"]), ("heard", {"bob": "soon"}), ("lost", [1]), ("sender", 3), ("turn", None)]:
+        with pytest.raises(BadType, match="is not one of the messages"):
+            as_entry("messages", good | {key: value})
+
+
+def test_channels_cannot_be_changed_while_agents_decide():
+    from gamms.deciding import IllegalMutation
+
+    def strategy(state):
+        for change in (
+            lambda: ctx.game.add_channel("x", hops=1),
+            lambda: ctx.game.remove_channel("radio"),
+            lambda: setattr(ctx.game, "channels", {}),
+        ):
+            with pytest.raises(IllegalMutation):
+                change()
+        state["action"] = 0
+
+    with world(ROAD) as ctx:
+        ctx.game.add_channel("radio", hops=1)
+        ctx.agent.get_agent("ann").register_strategy(strategy)
+        ctx.game.run(1)
+        assert list(ctx.game.channels) == ["radio"]
