@@ -26,6 +26,8 @@ def worlds(draw):
         "unit": draw(st.sampled_from(["edges", "metres"])),
         "sights": draw(st.lists(st.floats(0, 25), min_size=2, max_size=2)),
         "detection": draw(st.sampled_from([None, 0.5, ((0.0, 1.0), (12.0, 0.0))])),
+        "fov": draw(st.sampled_from([None, 0.8, 2.0])),
+        "is_one_sensor": draw(st.booleans()),
         "changes": draw(st.dictionaries(st.integers(0, 7), st.tuples(node, node, st.floats(0.5, 9.0)), max_size=5)),
         "phase": draw(st.sampled_from(["before", "after"])),
         "respawns": draw(st.sets(st.integers(0, 7), max_size=2)),
@@ -95,7 +97,11 @@ def test_the_truth_is_always_in_the_set(world):
             ctx.agent.get_agent("prey").speed = world["speed"]
         for i, sight in enumerate(world["sights"]):
             options = {"sensor_range": sight, "detection": world["detection"]}
-            eyes = ctx.sensor.create_sensor(f"eyes {i}", SensorType.AGENT_RANGE, **options)
+            kind = SensorType.AGENT_RANGE if world["fov"] is None else SensorType.AGENT_ARC
+            if kind is SensorType.AGENT_ARC:
+                options["fov"] = world["fov"]
+            if i == 0 or not world["is_one_sensor"]:
+                eyes = ctx.sensor.create_sensor(f"eyes {i}", kind, **options)
             start = world["starts"][i + 1]
             ctx.agent.create_agent(f"w{i}", start_node_id=start, team="b", sensors={"eyes": eyes}, strategy=watch)
         ctx.game.run(9)
