@@ -138,6 +138,14 @@ def test_trails_end_where_a_game_is_reset(road):
     assert [[x for x, _ in line] for line in trails(road, 9)[0]] == [[0.0, 10.0]]
 
 
+def test_an_agent_that_is_put_elsewhere_has_no_trail_that_leads_there(road):
+    road.game.add(lambda ctx: ctx.game.turn == 3 and ctx.game.respawn("anna"))
+    walk = iter([1, 2, 3, 1, 2])
+    road.agent.get_agent("anna").register_strategy(lambda state: state.update(action=next(walk)))
+    road.game.run(5)
+    assert [[x for x, _ in line] for line in trails(road, 9)[0]] == [[0, 10], [10, 20], [0, 10], [10, 20]]
+
+
 def test_an_agent_that_comes_or_goes_has_no_trail_from_elsewhere(road):
     road.game.run(2)
     road.agent.create_agent("new", start_node_id=9, team="red", strategy=lambda state: state.update(action=10))

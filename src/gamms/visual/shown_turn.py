@@ -3,7 +3,7 @@
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import islice
+from itertools import islice, takewhile
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -126,12 +126,24 @@ class Motion:
     def past(self, turns: int) -> list[Moves]:
         """Return the moves of the last turns, so many at most, the latest first."""
         self._number_of_turn()
-        for place in range(max(len(self._past) - turns, 0), len(self._past)):
+        places = range(max(len(self._past) - turns, 0), len(self._past))
+        recent = [place for place in places if not isinstance(self._past[place], Moves)]
+        placed = self._placed_since(self._past[recent[0]]) if recent else set()
+        for place in recent:
             entry = self._past[place]
             if not isinstance(entry, Moves):
-                was, now = (dict(zip(names, places, strict=True)) for names, places, _ in entry)
-                self._past[place] = self.moves_between({}, {name: (was.get(name, at), at) for name, at in now.items()})
+                (was, now), number = (dict(zip(names, places, strict=True)) for names, places, _ in entry), entry[1][2]
+                steps = {name: (was.get(name, at), at) for name, at in now.items() if (number, name) not in placed}
+                self._past[place] = self.moves_between({}, steps)
         return [moves for moves in reversed(self._past) if isinstance(moves, Moves)][:turns]
+
+    def _placed_since(self, entry: "tuple[_Turn, _Turn] | Moves") -> set[tuple[int, str]]:
+        """Return the turn and the name of each agent that was put elsewhere in a turn or later."""
+        game = self._ctx.current_game
+        if game is None or isinstance(entry, Moves):
+            return set()
+        later = takewhile(lambda event: event["turn"] >= entry[1][2], reversed(game.events))
+        return {(event["turn"], event["agent"]) for event in later if event["kind"] == "respawned"}
 
     def _number_of_turn(self) -> int:
         """Return the turn of the game, after a look whether it was reset."""
