@@ -50,6 +50,36 @@ def test_a_name_may_be_given_once(ctx):
         ctx.game.add(rule, name=5)
 
 
+def test_rules_of_a_higher_rank_are_called_later_whenever_they_were_added(ctx):
+    called = []
+
+    def of_rank(name, rank):
+        def rule(_):
+            called.append(name)
+
+        if rank is not None:
+            rule.rank = rank
+        return rule
+
+    for name, rank in (("end", 5), ("pay", 2), ("first", None), ("also pay", 2), ("second", 0)):
+        ctx.game.add(of_rank(name, rank), name=name)
+    ctx.game.step()
+    assert called == names(ctx) == ["first", "second", "pay", "also pay", "end"]
+
+
+def test_rules_with_the_same_key_are_refused_until_one_is_removed(ctx):
+    def tide(ctx):
+        pass
+
+    tide.key = "water"
+    ctx.game.add(tide)
+    with pytest.raises(ValueError, match="There is already a rule with a key named 'water'"):
+        ctx.game.add(tide, name="flood")
+    ctx.game.remove("tide")
+    ctx.game.add(tide, name="flood")
+    assert names(ctx) == ["flood"]
+
+
 def test_a_rule_can_be_removed_by_its_name_itself_or_its_entry(ctx, play):
     called = []
 

@@ -122,7 +122,7 @@ def test_if_no_agent_is_left_no_team_wins(road):
 def test_impossible_arguments_are_refused_at_once(road):
     for make, message in (
         (lambda: reach("red"), "must be an integer, not None"),
-        (lambda: reach("red", []), "needs a node to reach"),
+        (lambda: reach("red", []), "node for team 'red' to reach is missing"),
         (lambda: reach("red", "the start of blue"), "'starts of blue'"),
         (lambda: reach({"red": 1}, 2), "says already"),
         (lambda: reach({"red": 1, "blue": 2}, winner="red"), "is for one team"),

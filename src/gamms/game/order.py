@@ -17,6 +17,7 @@ from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Plan, Settings
 from gamms.ir.agents import Position, Progress, Quat, Selection
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import shortest_edges
 from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.actions import as_node, flight, heading_in
@@ -430,11 +431,7 @@ class Legality:
         revision, lengths = self._lengths
         graph = self._ctx.graph.graph
         if revision is None or revision != graph.revision:
-            columns, lengths = self._ctx.graph.columns(), {}
-            ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
-            for start_id, end_id, length in zip(*ends, columns.lengths.tolist(), strict=True):
-                known = lengths.get((start_id, end_id))
-                lengths[start_id, end_id] = length if known is None else min(known, length)
+            lengths = shortest_edges(self._ctx.graph.columns())
             self._lengths = graph.revision, lengths
         return as_float(lengths[source, target], "length")
 

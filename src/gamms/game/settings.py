@@ -262,7 +262,8 @@ class RuleSet:
     """The rules of one context's game.
 
     Attributes:
-        rules: the rules in the order in which they were added; another tuple after each change.
+        rules: the rules by their ranks, those of one rank in the order in which they were added; another tuple after
+            each change.
     """
 
     def __init__(self, ctx: HostContext) -> None:
@@ -277,11 +278,14 @@ class RuleSet:
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:
             raise Duplicate("a rule", name)
+        key = getattr(rule, "key", None)
+        if key is not None and any(getattr(one.rule, "key", None) == key for one in self.rules):
+            raise Duplicate("a rule with a key", key)
         named = NamedRule(_free_name(_name_of(rule), taken) if name is None else name, rule, phase)
         prepare = getattr(rule, "prepare", None)
         if prepare is not None:
             prepare(self._ctx)
-        self.rules = (*self.rules, named)
+        self.rules = tuple(sorted((*self.rules, named), key=_rank_of))
         self._unchecked.append(named)
         self._propose(named)
 
@@ -367,6 +371,11 @@ class RuleSet:
             artists: Any = getattr(self._ctx.visual, "artists", None)
             propose = self._ctx.visual.add_artist if artists is None else artists.propose
             propose(artist, {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
+
+
+def _rank_of(named: NamedRule) -> int:
+    rank: int = getattr(named.rule, "rank", 0)
+    return rank
 
 
 def _artist_of(named: NamedRule) -> str | None:

@@ -31,3 +31,13 @@ class GraphColumns:
     edge_attributes: Mapping[str, Mapping[int, Any]]  # name -> edge row -> value
     revision: int
     crs: str | None
+
+
+def shortest_edges(columns: GraphColumns) -> dict[tuple[int, int], float]:
+    """Return (source id, target id) -> the length of the shortest edge from the one to the other."""
+    lengths: dict[tuple[int, int], float] = {}
+    ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
+    for source, target, length in zip(*ends, columns.lengths.tolist(), strict=True):
+        known = lengths.get((source, target))
+        lengths[source, target] = length if known is None else min(known, length)
+    return lengths

@@ -1,6 +1,7 @@
 """How games end: an agent reaches its goal, time is up, or one team is left; and what a rule may carry."""
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from enum import IntEnum
 from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
@@ -21,6 +22,17 @@ _STARTS = "starts of "
 Nodes = NodeId | Iterable[NodeId] | str  # a node, several, or "starts of X"
 
 
+class Rank(IntEnum):
+    """When a rule is called among those of its phase; those of one rank are called as they were added."""
+
+    USUAL = 0  # what moves and tags agents
+    RESOURCES = 1
+    PLACES = 2  # who is where
+    RESPAWNS = 3
+    PAYOFFS = 4  # what came of the others
+    END = 5
+
+
 class Hooks(TypedDict, total=False):
     """Attributes of a rule that `ctx.game.add` looks for."""
 
@@ -32,6 +44,12 @@ class Hooks(TypedDict, total=False):
     """The teams that the rule names; one without agents is warned about."""
     last_turn: int
     """The turn after which the rule ends the game, for windows to show how far it is."""
+    check: Callable[[Context], object]
+    """Called when all have decided, to refuse moves and deeds."""
+    rank: int
+    """A `Rank`, so that the order in which rules are added does not count."""
+    key: Hashable
+    """What the rule remembers is under this key of `ctx.game.data`; no two rules have the same."""
 
 
 def with_hooks(rule: R, **hooks: Unpack[Hooks]) -> R:
@@ -134,7 +152,7 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
         if ctx.game.turn >= last:
             ctx.game.end("time limit", winner=_leader(ctx) if winner is LEADER else winner, truncated=True)
 
-    return with_hooks(time_limit, teams=named, last_turn=last)
+    return with_hooks(time_limit, teams=named, last_turn=last, rank=Rank.END)
 
 
 @shown_as_called
@@ -149,7 +167,33 @@ def last_team() -> Rule:
         if len(left) <= 1:
             ctx.game.end("last team", winner=next(iter(left), None))
 
-    return last_team
+    return with_hooks(last_team, rank=Rank.END)
+
+
+def as_nodes(given: object, name: str) -> frozenset[int]:
+    """Return the ids of a node, or of several.
+
+    Raises:
+        BadType, BadValue: there is none, or one is no integer.
+    """
+    nodes = frozenset(as_int(node, name) for node in (given if isinstance(given, Iterable) else [given]))
+    if not nodes:
+        raise BadValue(f"{name} is missing: give the id of a node, or several.")
+    return nodes
+
+
+def as_teams(given: object) -> frozenset[Hashable] | None:
+    """Return several teams, or one, as a set; None: all."""
+    if given is None:
+        return None
+    several = given if isinstance(given, Iterable) and not isinstance(given, str) else [given]
+    return frozenset(as_key(team, "A team") for team in several)
+
+
+def state_of(ctx: Context, group: str, key: str, start: dict[str, Any]) -> dict[str, Any]:
+    """Return what a rule remembers, in `ctx.game.data[group][key]`; the start if that is new."""
+    state: dict[str, Any] = ctx.game.data.setdefault(group, {}).setdefault(key, start)
+    return state
 
 
 def refuse_unknown(ctx: Context, nodes: Iterable[int]) -> None:
@@ -199,11 +243,7 @@ def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:
                 f"Team {shown(team)} is to reach {shown(goal)}: give nodes, or a text such as 'starts of blue'."
             )
         return goal.removeprefix(_STARTS)
-    several = goal if isinstance(goal, Iterable) else [goal]
-    nodes = frozenset(as_int(node, f"A node for team {shown(team)} to reach") for node in several)
-    if not nodes:
-        raise BadValue(f"Team {shown(team)} needs a node to reach.")
-    return nodes
+    return as_nodes(goal, f"A node for team {shown(team)} to reach")
 
 
 def _starts(ctx: Context, team: str) -> set[int]:

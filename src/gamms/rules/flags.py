@@ -73,7 +73,7 @@ def capture_flag(
     def capture_flag(ctx: Context) -> None:
         game.play(ctx)
 
-    return with_hooks(capture_flag, prepare=game.prepare, drawer=FlagsDrawer(game.key, colors))
+    return with_hooks(capture_flag, prepare=game.prepare, drawer=FlagsDrawer(game.key, colors), key=game.key)
 
 
 class _Flags(NamedTuple):

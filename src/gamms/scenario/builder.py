@@ -79,8 +79,9 @@ class Builder:
         for number, given in enumerate(self.spec.rules):
             with at(f"rules.{number}"):
                 rule, full = self._rule(given, f"rules.{number}"), in_full(schema.Rule, given)
+                before = game.rules
                 game.add(rule, phase=full.phase, name=full.name)
-            self._rules[game.rules[-1].name] = rule
+            self._rules[next(one.name for one in game.rules if one not in before)] = rule
         if self.spec.conflicts is not None:
             with at("conflicts"):
                 game.conflicts = self._conflicts(self.spec.conflicts)
