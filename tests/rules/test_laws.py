@@ -10,8 +10,25 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.agent import AgentType
-from gamms.rules import Conflicts, capture_flag, contacts, last_team, one_to_one, reach, tag, territory, time_limit
+from gamms.rules import (
+    Conflicts,
+    capture_flag,
+    contacts,
+    cooldown,
+    discover,
+    hold,
+    last_team,
+    one_to_one,
+    payoff,
+    reach,
+    resource,
+    respawn,
+    tag,
+    territory,
+    time_limit,
+)
 from gamms.strategies import random_walk
+from gamms.testing import check_rule
 
 LAWS = settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 SIDE = 4
@@ -38,18 +55,35 @@ GAMES = {
         tag("red", "blue", territory="territory", mutual=True),
         capture_flag({"red": 1, "blue": 14}, territory="territory", goal=3),
     ],
+    "places": lambda: [hold([5, 6, 9, 10], 2, score=1, ends=False), discover({0: "flag", 15: "decoy"}, score=3)],
+    "resources": lambda: [
+        resource("fuel", 90, per_metre=1, per_deed={"shout": 5}, recharge={5: 20, 6: 20}),
+        resource("water", 4, per_turn=1, recharge={0: 2, 15: 2}, empty="eliminate", teams=["red", "blue"]),
+        cooldown("shout", 2),
+        respawn(2, times=2),
+    ],
+    "pay-offs": lambda: [
+        *(tag("red", "blue", then="eliminate", mutual=True, score=0), respawn()),
+        payoff({"tag": {"agent": 2, "other": -1}, "eliminated": {"agent": -1}}, zero_sum=True),
+    ],
     "flags at home": lambda: [capture_flag({"red": 5, "blue": 10}, goal=None), tag("red", "blue", then="eliminate")],
 }
 
 
+def shouting(state):
+    random_walk(state)
+    if "deeds" in state and isinstance(state["action"], int) and state["draw"].random() < 0.5:
+        state["action"] = {"node_id": state["action"], "do": {"shout": None}}
+
+
 def open_game(rules, agents, seed=3):
     """Agents `(team, node)` by name; all walk about at random."""
-    ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"})
+    ctx = gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"}, game={"deeds": {"shout": None}})
     ctx.graph.attach_networkx_graph(gamms.graph.grid(SIDE, SIDE))
     for name, (team, node) in agents.items():
         speed = {"0": 2, "1": 1.5, "2": 0.5}.get(name[-1])
         kind = {"type": AgentType.AERIAL, "speed": 8.0} if name.startswith("drone") else {"speed": speed}
-        ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=random_walk, **kind)
+        ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=shouting, **kind)
     for rule in rules:
         ctx.game.add(rule)
     return ctx
@@ -114,6 +148,42 @@ def test_what_rules_remember_and_emit_is_plain(game):
         assert result.events
         for values in (ctx.game.data, result.events, result.scores):
             assert json.loads(json.dumps(values)) == values
+
+
+@pytest.mark.parametrize("game", GAMES)
+def test_a_game_that_is_restored_or_resumed_goes_on_as_it_did(game, tmp_path):
+    agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
+    with open_game(GAMES[game](), agents) as ctx:
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.game.run(5)
+        here = ctx.game.fork(1)
+        expected = ctx.game.run(7)
+        ctx.record.stop()
+        before = here.snapshot()
+        ahead = here.run(7)
+        here.restore(before)
+        assert here.run(7) == ahead
+    with open_game(GAMES[game](), agents) as again:
+        with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+            recording.resume(recording.turns // 2, ctx=again)
+        result = again.game.run(12 - again.game.turn)
+        assert (result.scores, result.events, result.deeds) == (expected.scores, expected.events, expected.deeds)
+
+
+@pytest.mark.parametrize("game", ["places", "resources", "pay-offs"])
+def test_rules_keep_all_that_they_remember_in_the_game(game):
+    agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
+
+    def make_ctx(shuffled=None):
+        names = list(agents)
+        if shuffled is not None:
+            random.Random(shuffled).shuffle(names)
+        return open_game(rules[1:], {name: agents[name] for name in names})
+
+    rules = GAMES[game]()
+    for _ in rules:
+        rules = [*rules[1:], rules[0]]
+        check_rule(rules[0], make_ctx, turns=12)
 
 
 def test_rules_and_conflicts_play_together_in_any_order_of_creation():

@@ -1,11 +1,12 @@
-"""Rules to build games from: contacts, tags, flags, territories, how games end, and conflicts of moves.
+"""Rules to build games from: contacts, tags, flags, places, resources, pay-offs, ends, and conflicts of moves.
 
     ctx.game.add(gamms.rules.tag("red", "blue", hops=1))
     ctx.game.add(gamms.rules.time_limit(200))
     ctx.game.conflicts = gamms.rules.Conflicts(capacity=1, resolve=gamms.rules.by_priority(["red", "blue"]))
 
 Rules: read `contacts.py` for which agents meet, then `tagging.py`, `flags.py` and `endings.py`, which also
-has what a rule may carry besides its function; `territory.py` makes the data that they share. Conflicts: read
+has what a rule may carry besides its function; `places.py`, `resources.py` and `payoffs.py` count what comes of it, and
+`territory.py` makes the data that they share. Conflicts: read
 `conflicts.py` for how they are found, and which agents win. May import: `context` and below. To add a rule write a
 function `rule(ctx)`, to add a resolver a function `(contest, ctx) -> winners`: nothing needs to be registered. If
 parameters of a function that makes rules name teams, annotate them by `gamms.typing.game.Team`, TEAMS or OWNERS, so
@@ -17,7 +18,10 @@ from gamms.rules.conflicts import Conflicts, Contest, at_random, by_priority, no
 from gamms.rules.contacts import Contact, contacts, one_to_one
 from gamms.rules.endings import last_team, reach, time_limit
 from gamms.rules.flags import capture_flag
-from gamms.rules.tagging import tag
+from gamms.rules.payoffs import payoff
+from gamms.rules.places import discover, hold
+from gamms.rules.resources import cooldown, resource
+from gamms.rules.tagging import respawn, tag
 
 __all__ = [
     "Conflicts",
@@ -27,10 +31,16 @@ __all__ = [
     "by_priority",
     "capture_flag",
     "contacts",
+    "cooldown",
+    "discover",
+    "hold",
     "last_team",
     "nobody",
     "one_to_one",
+    "payoff",
     "reach",
+    "resource",
+    "respawn",
     "tag",
     "territory",
     "time_limit",

@@ -1,17 +1,17 @@
-"""Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says."""
+"""Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says; coming back."""
 
-from collections.abc import Callable
-from typing import cast
+from collections.abc import Callable, Hashable, Iterable
+from typing import Annotated, cast
 
 from gamms.agent import BaseAgent
-from gamms.arguments import as_flag, as_float
+from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
-from gamms.rules.endings import with_hooks
+from gamms.rules.endings import Rank, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
-from gamms.typing.game import Rule
+from gamms.typing.game import TEAMS, Rule
 from gamms.visual.drawers.rules import render_tags
 
 Then = Callable[[Context, BaseAgent, BaseAgent], object]  # called with the context, the tagger and the tagged agent
@@ -101,3 +101,38 @@ def _as_then(then: object) -> Then:
     if not callable(then):
         raise BadType(f"then must be 'respawn', 'eliminate' or a function (ctx, tagger, tagged), not {shown(then)}.")
     return cast("Then", then)
+
+
+@shown_as_called
+def respawn(
+    after: int = 1, *, times: int | None = None, teams: Annotated[Iterable[Hashable] | None, TEAMS] = None
+) -> Rule:
+    """Make a rule by which agents that are out come back where they began.
+
+    It is for rules that eliminate, such as `tag(…, then="eliminate")`. An agent that goes out in turn t is back at the
+    end of turn t + `after`, and moves again in the turn behind it: it misses so many turns.
+
+    Args:
+        after: how many turns an agent misses.
+        times: how often each agent comes back; None: always.
+        teams: those whose agents come back, one or several; None: all.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+    """
+    wait, most, those = as_count(after, "after"), None if times is None else as_count(times, "times"), as_teams(teams)
+    named = sorted(those or (), key=str)
+    key = " ".join(["respawn", *map(str, named)])
+
+    def respawn(ctx: Context) -> None:
+        state = state_of(ctx, "respawns", key, {"out": {}, "times": {}})
+        out, done = state["out"], state["times"]
+        for name, agent in sorted(ctx.agent.agents.items()):
+            if agent.alive or not (those is None or agent.team in those):
+                out.pop(name, None)
+            elif out.setdefault(name, ctx.game.turn) + wait <= ctx.game.turn and done.get(name, 0) != most:
+                done[name] = done.get(name, 0) + 1
+                del out[name]
+                ctx.game.respawn(agent)
+
+    return with_hooks(respawn, teams=named, rank=Rank.RESPAWNS, key=key)

@@ -31,6 +31,15 @@ from gamms.visual.drawers.rules import (
     territories_in,
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight
+from gamms.visual.drawers.standings import (
+    DISCOVERED,
+    HELD,
+    RESOURCES,
+    counted_in,
+    render_amounts,
+    render_discovered,
+    render_held,
+)
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows, legend_only
 from gamms.visual.shown_turn import Sight, has_content
@@ -103,6 +112,9 @@ class DefaultScene:
         artists: dict[str, IArtist] = {"tags": self._tags}
         if goals_in(self._ctx):
             artists["goals"] = Artist(self._ctx, render_goals, Layer.GOALS)
+        for group, drawer in ((HELD, render_held), (DISCOVERED, render_discovered), (RESOURCES, render_amounts)):
+            if counted_in(self._ctx, group):
+                artists[group] = Artist(self._ctx, drawer, Layer.FLAGS if group == RESOURCES else Layer.GOALS)
         for name in territories_in(self._ctx):
             drawer = self._territories.setdefault(name, TerritoryDrawer(name))
             artists[name] = Artist(self._ctx, drawer, Layer.TERRITORIES)

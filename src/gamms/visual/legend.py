@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import copy
 from dataclasses import dataclass
+from math import cos, pi, sin
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -48,6 +49,8 @@ _IMPORTANCE = (
     "cross",
     "band",
     "field",
+    "arc",
+    "gauge",
     "ring",
     "line",
     "dot",
@@ -75,7 +78,7 @@ class Row(NamedTuple):
     color: Rgb
     name: str
     value: str = ""
-    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal
+    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal, arc, gauge
 
 
 class Rows(NamedTuple):
@@ -339,6 +342,18 @@ def _tag(pen: Pen, x: float, y: float, color: Rgb) -> None:
         pen.line([(x - 3.5, y - 3.5 * side), (x + 3.5, y + 3.5 * side)], color, 1.5)
 
 
+def _arc(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    radius = _SWATCH_PX - 0.5
+    pen.circle(x, y, radius, color, 1.0)
+    quarter = [(x + radius * sin(step * pi / 16), y - radius * cos(step * pi / 16)) for step in range(13)]
+    pen.line(quarter, color, 3.5)
+
+
+def _gauge(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    for end, alpha in ((8.0, 90), (2.0, 255)):
+        pen.line([(x - 8.0, y), (x + end, y)], (*color, alpha), 5.0)
+
+
 _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     _DISC: _disc,
     "ring": lambda pen, x, y, color: pen.circle(x, y, _SWATCH_PX - 0.5, color, 2.0),
@@ -350,6 +365,8 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     "cross": _cross,
     "tag": _tag,
     "goal": _goal,
+    "arc": _arc,
+    "gauge": _gauge,
 }
 
 

@@ -1,0 +1,78 @@
+"""Pay-offs: how many points teams get for what happens, as a table; also of zero-sum games."""
+
+from collections.abc import Hashable, Mapping
+from typing import Any
+
+from gamms.arguments import as_flag, as_float, as_mapping, as_name
+from gamms.context import Context
+from gamms.errors import BadValue, UnknownName
+from gamms.rules.endings import Rank, state_of, with_hooks
+from gamms.text import shown, shown_as_called
+from gamms.typing import Rule
+
+_PAYOFFS = "payoffs"  # in `ctx.game.data`: key -> how many events were paid for
+_AGENTS = ("agent", "other")  # fields that name agents; the others may name teams, too
+
+
+@shown_as_called
+def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, key: str = "payoff") -> Rule:
+    """Make a rule that pays for events: kind of event -> which of its fields names who is paid -> points.
+
+    `payoff({"tag": {"agent": 3, "other": -3}, "capture": {"agent": 10}})` gives 3 points to the team of the agent that
+    tags, and takes them from that of the other. A field names an agent or a team. All events are paid for that other
+    rules have emitted until the end of a turn, whichever rules were added first. Agents of no team get nothing. Rules
+    that have points of their own need `score=0` where the table pays for the same.
+
+    Args:
+        table: the pay-offs.
+        zero_sum: all other teams pay for what one gets, in equal parts, so that the scores always add up to 0. With one
+            team alone nothing is paid.
+        key: of its state; a second rule of this kind needs another one.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it pays, an event has no such field.
+    """
+    checked = {as_name(kind, "a kind of event"): _of_roles(kind, of) for kind, of in as_mapping(table, "table").items()}
+    if not checked:
+        raise BadValue("table is empty: give what is paid for, such as {'tag': {'agent': 1}}.")
+    balanced, state_key = as_flag(zero_sum, "zero_sum"), as_name(key, "the state of the rule")
+
+    def prepare(ctx: Context) -> None:
+        state_of(ctx, _PAYOFFS, state_key, {"seen": len(ctx.game.events)})
+
+    def payoff(ctx: Context) -> None:
+        state = state_of(ctx, _PAYOFFS, state_key, {"seen": 0})
+        teams = [team for team in ctx.agent.teams if team is not None]
+        for event in ctx.game.events[state["seen"] :]:
+            for role, points in checked.get(event["kind"], {}).items():
+                if role not in event:
+                    raise UnknownName(f"field of an event {event['kind']!r}:", role, event)
+                team = _team_of(ctx, role, event[role])
+                others = [one for one in teams if one != team] if balanced else []
+                if team is None or (balanced and not others):
+                    continue
+                ctx.game.scores[team] += points
+                for other in others:
+                    ctx.game.scores[other] -= points / len(others)
+        state["seen"] = len(ctx.game.events)
+
+    return with_hooks(payoff, prepare=prepare, rank=Rank.PAYOFFS, key=state_key)
+
+
+def _of_roles(kind: object, given: object) -> dict[str, float]:
+    """Return the points for a kind of event: field -> points."""
+    roles = as_mapping(given, f"table[{shown(kind)}]")
+    return {
+        as_name(role, "a field of an event"): as_float(points, f"table[{shown(kind)}][{shown(role)}]")
+        for role, points in roles.items()
+    }
+
+
+def _team_of(ctx: Context, role: str, named: Any) -> Hashable:
+    """Return the team that a field of an event names, or that of the agent that it names; None if there is none."""
+    if role not in _AGENTS and named in ctx.agent.teams:
+        team: Hashable = named
+        return team
+    agent = ctx.agent.agents.get(named)
+    return None if agent is None else agent.team

@@ -1,0 +1,192 @@
+"""What teams do on nodes: hold them for some turns, and discover them with their sensors."""
+
+from collections.abc import Hashable, Iterable, Mapping
+from typing import Annotated, Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_count, as_flag, as_float, as_name
+from gamms.context import Context
+from gamms.errors import BadType, NotOffered
+from gamms.ir.graph import FloatArray
+from gamms.plain import to_plain, why_not_plain
+from gamms.rules.endings import Rank, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
+from gamms.text import shown, shown_as_called
+from gamms.typing import AgentType, IAgent, NodeId, Rule
+from gamms.typing.game import TEAMS
+from gamms.visual.drawers.rules import as_text
+from gamms.visual.drawers.standings import DISCOVERED, HELD, render_discovered, render_held
+
+
+@shown_as_called
+def hold(
+    nodes: NodeId | Iterable[NodeId],
+    turns: int,
+    *,
+    every: bool = False,
+    score: float = 0,
+    ends: bool = True,
+    teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
+    key: str = "hold",
+) -> Rule:
+    """Make a rule by which a team wins that holds a place for so many turns in a row.
+
+    Only ends of turns count. A team holds the place while one of its living agents is there on the ground and none of
+    another team is. While several teams are there, the count of the one that holds it stops; once that team is gone,
+    the count is back at 0. When it is full, there is an event `hold` with `team` and `turns`. Agents of no team neither
+    hold a place nor contest it.
+
+    Args:
+        nodes: the place: a node, or several.
+        turns: how many.
+        every: whether a team needs an agent on each of the nodes; False: on one of them.
+        score: points for a team whose count is full.
+        ends: whether it wins then, and the game ends; False: the count begins again, so that `turns=1` gives points for
+            every turn.
+        teams: those that may hold the place, one or several; None: all. The others contest it.
+        key: of its state; a second rule of this kind needs another one.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it is added to a game, a node is not on the map.
+    """
+    place, full, may_hold = as_nodes(nodes, "A node to hold"), as_count(turns, "turns"), as_teams(teams)
+    needs_all, wins, points = as_flag(every, "every"), as_flag(ends, "ends"), as_float(score, "score")
+    state_key = as_name(key, "the state of the rule")
+    start = {"nodes": as_text(np.array(sorted(place), np.int64)), "team": None, "turns": 0, "of": full}
+
+    def prepare(ctx: Context) -> None:
+        refuse_unknown(ctx, place)
+        state_of(ctx, HELD, state_key, dict(start))
+
+    def hold(ctx: Context) -> None:
+        state = state_of(ctx, HELD, state_key, dict(start))
+        there = _teams_on(ctx, place)
+        able = [team for team, on in there.items() if (on == place or not needs_all) and team in (may_hold or there)]
+        if state["team"] not in able:
+            state["team"], state["turns"] = None, 0
+        if len(able) != 1 or len(there) != 1:
+            return
+        state["team"] = team = able[0]
+        state["turns"] += 1
+        if state["turns"] < full:
+            return
+        ctx.game.emit("hold", team=team, turns=full)
+        if points:
+            ctx.game.scores[team] += points
+        if wins:
+            ctx.game.end(f"{team} held its place", winner=team)
+        else:
+            state["turns"] = 0
+
+    hooks = with_hooks(hold, prepare=prepare, drawer=render_held, teams=sorted(may_hold or (), key=str))
+    return with_hooks(hooks, rank=Rank.PLACES, key=state_key)
+
+
+def _teams_on(ctx: Context, place: frozenset[int]) -> dict[Any, set[int]]:
+    """Return team -> the nodes of a place on which it has living agents."""
+    there: dict[Any, set[int]] = {}
+    for agent in ctx.game.agents:
+        if agent.current_node_id in place and agent.team is not None and agent.type is not AgentType.AERIAL:
+            there.setdefault(agent.team, set()).add(agent.current_node_id)
+    return there
+
+
+@shown_as_called
+def discover(
+    nodes: NodeId | Iterable[NodeId] | Mapping[Any, Any],
+    *,
+    score: float = 0,
+    teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
+    key: str = "discovered",
+) -> Rule:
+    """Make a rule by which teams discover nodes, and what is there, when a sensor of a living agent has them in view.
+
+    Ends of turns count, and an agent always sees the node that it is on. What is discovered stays known. Each discovery
+    is an event `discover` with `agent` (of several the first by name), `team`, `node`, and `first`: whether no other
+    team has discovered it in an earlier turn. Strategies find `state["facts"][key]`: team -> node -> what is there.
+
+    Args:
+        nodes: a node, several, or node -> what is there, such as "flag" or "decoy": any plain value.
+        score: points for each team that is the first to discover a node; two in one turn both get them.
+        teams: those that discover nodes, one or several; None: all.
+        key: of its state and its fact; a second rule of this kind needs another one.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it is added to a game, a node is not on the map.
+    """
+    hidden = sorted(as_nodes(nodes, "A node to discover"))
+    what = {node: nodes[node] for node in hidden} if isinstance(nodes, Mapping) else dict.fromkeys(hidden, True)
+    flaw = why_not_plain(what)
+    if flaw:
+        raise BadType(f"What is on a node must be a plain value, such as 'decoy', not {shown(what)}: {flaw}.")
+    game = _Discovery(what, as_teams(teams), as_float(score, "score"), as_name(key, "the state of the rule"))
+
+    def discover(ctx: Context) -> None:
+        game.play(ctx)
+
+    named = sorted(game.teams or (), key=str)
+    hooks = with_hooks(discover, prepare=game.prepare, drawer=render_discovered, teams=named)
+    return with_hooks(hooks, rank=Rank.PLACES, key=game.key)
+
+
+class _Discovery(NamedTuple):
+    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
+
+    what: dict[int, Any]
+    teams: frozenset[Hashable] | None
+    score: float
+    key: str
+
+    def prepare(self, ctx: Context) -> None:
+        """Check the nodes against the map, and publish what is known."""
+        refuse_unknown(ctx, self.what)
+        self._publish(ctx)
+
+    def play(self, ctx: Context) -> None:
+        """Let all agents look."""
+        by = self._found_by(ctx)
+        before = {node for found in by.values() for node in found}
+        for agent in ctx.game.agents:
+            team = agent.team
+            if team is None or not (self.teams is None or team in self.teams):
+                continue
+            for node in _in_view(ctx, agent, [node for node in self.what if node not in by.get(team, ())]):
+                by[team] = sorted([*by.get(team, ()), node])
+                is_first = node not in before
+                ctx.game.emit("discover", agent=agent.name, team=team, node=node, first=is_first)
+                if self.score and is_first:
+                    ctx.game.scores[team] += self.score
+        self._publish(ctx)
+
+    def _found_by(self, ctx: Context) -> dict[Any, list[int]]:
+        start = {"nodes": as_text(np.array(list(self.what), np.int64)), "by": {}}
+        found: dict[Any, list[int]] = state_of(ctx, DISCOVERED, self.key, start)["by"]
+        return found
+
+    def _publish(self, ctx: Context) -> None:
+        by = self._found_by(ctx)
+        known = {team: {node: to_plain(self.what[node]) for node in found} for team, found in by.items()}
+        if ctx.game.facts.get(self.key) != known:
+            ctx.game.publish(**{self.key: known})
+
+
+def _in_view(ctx: Context, agent: IAgent, nodes: list[int]) -> list[int]:
+    """Return which of these nodes an agent is on, or has in view."""
+    if not nodes:
+        return []
+    here, name, ids = agent.current_node_id, agent.name, np.array(nodes, np.int64)
+    is_seen = ids == here if agent.type is not AgentType.AERIAL else np.zeros(len(ids), bool)
+    places: FloatArray = ctx.graph.graph.positions(nodes)
+    for sensor in agent.sensors.values():
+        try:
+            is_seen |= np.isin(ids, sensor.coverage(here, name).node_ids)
+        except NotOffered:  # it is no sensor of agents
+            try:
+                seen = sensor.view_from(here, name).nodes
+            except NotOffered:
+                continue
+            is_seen |= (places[:, None] == seen[None]).all(axis=2).any(axis=1)
+    seen_ids: list[int] = ids[is_seen].tolist()
+    return seen_ids

@@ -1,0 +1,258 @@
+"""What agents use up: amounts such as fuel, which moves, turns and deeds cost, and deeds that take time to be ready."""
+
+from collections.abc import Hashable, Iterable, Mapping
+from itertools import pairwise, takewhile
+from math import dist, isfinite
+from typing import Annotated, Any, NamedTuple
+
+from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range
+from gamms.context import Context
+from gamms.errors import BadValue, UnknownName
+from gamms.ir.graph import GraphColumns, shortest_edges
+from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
+from gamms.text import shown, shown_as_called
+from gamms.typing import AgentType, IAgent, Rule
+from gamms.typing.game import TEAMS
+from gamms.visual.drawers.standings import RESOURCES, render_amounts
+
+_COOLDOWNS = "cooldowns"  # in `ctx.game.data`: deed -> agent -> the turn in which it did it last
+_EMPTY = ("stay", "eliminate")
+_SLACK = 1e-9  # of what is needed: an amount that is just enough must not fail by rounding
+
+
+@shown_as_called
+def resource(  # noqa: PLR0913 - all that a rule is, in one call
+    name: str,
+    start: float,
+    *,
+    per_metre: float = 0,
+    per_edge: float = 0,
+    per_turn: float = 0,
+    per_deed: Mapping[str, float] | None = None,
+    recharge: Mapping[Any, float] | None = None,
+    capacity: float | None = None,
+    empty: str = "stay",
+    teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
+) -> Rule:
+    """Make a rule by which agents use up an amount each, such as fuel, and may recharge it on some nodes.
+
+    A move or a deed that needs more than is left is refused as a whole, deeds first, in the order in which the action
+    has them; `state["blocked"]` says why. At the end of a turn an agent pays for what it has done, an edge when it gets
+    to the end of it, then for the turn, as far as there is something left; then it recharges. An agent that has nothing
+    left at the end of its turn is an event `empty` with `agent` and `resource`. One that comes back after it was out
+    has the `start` again.
+
+    All strategies know the amounts: `state["facts"][name]` is agent -> amount.
+
+    Args:
+        name: of the resource, its fact, and the key of its state.
+        start: what each agent has at first.
+        per_metre: the price of a map unit: along the edges, in a straight line where there is none and in the air.
+        per_edge: the price of an edge.
+        per_turn: the price of a turn.
+        per_deed: deed -> its price.
+        recharge: node -> what an agent gets at the end of each turn there; one that flies, where that node is nearest.
+        capacity: what an agent has at most; None: what it has at first.
+        empty: what comes of an agent that has nothing left: "stay" where it is, or "eliminate".
+        teams: a team, or several; None: all agents.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it is added to a game, a node is not on the map, or a deed is not declared.
+    """
+    begin, full = as_range(start, "start"), as_range(start if capacity is None else capacity, "capacity")
+    if begin > full or not isfinite(begin):
+        raise BadValue(f"start must be finite and at most the capacity, {full:g}, not {begin:g}.")
+    prices = {} if per_deed is None else as_mapping(per_deed, "per_deed")
+    rates = {} if recharge is None else as_mapping(recharge, "recharge")
+    tank = _Tank(
+        as_name(name, "a resource"),
+        begin,
+        full,
+        as_range(per_metre, "per_metre"),
+        as_range(per_edge, "per_edge"),
+        as_range(per_turn, "per_turn"),
+        {deed: as_range(price, f"per_deed[{shown(deed)}]") for deed, price in prices.items()},
+        {as_int(node, "A node to recharge"): as_range(rate, f"recharge[{node}]") for node, rate in rates.items()},
+        as_choice(empty, "empty", _EMPTY) == "eliminate",
+        as_teams(teams),
+    )
+    lengths = _Lengths()
+
+    def resource(ctx: Context) -> None:
+        tank.charge(ctx, lengths)
+
+    def check(ctx: Context) -> None:
+        tank.check(ctx, lengths)
+
+    named = sorted(tank.teams or (), key=str)
+    hooks = with_hooks(resource, prepare=tank.prepare, check=check, drawer=render_amounts, teams=named)
+    return with_hooks(hooks, rank=Rank.RESOURCES, key=tank.name)
+
+
+class _Lengths:
+    """The lengths of moves on the map as it is."""
+
+    def __init__(self) -> None:
+        self._of: tuple[GraphColumns | None, dict[tuple[int, int], float]] = (None, {})
+
+    def along(self, ctx: Context, path: tuple[int, ...]) -> float:
+        """Return how long a path is, in map units."""
+        columns = ctx.graph.columns()
+        if self._of[0] is not columns:
+            self._of = columns, shortest_edges(columns)
+        return sum(self._between(ctx, *ends) for ends in pairwise(path) if ends[0] != ends[1])
+
+    def _between(self, ctx: Context, source: int, target: int) -> float:
+        known = self._of[1].get((source, target))
+        return dist(*ctx.graph.graph.positions([source, target]).tolist()) if known is None else known
+
+
+class _Tank(NamedTuple):
+    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
+
+    name: str
+    start: float
+    full: float
+    per_metre: float
+    per_edge: float
+    per_turn: float
+    per_deed: dict[str, float]
+    recharge: dict[int, float]
+    eliminates: bool
+    teams: frozenset[Hashable] | None
+
+    def prepare(self, ctx: Context) -> None:
+        """Check the arguments against the game, and publish the amounts."""
+        refuse_unknown(ctx, self.recharge)
+        for deed in self.per_deed:
+            if deed not in ctx.game.deeds:
+                raise UnknownName("deed", deed, ctx.game.deeds)
+        self._publish(ctx)
+
+    def check(self, ctx: Context, lengths: _Lengths) -> None:
+        """Refuse what costs more than is left."""
+        state, moves = self._state(ctx), ctx.game.moves
+        deeds: dict[str, list[str]] = {}
+        for deed in ctx.game.performed():
+            deeds.setdefault(deed.agent, []).append(deed.kind)
+        if state["turn"] != ctx.game.turn:  # with an order of play there are several checks in a turn
+            counts = ctx.game.counts
+            state["flights"] = {one.name: counts[one.name]["moves"] for one in self._agents(ctx) if _flies(one)}
+            state["turn"] = ctx.game.turn
+        for agent in ctx.game.agents:
+            if not self._counts(agent):
+                continue
+            left = state["amounts"].get(agent.name, self.start)
+            is_empty = left <= 0
+            for kind in deeds.get(agent.name, ()):
+                price = self.per_deed.get(kind, 0.0)
+                if price > left * (1 + _SLACK):
+                    ctx.game.refuse(agent, f"it needs {price:g} {self.name}, and {left:g} is left", kind)
+                else:
+                    left -= price
+            if _flies(agent):
+                price = self.per_metre * (agent.speed or 0.0)
+            else:
+                price = self._price(ctx, moves[agent.name].path, lengths)
+            if is_empty:
+                ctx.game.refuse(agent, f"its {self.name} is used up")
+            elif price > left * (1 + _SLACK):
+                ctx.game.refuse(agent, f"it needs {price:g} {self.name}, and {left:g} is left")
+
+    def charge(self, ctx: Context, lengths: _Lengths) -> None:
+        """Let agents pay for what they did, recharge them, and put out those that have nothing left."""
+        state, moves = self._state(ctx), ctx.game.moves
+        used = dict.fromkeys((agent.name for agent in self._agents(ctx)), self.per_turn)
+        for deed in ctx.game.performed():
+            if deed.agent in used:
+                used[deed.agent] += self.per_deed.get(deed.kind, 0.0)
+        out_now = _eliminated(ctx)
+        for agent in self._agents(ctx):
+            name = agent.name
+            if not agent.alive and name not in out_now:
+                state["amounts"][name] = self.start
+                continue
+            if _flies(agent):
+                flights = ctx.game.counts[name]["moves"] - state["flights"].get(name, 0)
+                price = flights * self.per_metre * (agent.speed or 0.0)
+            else:
+                price = self._price(ctx, moves[name].path, lengths) if name in moves else 0.0
+            before = state["amounts"].get(name, self.start)
+            rest = before - price - used[name]
+            rest = 0.0 if rest <= before * _SLACK else rest
+            rest = min(self.full, rest + self.recharge.get(agent.current_node_id, 0.0))
+            state["amounts"][name] = rest
+            if rest <= 0 < before:
+                ctx.game.emit("empty", agent=name, resource=self.name)
+            if rest <= 0 and self.eliminates:
+                ctx.game.eliminate(agent)
+        self._publish(ctx)
+
+    def _state(self, ctx: Context) -> dict[str, Any]:
+        full = self.full if isfinite(self.full) else self.start
+        return state_of(ctx, RESOURCES, self.name, {"full": full, "amounts": {}, "turn": -1, "flights": {}})
+
+    def _agents(self, ctx: Context) -> list[IAgent]:
+        """Return the agents that have the resource, dead ones too, in the order of their names."""
+        return [agent for _, agent in sorted(ctx.agent.agents.items()) if self._counts(agent)]
+
+    def _counts(self, agent: IAgent) -> bool:
+        return self.teams is None or agent.team in self.teams
+
+    def _price(self, ctx: Context, path: tuple[int, ...], lengths: _Lengths) -> float:
+        edges = sum(start != end for start, end in pairwise(path))
+        metres = lengths.along(ctx, path) if edges and self.per_metre else 0.0
+        return edges * self.per_edge + metres * self.per_metre
+
+    def _publish(self, ctx: Context) -> None:
+        amounts = self._state(ctx)["amounts"]
+        known = {agent.name: amounts.setdefault(agent.name, self.start) for agent in self._agents(ctx)}
+        if ctx.game.facts.get(self.name) != known:
+            ctx.game.publish(**{self.name: known})
+
+
+def _flies(agent: IAgent) -> bool:
+    return agent.type is AgentType.AERIAL
+
+
+def _eliminated(ctx: Context) -> set[str]:
+    """Return the names of the agents that went out in this turn."""
+    events = takewhile(lambda event: event["turn"] == ctx.game.turn, reversed(ctx.game.events))
+    return {event["agent"] for event in events if event["kind"] == "eliminated"}
+
+
+@shown_as_called
+def cooldown(deed: str, turns: int) -> Rule:
+    """Make a rule by which an agent that has done something may not do it again in so many turns.
+
+    It is refused until then, and `state["blocked"]` names the turn in which it is ready, by its number in
+    `result.deeds`. Another agent may do it meanwhile.
+
+    Args:
+        deed: what is done, as `ctx.game.deeds` declares it.
+        turns: in how many turns it may not be done again.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it is added to a game, there is no such deed.
+    """
+    kind, wait = as_name(deed, "a deed"), as_count(turns, "turns")
+
+    def last(ctx: Context) -> dict[str, Any]:
+        return state_of(ctx, _COOLDOWNS, kind, {})
+
+    def prepare(ctx: Context) -> None:
+        ctx.game.performed(kind)  # raises for a deed that is not declared
+        last(ctx)
+
+    def check(ctx: Context) -> None:
+        for one in ctx.game.performed(kind):
+            ready = last(ctx).get(one.agent, -wait) + wait + 1
+            if ctx.game.turn + 1 < ready:
+                ctx.game.refuse(one.agent, f"it is ready in turn {ready}", kind)
+
+    def cooldown(ctx: Context) -> None:
+        last(ctx).update((one.agent, ctx.game.turn) for one in ctx.game.performed(kind))
+
+    return with_hooks(cooldown, prepare=prepare, check=check, rank=Rank.RESOURCES, key=f"cooldown of {kind}")

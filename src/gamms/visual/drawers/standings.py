@@ -1,0 +1,122 @@
+"""Drawers of what rules count: places that are held or discovered, and what agents have left of their resources.
+
+They read `ctx.game.data`, of a game or of its replay: `data["held"]` is key -> {"nodes", "team", "turns", "of"},
+`data["discovered"]` key -> {"nodes", "by": team -> ids}, `data["resources"]` name -> {"full", "amounts": agent ->
+amount}. Nodes are as `as_text` made them.
+"""
+
+from itertools import islice
+from math import pi
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray
+from gamms.typing import IContext
+from gamms.visual.appearance import color_group
+from gamms.visual.constants import Layer
+from gamms.visual.drawers.rules import game_data, in_text, team_colors_of
+from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import SIGN, Row, Rows
+
+HELD, DISCOVERED, RESOURCES = "held", "discovered", "resources"  # in `ctx.game.data`
+_FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
+    HELD: {"nodes": str, "turns": int, "of": int},
+    DISCOVERED: {"nodes": str, "by": dict},
+    RESOURCES: {"full": int | float, "amounts": dict},
+}
+_MOST = 100  # places, resources and agents: no game shows so many, but a hostile recording may
+_RING, _RING_PX, _ARC_PX, _FINE = 0.026, 2.0, 5.0, 48  # radius, in widths of what is seen; widths; parts of a circle
+_WIDER, _FOUND_PX = 0.006, 3.0  # how much larger the ring of each next team is, in widths; their widths
+_BAR, _BELOW, _APART, _BAR_PX = 0.034, 0.034, 0.01, 5.0  # length and places of bars, in widths; and how thick they are
+
+
+def counted_in(ctx: IContext, group: str) -> dict[str, dict[str, Any]]:
+    """Return what rules count in one of the three groups, by key, as far as it can be drawn."""
+    kept: Any = game_data(ctx).get(group)
+    fields = _FIELDS[group]
+    fit = (
+        (str(key), state)
+        for key, state in dict[Any, Any](kept if isinstance(kept, dict) else {}).items()
+        if isinstance(state, dict) and all(isinstance(state.get(name), of) for name, of in fields.items())
+    )
+    return dict(islice(fit, _MOST))
+
+
+def render_held(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the places of the rule `hold`: rings, on which an arc in the colour of a team grows while it holds them.
+
+    `data` may have `colors` by team.
+    """
+    visual, columns, held = drawing_of(ctx), ctx.graph.columns(), counted_in(ctx, HELD)
+    colors = team_colors_of(ctx, {state.get("team"): None for state in held.values()}, data.get("colors"))
+    radius = _RING * visual.extent() or 1.0
+    for state in held.values():
+        places = columns.xy[in_text(state["nodes"], columns.node_ids)]
+        visual.render_circles(places, radius, SIGN, _RING_PX)
+        share = min(1.0, max(0, state["turns"]) / max(1, state["of"]))
+        if state.get("team") is not None and share > 0.0:
+            arc = _arc(share) * radius
+            points = (places[:, None] + arc[None]).reshape(-1, 2)
+            offsets = np.arange(len(places) + 1, dtype=np.int64) * len(arc)
+            visual.render_lines(points, offsets, colors[state["team"]], _ARC_PX)
+
+
+def _arc(share: float) -> FloatArray:
+    """Return the points (points, 2) of a part of the unit circle, from the top on and clockwise."""
+    turn = 2.0 * pi * share * np.linspace(0.0, 1.0, 2 + int(_FINE * share))
+    return np.column_stack([np.sin(turn), np.cos(turn)])
+
+
+def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the nodes of the rule `discover`: a grey ring, and one in the colour of each team that has discovered it.
+
+    `data` may have `colors` by team.
+    """
+    visual, columns = drawing_of(ctx), ctx.graph.columns()
+    size = visual.extent() or 1.0
+    for state in counted_in(ctx, DISCOVERED).values():
+        by = dict(islice(state["by"].items(), _MOST))
+        visual.render_circles(columns.xy[in_text(state["nodes"], columns.node_ids)], _RING * size, SIGN, _RING_PX)
+        for number, (team, color) in enumerate(team_colors_of(ctx, by, data.get("colors")).items()):
+            found = columns.xy[np.isin(columns.node_ids, by[team])]
+            visual.render_circles(found, (_RING + number * _WIDER) * size, color, _FOUND_PX)
+
+
+def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw below each agent what it has left, by the rule `resource`: a bar for each, as long as it is full."""
+    visual, colors = drawing_of(ctx), drawing_of(ctx).group_colors()
+    size, share = visual.extent() or 1.0, data.get("_alpha", 1.0)
+    for number, state in enumerate(counted_in(ctx, RESOURCES).values()):
+        if len(state["amounts"]) > _MOST:
+            continue
+        for name, amount in sorted(state["amounts"].items()):
+            agent = ctx.agent.agents.get(name)
+            if agent is None or not visual.is_shown(agent, share) or not isinstance(amount, int | float):
+                continue
+            x, y = visual.position_of(name, share)
+            left, y = x - _BAR / 2 * size, y - (_BELOW + number * _APART) * size
+            part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
+            ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, colors[str(color_group(agent))], 0.0))
+            for length, color, more_px in ends:
+                if length > 0.0:
+                    line = [(left, y), (left + length * _BAR * size, y)]
+                    visual.render_lines(line, [0, 2], color, _BAR_PX + more_px)
+
+
+def _rows_of_amounts(ctx: IContext) -> Rows | None:
+    rows = tuple(Row(SIGN, f"{name} left", sign="gauge") for name in counted_in(ctx, RESOURCES))
+    return Rows("", rows) if rows else None
+
+
+render_held.__dict__.update(
+    artist="held", layer=Layer.GOALS, is_mark=True, once_a_turn=True, legend=Rows("", (Row(SIGN, "held", sign="arc"),))
+)
+render_discovered.__dict__.update(
+    artist="discovered",
+    layer=Layer.GOALS,
+    is_mark=True,
+    once_a_turn=True,
+    legend=Rows("", (Row(SIGN, "discovered", sign="ring"),)),
+)
+render_amounts.__dict__.update(artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_amounts)

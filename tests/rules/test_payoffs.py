@@ -1,0 +1,172 @@
+"""Pay-offs by a table of events; agents that come back; and rules that do not care which was added first."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.rules import capture_flag, discover, hold, last_team, payoff, reach, resource, respawn, tag, time_limit
+from gamms.strategies import random_walk
+
+
+def test_events_are_paid_for_by_their_fields(road):
+    ctx = road(a=("red", 3, 4), b=("blue", 4), c=("green", 9))
+    ctx.game.add(payoff({"tag": {"agent": 3, "other": -1}, "hold": {"team": 5}}))
+    ctx.game.add(tag("blue", "red", score=0))
+    ctx.game.add(hold(9, 1, ends=False))
+    assert ctx.game.run(1).scores == {"blue": 3, "red": -1, "green": 5}
+
+
+def test_a_flag_is_of_a_team_whatever_agents_are_called(road):
+    ctx = road(red=("blue", 1, 0, 1, 2), b=("red", 9))
+    ctx.game.add(capture_flag({"red": 0, "blue": 2}, score=0))
+    ctx.game.add(payoff({"take": {"agent": 1}, "capture": {"agent": 10, "flag": -4}}))
+    assert ctx.game.run(9).scores == {"blue": 11, "red": -4}  # 1 + 10
+
+
+def test_the_others_pay_in_equal_parts(road):
+    ctx = road(a=("red", 3, 4), b=("blue", 4), c=("green", 9), d=(None, 0))
+    ctx.game.add(tag("blue", "red", score=0))
+    ctx.game.add(payoff({"tag": {"agent": 4, "other": -2}}, zero_sum=True))
+    # blue +4, red -2, green -2; then red -2, blue +1, green +1
+    assert ctx.game.run(1).scores == {"blue": 5, "red": -4, "green": -1}
+
+
+def test_what_was_emitted_before_the_rule_came_is_not_paid_for_and_the_last_turn_is(road):
+    ctx = road(a=("red", 3))
+    ctx.game.emit("found", agent="a")
+    ctx.game.add(time_limit(2, winner=None))
+    ctx.game.add(payoff({"found": {"agent": 1}}))
+    ctx.game.add(lambda ctx: ctx.game.emit("found", agent="a"))
+    assert ctx.game.run().scores == {"red": 2}
+
+
+def test_points_of_the_last_turn_decide_who_wins_by_time(road):
+    ctx = road(a=("red", 3, 4), b=("blue", 4))
+    ctx.game.add(time_limit(1))
+    ctx.game.add(payoff({"tag": {"agent": 1}}))
+    ctx.game.add(tag("blue", "red", score=0))
+    assert ctx.game.run().winner == "blue"
+
+
+def test_agents_of_no_team_and_a_team_alone_are_not_paid(road):
+    for zero_sum, scores in ((False, {"red": -1}), (True, {})):
+        ctx = road(a=(None, 3), b=("red", 3))
+        ctx.game.add(tag(None, "red", score=0))
+        ctx.game.add(payoff({"tag": {"agent": 1, "other": -1}}, zero_sum=zero_sum))
+        assert ctx.game.run(1).scores == scores
+
+
+def test_impossible_tables_are_refused(road):
+    for table, error, words in (
+        ({}, BadValue, "table is empty"),
+        ({"tag": 3}, BadType, "table\\['tag'\\]"),
+        ({"tag": {"agent": "3"}}, BadType, "'agent'"),
+        ("tag", BadType, "table"),
+    ):
+        with pytest.raises(error, match=words):
+            payoff(table)
+    ctx = road(a=("red", 3, 4), b=("blue", 4))
+    ctx.game.add(tag("blue", "red"))
+    ctx.game.add(payoff({"tag": {"agnet": 1}}))
+    with pytest.raises(UnknownName, match=r"'tag': 'agnet'.*agent"):
+        ctx.game.step()
+
+
+# -- coming back ------------------------------------------------------------------------------------------------
+
+
+def test_an_agent_that_is_out_misses_some_turns_and_comes_back_so_often(road):
+    ctx = road(a=("red", 3, 4, 4, 4, 4, 4, 4, 4, 4, 4), b=("blue", 4))
+    ctx.game.add(respawn(2, times=2, teams="red"))
+    ctx.game.add(tag("blue", "red", then="eliminate"))
+    events = ctx.game.run(12).events
+    # out in turn 1, back at the end of 3, goes again in 4: out then, back at the end of 6, out in 7 for good
+    assert [(event["turn"], event["kind"]) for event in events if event["kind"] != "tag"] == [
+        *((1, "eliminated"), (3, "respawned"), (4, "eliminated"), (6, "respawned"), (7, "eliminated"))
+    ]
+
+
+def test_both_of_a_contact_may_be_eliminated_and_come_back(road):
+    ctx = road(a=("red", 3, 4), b=("blue", 5, 4))
+    ctx.game.add(tag("red", "blue", mutual=True, then="eliminate"))
+    ctx.game.add(respawn())
+    assert [agent["alive"] for agent in ctx.game.run(1).agents.values()] == [False, False]
+    assert [agent["node"] for agent in ctx.game.run(1).agents.values()] == [3, 5]
+
+
+def test_an_agent_without_anything_left_comes_back_with_what_it_had_at_first(road):
+    ctx = road(a=("red", 0))
+    ctx.game.add(resource("water", 2, per_turn=1, empty="eliminate"))
+    ctx.game.add(respawn())
+    events = [(event["turn"], event["kind"]) for event in ctx.game.run(6).events if event["kind"] != "empty"]
+    assert events == [(2, "eliminated"), (3, "respawned"), (5, "eliminated"), (6, "respawned")]
+
+
+# -- laws -------------------------------------------------------------------------------------------------------
+
+RULES = {
+    "tag": lambda: tag("red", "blue", hops=0, then="eliminate", score=0),
+    "fuel": lambda: resource("fuel", 60, per_metre=1, recharge={5: 20}),
+    "water": lambda: resource("water", 5, per_turn=1, recharge={0: 3, 10: 3}, empty="eliminate"),
+    "hold": lambda: hold([5, 6], 3, score=1, ends=False),
+    "long": lambda: hold([9, 10], 4, key="long"),
+    "discover": lambda: discover({0: "flag", 15: "decoy"}, score=2),
+    "respawn": lambda: respawn(2, times=3),
+    "payoff": lambda: payoff({"tag": {"agent": 3, "other": -3}, "discover": {"team": 1}}, zero_sum=True),
+    "more": lambda: payoff({"hold": {"team": 2}}, key="more"),
+    "time": lambda: time_limit(14),
+    "last": last_team,
+    "goal": lambda: reach("red", 12),
+}
+LAWS = settings(max_examples=25, deadline=None, derandomize=True)
+TEAMS = ["red", "blue", "green"]
+
+
+def played(names, agents, seed=2):
+    with gamms.create_context(seed=seed, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        for name, node in agents:
+            team = TEAMS[int(name[1:]) % 3]
+            ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=random_walk)
+        for name in names:
+            ctx.game.add(RULES[name](), name=name)
+        result = ctx.game.run(15).to_dict()
+        del result["timings"]
+        result["events"].sort(key=lambda event: (event["turn"], repr(event)))
+        return result, {**ctx.game.data}, dict(ctx.game.facts)
+
+
+@LAWS
+@given(
+    names=st.permutations(list(RULES)),
+    places=st.lists(st.integers(0, 15), min_size=3, max_size=6),
+    chance=st.randoms(use_true_random=False),
+)
+def test_neither_the_order_of_the_rules_nor_that_of_the_agents_counts(names, places, chance):
+    agents = [(f"a{number}", node) for number, node in enumerate(places)]
+    expected = played(list(RULES), agents)
+    chance.shuffle(agents)
+    assert played(names, agents) == expected
+
+
+@LAWS
+@given(
+    table=st.dictionaries(
+        st.sampled_from(["tag", "eliminated", "respawned"]),
+        st.dictionaries(st.just("agent"), st.integers(-9, 9), min_size=1),
+        min_size=1,
+    ),
+    places=st.lists(st.integers(0, 15), min_size=2, max_size=6),
+)
+def test_scores_of_zero_sum_games_add_up_to_zero(table, places):
+    with gamms.create_context(seed=3, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        for number, node in enumerate(places):
+            ctx.agent.create_agent(f"a{number}", start_node_id=node, team=TEAMS[number % 3], strategy=random_walk)
+        for rule in (tag("red", "blue", then="eliminate", score=0), respawn(), payoff(table, zero_sum=True)):
+            ctx.game.add(rule)
+        for _ in range(10):
+            ctx.game.step()
+            assert sum(ctx.game.scores.values()) == pytest.approx(0, abs=1e-9)

@@ -1,0 +1,179 @@
+"""Places that teams hold for some turns, and nodes that they discover."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.errors import BadType, BadValue, Duplicate, UnknownName
+from gamms.rules import discover, hold, tag
+
+
+def count(ctx, key="hold"):
+    state = ctx.game.data["held"][key]
+    return state["team"], state["turns"]
+
+
+def test_a_team_that_holds_a_node_long_enough_wins(road):
+    ctx = road(a=("red", 3, 4, 4, 4), b=("blue", 9))
+    ctx.game.add(hold(4, 3, score=5))
+    result = ctx.game.run(9)
+    assert (result.turns, result.winner, result.reason) == (3, "red", "red held its place")
+    assert (result.events, result.scores) == ([{"turn": 3, "kind": "hold", "team": "red", "turns": 3}], {"red": 5})
+
+
+def test_agents_may_relieve_each_other_on_any_of_the_nodes(road):
+    ctx = road(a=("red", 3, 4, 3), a2=("red", 6, 6, 5, 5))
+    ctx.game.add(hold([4, 5], 3))
+    assert ctx.game.run(9).turns == 3
+
+
+def test_a_place_that_is_contested_stops_the_count_and_one_that_is_left_begins_it_again(road):
+    #     turn: 1  2  3  4  5  6  7
+    ctx = road(a=("red", 4, 4, 4, 4, 4, 3, 4, 4), b=("blue", 6, 6, 5, 4, 5, 5, 5, 5))
+    ctx.game.add(hold(4, 9))
+    seen = []
+    for _ in range(7):
+        ctx.game.step()
+        seen.append(count(ctx))
+    # b is there in turn 3, and a away in turn 5
+    assert seen == [("red", 1), ("red", 2), ("red", 2), ("red", 3), (None, 0), ("red", 1), ("red", 2)]
+
+
+def test_a_place_that_changes_hands_is_counted_from_the_start(road):
+    ctx = road(a=("red", 4, 4, 4, 3), b=("blue", 6, 5, 4, 4))
+    ctx.game.add(hold(4, 9))
+    ctx.game.run(3)
+    assert count(ctx) == ("blue", 1)
+
+
+def test_every_node_may_be_needed(road):
+    ctx = road(a=("red", 4), a2=("red", 7, 6, 5, 5))
+    ctx.game.add(hold([4, 5], 2, every=True))
+    assert ctx.game.run(9).turns == 3
+
+
+def test_the_dead_flyers_and_agents_of_no_team_neither_hold_nor_contest(road):
+    ctx = road(a=("red", 4), nobodys=(None, 4), dead=("blue", 4))
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, team="blue", start_node_id=4, speed=1.0)
+    ctx.game.eliminate("dead")
+    ctx.game.add(hold(4, 2))
+    assert (ctx.game.run(9).turns, ctx.game.over["winner"]) == (2, "red")
+
+
+def test_points_may_be_given_again_and_again(road):
+    ctx = road(a=("red", 4))
+    ctx.game.add(hold(4, 1, score=1, ends=False))
+    ctx.game.add(hold(4, 3, score=10, ends=False, key="long"))
+    assert ctx.game.run(7).scores == {"red": 7 + 2 * 10}
+
+
+def test_only_some_teams_may_hold_and_all_contest(road):
+    ctx = road(a=("red", 4, 4, 3), b=("blue", 4))
+    ctx.game.add(hold(4, 2, teams="red"))
+    assert ctx.game.run(4).reason == "max_turns"
+    assert count(ctx) == (None, 0)
+
+
+def test_a_tag_counts_before_the_place_whichever_rule_was_added_first(road):
+    for order in (1, -1):
+        ctx = road(a=("red", 4), b=("blue", 5, 4))
+        for rule in [tag("blue", "red", then="eliminate"), hold(4, 1)][::order]:
+            ctx.game.add(rule)
+        assert ctx.game.run(9).winner == "blue"
+
+
+teams_there = st.lists(st.lists(st.sampled_from(["red", "blue", "green"]), max_size=2), min_size=1, max_size=10)
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(teams_there=teams_there, turns=st.integers(1, 3))
+def test_holding_is_that_of_a_loop_that_counts(teams_there, turns):
+    def stand(state):
+        wanted = teams_there[state["turn"]] if state["turn"] < len(teams_there) else []
+        state["action"] = 1 if state["team"] in wanted else 0
+
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 3))
+        for team in ("red", "blue", "green"):
+            ctx.agent.create_agent(team, start_node_id=0, team=team, strategy=stand)
+        ctx.game.add(hold(1, turns, score=1, ends=False))
+        result = ctx.game.run(len(teams_there))
+    holder, held, scores = None, 0, {}
+    for there in map(set, teams_there):
+        if holder not in there:
+            holder, held = None, 0
+        if len(there) == 1:
+            holder, held = next(iter(there)), held + 1
+            if held == turns:
+                scores[holder], held = scores.get(holder, 0) + 1, 0
+    assert result.scores == scores
+
+
+def test_impossible_places_are_refused(road):
+    for call, error, words in (
+        (lambda: hold([], 3), BadValue, "A node to hold"),
+        (lambda: hold(4, 0), BadValue, "turns"),
+        (lambda: hold("4", 2), BadType, "A node to hold"),
+        (lambda: hold(4, 2, ends="yes"), BadType, "ends"),
+        (lambda: discover([]), BadValue, "A node to discover"),
+        (lambda: discover({4: object()}), BadType, "plain"),
+    ):
+        with pytest.raises(error, match=words):
+            call()
+    ctx = road(a=("red", 0))
+    for rule in (hold(99, 2), discover([3, 99])):
+        with pytest.raises(UnknownName, match="99"):
+            ctx.game.add(rule)
+    ctx.game.add(hold(4, 2))
+    with pytest.raises(Duplicate, match="hold"):
+        ctx.game.add(hold(5, 2))
+
+
+# -- discover ---------------------------------------------------------------------------------------------------
+
+
+def with_eyes(ctx, kind="range", metres=20.0, **agents):
+    for name in agents or ctx.agent.agents:
+        sensor = ctx.sensor.create_sensor(f"{kind} of {name}", kind, sensor_range=metres)
+        ctx.agent.get_agent(name).register_sensor(sensor.sensor_id, sensor)
+    return ctx
+
+
+@pytest.mark.parametrize("kind", ["range", "agent_range"])
+def test_a_node_is_discovered_when_a_sensor_has_it_in_view(road, kind):
+    ctx = with_eyes(road(a=("red", 0, 1, 2, 3)), kind)
+    ctx.game.add(discover({5: "flag", 4: "decoy", 9: "flag"}))
+    assert ctx.game.facts["discovered"] == {}
+    result = ctx.game.run(3)
+    # with 20 m it sees two nodes ahead: 4 from node 2, and 5 from node 3
+    assert [(event["turn"], event["node"]) for event in result.events] == [(2, 4), (3, 5)]
+    assert result.events[0] == {"turn": 2, "kind": "discover", "agent": "a", "team": "red", "node": 4, "first": True}
+    assert ctx.game.facts["discovered"] == {"red": {4: "decoy", 5: "flag"}}
+
+
+def test_the_first_team_gets_points_and_both_do_in_one_turn(road):
+    ctx = with_eyes(road(a=("red", 0, 1, 2), b=("blue", 6, 5, 4), c=("blue", 9)))
+    ctx.game.add(discover([3, 4], score=2))
+    result = ctx.game.run(2)
+    # turn 1: red sees 3 from node 1, blue 3 and 4 from node 5; turn 2: red sees 4, too
+    assert result.scores == {"red": 2, "blue": 4}
+    assert [(event["team"], event["node"], event["first"]) for event in result.events] == [
+        *(("red", 3, True), ("blue", 3, True), ("blue", 4, True), ("red", 4, False))
+    ]
+
+
+def test_without_sensors_an_agent_sees_its_own_node(road):
+    ctx = road(a=("red", 0, 1, 2), nobodys=(None, 1))
+    ctx.game.add(discover([1], teams="red"))
+    assert [event["turn"] for event in ctx.game.run(2).events] == [1]
+
+
+def test_neighbours_and_fields_of_view_count_and_the_dead_see_nothing(road):
+    ctx = with_eyes(road(a=("red", 3), dead=("blue", 3)), "neighbor", a=1)
+    with_eyes(ctx, "map", dead=1)
+    ctx.game.eliminate("dead")
+    ctx.game.add(discover([2, 5]))
+    ctx.game.step()
+    assert ctx.game.facts["discovered"] == {"red": {2: True}}

@@ -1,0 +1,250 @@
+"""Resources: what moves, turns and deeds cost, what is refused, how it is recharged; and deeds that cool down."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.errors import BadType, BadValue, Duplicate, UnknownName
+from gamms.rules import cooldown, resource, tag
+
+
+def amounts(ctx, name="fuel"):
+    return dict(ctx.game.facts[name])
+
+
+def why(ctx, name):
+    return ctx.game.observation(name)["blocked"]
+
+
+def test_edges_turns_and_recharging_are_counted(road):
+    ctx = road(a=("red", 0, 1, 2, 2))
+    ctx.game.add(resource("fuel", 100, per_metre=2, per_edge=5, per_turn=1, recharge={2: 40}))
+    assert amounts(ctx) == {"a": 100}
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 74}  # 100 - 10 m * 2 - 1 edge * 5 - 1
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 88}  # 74 - 26 + 40
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 100}  # 88 - 1 + 40 is more than it can hold
+
+
+def test_all_edges_of_a_turn_are_paid_for_and_half_an_edge_when_its_end_is_reached(road):
+    ctx = road(a=("red", 0, 3), b=("red", 5, 6, 6))
+    ctx.agent.get_agent("a").speed, ctx.agent.get_agent("b").speed = 3, 0.5
+    ctx.game.add(resource("fuel", 100, per_metre=1))
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 70, "b": 100}  # 3 edges of 10 m; b is half way
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 70, "b": 90}
+
+
+def test_a_move_that_needs_more_than_is_left_is_refused_and_costs_nothing(road):
+    ctx = road(a=("red", 0, 1, 3, 2))
+    ctx.agent.get_agent("a").speed = 2
+    ctx.game.add(resource("fuel", 25, per_metre=1))
+    ctx.game.run(2)
+    assert (amounts(ctx), why(ctx, "a")) == ({"a": 15}, "it needs 20 fuel, and 15 is left")
+    ctx.game.step()  # one edge is paid for: 15 - 10
+    assert (amounts(ctx), why(ctx, "a"), ctx.agent.get_agent("a").current_node_id) == ({"a": 5}, None, 2)
+
+
+def test_an_agent_without_anything_left_stays(road):
+    ctx = road(a=("red", 0, 1, 2, 3))
+    ctx.game.add(resource("fuel", 2, per_turn=1))
+    result = ctx.game.run(3)
+    assert [(event["turn"], event["kind"]) for event in result.events] == [(2, "empty")]
+    assert result.events[0]["resource"] == "fuel"
+    assert (result.agents["a"]["node"], why(ctx, "a"), amounts(ctx)) == (2, "its fuel is used up", {"a": 0})
+
+
+def test_or_it_is_eliminated(road):
+    ctx = road(a=("red", 0, 1, 2, 3), b=("blue", 9))
+    ctx.game.add(resource("water", 2, per_turn=1, empty="eliminate", teams="red"))
+    result = ctx.game.run(3)
+    assert [(event["turn"], event["kind"]) for event in result.events] == [(2, "empty"), (2, "eliminated")]
+    assert (result.agents["a"]["node"], result.agents["a"]["alive"]) == (2, False)
+    assert amounts(ctx, "water") == {"a": 2}  # what it has if it comes back
+
+
+def doing(**deeds):
+    """A strategy: what to do in which turn, and to which node to go in all."""
+    go = deeds.pop("go", None)
+
+    def strategy(state):
+        wanted = {kind: None for kind, turns in deeds.items() if state["turn"] + 1 in turns}
+        state["action"] = {"do": wanted} if go is None else {"do": wanted, "node_id": go}
+
+    return strategy
+
+
+def test_deeds_are_paid_for_before_the_move_in_their_order(road):
+    ctx = road(a=("red", 0))
+    ctx.game.deeds = {"shoot": None, "call": None}
+    ctx.agent.get_agent("a").register_strategy(doing(shoot={1, 2}, call={1, 2}, go=1))
+    ctx.game.add(resource("power", 20, per_deed={"shoot": 8, "call": 4}, per_edge=7))
+    ctx.game.step()  # 20 - 8 - 4 = 8 are enough for the edge
+    assert amounts(ctx, "power") == {"a": 1}
+    ctx.game.step()
+    assert ctx.game.result().deeds == [{"turn": 1, "agent": "a", "deed": deed, "at": 0} for deed in ("shoot", "call")]
+    assert why(ctx, "a") == "call: it needs 4 power, and 1 is left; shoot: it needs 8 power, and 1 is left"
+
+
+def test_a_move_for_which_deeds_leave_too_little_is_refused(road):
+    ctx = road(a=("red", 0))
+    ctx.game.deeds = {"shoot": None}
+    ctx.agent.get_agent("a").register_strategy(doing(shoot={1}, go=1))
+    ctx.game.add(resource("power", 10, per_deed={"shoot": 4}, per_metre=1))
+    ctx.game.step()
+    assert (amounts(ctx, "power"), why(ctx, "a")) == ({"a": 6}, "it needs 10 power, and 6 is left")
+
+
+def test_flyers_pay_for_their_flights_alone(road):
+    ctx = road(a=("red", 0))
+
+    def fly(state):
+        state["action"] = (3.0, 4.0, 0.0) if state["turn"] != 1 else {"direction": (0.0, 0.0, 0.0)}
+
+    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red"}
+    ctx.agent.create_agent("drone", speed=5.0, strategy=fly, **kind)
+    ctx.game.add(resource("battery", 12, per_metre=1, teams=["red"]))
+    left = []
+    for _ in range(4):
+        ctx.game.step()
+        left.append(amounts(ctx, "battery")["drone"])
+    assert left == [7, 7, 2, 2]  # 5 for a flight, nothing for hovering; 2 are too few
+    assert why(ctx, "drone") == "it needs 5 battery, and 2 is left"
+
+
+def test_a_flight_is_paid_for_by_an_agent_that_is_put_elsewhere_afterwards_and_hovering_is_not(road):
+    ctx = road(a=("red", 0))
+    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 5.0}
+    ctx.agent.create_agent("flying", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
+    ctx.agent.create_agent("hovering", **kind)
+    ctx.game.add(lambda ctx: [ctx.game.respawn(name) for name in ("flying", "hovering")])
+    ctx.game.add(resource("battery", 12, per_metre=1))
+    ctx.game.step()
+    assert amounts(ctx, "battery") == {"a": 12, "flying": 7, "hovering": 12}
+
+
+def test_with_an_order_of_play_each_move_is_paid_for_once(road):
+    ctx = road(a=("red", 0, 1, 2), b=("blue", 9, 8, 7))
+    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 5.0}
+    ctx.agent.create_agent("drone", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
+    ctx.game.order = [["red"], ["blue"]]
+    ctx.game.add(resource("fuel", 100, per_metre=1))
+    ctx.game.run(2)
+    assert amounts(ctx) == {"a": 80, "b": 80, "drone": 90}
+
+
+def test_what_is_just_enough_is_enough(road):
+    ctx = road(a=("red", 0, 1, 2, 3))
+    ctx.game.add(resource("fuel", 0.3, per_edge=0.1))  # 0.3 - 0.1 - 0.1 is less than 0.1
+    assert ctx.game.run(3).agents["a"]["node"] == 3
+    assert amounts(ctx) == {"a": 0}
+
+
+def test_a_tagged_agent_keeps_what_it_has_and_one_that_was_out_begins_again(road):
+    ctx = road(a=("red", 2, 3), b=("blue", 3), c=("red", 8, 7))
+    ctx.game.add(tag("blue", "red"))
+    ctx.game.add(resource("fuel", 100, per_metre=1))
+    ctx.game.step()
+    assert (amounts(ctx)["a"], ctx.agent.get_agent("a").current_node_id) == (90, 2)
+    ctx.game.eliminate("c")
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 90, "b": 100, "c": 100}
+
+
+def test_two_resources_and_a_deed_are_independent_of_the_order_of_the_rules(road):
+    rules = [resource("fuel", 35, per_metre=1), resource("water", 3, per_turn=1), tag("blue", "red")]
+    results = []
+    for some in (rules, rules[::-1]):
+        ctx = road(a=("red", 0, 1, 2, 3, 4), b=("blue", 9))
+        for rule in some:
+            ctx.game.add(rule)
+        results.append((ctx.game.run(5), ctx.game.data, dict(ctx.game.facts)))
+    assert results[0] == results[1]
+    assert results[0][0].agents["a"]["node"] == 3
+
+
+@settings(max_examples=20, deadline=None, derandomize=True)
+@given(
+    path=st.lists(st.sampled_from([-1, 0, 1]), max_size=12),
+    start=st.integers(0, 60),
+    price=st.integers(1, 3),
+    per_turn=st.integers(0, 4),
+    rates=st.dictionaries(st.integers(0, 9), st.integers(1, 30), max_size=3),
+)
+def test_amounts_are_those_of_a_loop_that_counts(path, start, price, per_turn, rates):
+    def wander(state):
+        step = path[state["turn"]] if state["turn"] < len(path) else 0
+        state["action"] = min(9, max(0, state["curr_pos"] + step))
+
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+        ctx.agent.create_agent("a", start_node_id=5, team="red", strategy=wander)
+        ctx.game.add(resource("fuel", start, per_metre=price, per_turn=per_turn, recharge=rates))
+        node, left = 5, float(start)
+        for step in path:
+            ctx.game.step()
+            wanted = min(9, max(0, node + step))
+            cost = 10 * price * abs(wanted - node)
+            if left > 0 and cost <= left:
+                node, left = wanted, left - cost
+            left = min(start, max(0.0, left - per_turn) + rates.get(node, 0))
+            assert (ctx.agent.get_agent("a").current_node_id, amounts(ctx)["a"]) == (node, left)
+
+
+def test_impossible_resources_are_refused(road):
+    for keywords, error, words in (
+        ({"start": -1}, BadValue, "start"),
+        ({"start": 5, "capacity": 3}, BadValue, "at most the capacity, 3, not 5"),
+        ({"start": 5, "per_metre": "2"}, BadType, "per_metre"),
+        ({"start": 5, "empty": "explode"}, BadValue, "empty"),
+        ({"start": 5, "recharge": {1: -2}}, BadValue, "recharge"),
+        ({"start": 5, "per_deed": 3}, BadType, "per_deed"),
+    ):
+        with pytest.raises(error, match=words):
+            resource("fuel", **keywords)
+    ctx = road(a=("red", 0))
+    with pytest.raises(UnknownName, match="99"):
+        ctx.game.add(resource("fuel", 5, recharge={99: 1}))
+    with pytest.raises(UnknownName, match="shoot"):
+        ctx.game.add(resource("fuel", 5, per_deed={"shoot": 1}))
+    ctx.game.add(resource("fuel", 5))
+    with pytest.raises(Duplicate, match="fuel"):
+        ctx.game.add(resource("fuel", 6), name="more fuel")
+
+
+# -- cooldown ---------------------------------------------------------------------------------------------------
+
+
+def test_a_deed_can_be_done_again_when_it_has_cooled_down(road):
+    ctx = road(a=("red", 0), b=("blue", 9))
+    ctx.game.deeds = {"shoot": None}
+    ctx.agent.get_agent("a").register_strategy(doing(shoot=range(1, 9)))
+    ctx.agent.get_agent("b").register_strategy(doing(shoot={2}))
+    ctx.game.add(cooldown("shoot", 2))
+    ctx.game.run(2)
+    assert why(ctx, "a") == "shoot: it is ready in turn 4"
+    result = ctx.game.run(6)
+    assert [deed["turn"] for deed in result.deeds if deed["agent"] == "a"] == [1, 4, 7]
+    assert [deed["turn"] for deed in result.deeds if deed["agent"] == "b"] == [2]
+
+
+def test_a_deed_that_was_refused_does_not_start_a_cooldown(road):
+    ctx = road(a=("red", 0))
+    ctx.game.deeds = {"shoot": None}
+    ctx.agent.get_agent("a").register_strategy(doing(shoot=range(1, 11)))
+    ctx.game.add(cooldown("shoot", 1))
+    ctx.game.add(resource("power", 0, capacity=9, per_deed={"shoot": 4}, recharge={0: 1}))
+    # After turn t there is 1 more, up to 4 after turn 4: the first shot is in turn 5, and costs them all but 1.
+    assert [deed["turn"] for deed in ctx.game.run(10).deeds] == [5, 9]
+
+
+def test_impossible_cooldowns_are_refused(road):
+    with pytest.raises(BadValue, match="turns"):
+        cooldown("shoot", 0)
+    with pytest.raises(UnknownName, match="shoot"):
+        road(a=("red", 0)).game.add(cooldown("shoot", 2))
