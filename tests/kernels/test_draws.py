@@ -63,3 +63,23 @@ def test_no_names_make_no_draws():
 
 
 PINNED = [11684458540500591110, 10111729621371350149, 15481013040109963802, 17476478018880879392]
+
+
+def test_normal_numbers_have_the_quantiles_of_their_distribution():
+    bits = [kernels.draw_bits(KEY, kernels.name_key("anna"), turn) for turn in range(20_000)]
+    found = kernels.normals(bits)
+    for bound, share in ((-1.96, 0.025), (-1.0, 0.1587), (0.0, 0.5), (0.6745, 0.75), (2.5758, 0.995)):
+        assert abs((found < bound).mean() - share) < 4 * (share * (1 - share) / 20_000) ** 0.5
+    assert np.isfinite(kernels.normals([0, 2**64 - 1])).all()
+    assert kernels.normals([0, 2**64 - 1]).sum() == 0.0
+    assert kernels.normals([]).shape == (0,)
+
+
+@pytest.mark.parametrize("mean", [0.0, 0.1, 1.0, 7.5, 100.0])
+def test_poisson_numbers_have_their_mean_and_variance(mean):
+    bits = [kernels.draw_bits(KEY, kernels.name_key("anna"), turn) for turn in range(5_000)]
+    counts = np.array([kernels.poisson(one, mean) for one in bits])
+    assert abs(counts.mean() - mean) <= 4 * (mean / 5_000) ** 0.5
+    assert abs(counts.var() - mean) <= 0.15 * mean + 0.02
+    assert kernels.poisson(0, mean) == 0 or mean == 100.0
+    assert kernels.poisson(2**64 - 1, mean) < mean + 15 * (mean**0.5 + 1.5)

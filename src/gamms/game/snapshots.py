@@ -201,6 +201,7 @@ _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state
     **dict.fromkeys(("over", "team_memories", "data"), copied),
     **dict.fromkeys(("players", "began", "scores", "facts", "timings", "blocked"), lambda value, _: dict(value)),
     **dict.fromkeys(("agent_facts", "team_facts"), lambda value, _: {to: dict(facts) for to, facts in value.items()}),
+    "delayed_looks": lambda value, _: {key: looks.copy() for key, looks in value.items()},
     "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
     "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},
 }

@@ -415,6 +415,11 @@ def _publish_privately(state: State, data: Mapping[str, Plain]) -> None:
             facts.update((name, published(name, facts[name])) for name in changes.get("set", ()))
 
 
+def _delay(state: State, data: Mapping[str, Plain]) -> None:
+    for sensor, owner, changes in data["looks"]:
+        change(state.game.delayed_looks.setdefault((sensor, owner), {}), changes)
+
+
 def _count(state: State, data: Mapping[str, Plain]) -> None:
     state.count(int(data["turn"]), int(data["pace"]), data.get("starts", {}))
 
@@ -452,6 +457,7 @@ SENSORS = _event(
     0x06000000, "SENSORS", _HOST, "sensor_kinds", lambda state, data: state.add_sensors(data["sensor_kinds"])
 )
 SENSED = _event(0x06000001, "SENSED", _TEAM, "agents:NUMBER ids")
+DELAYED_LOOKS = _event(0x06000002, "DELAYED_LOOKS", _HOST, "looks", _delay)
 
 
 def _component(code: int, name: str, fields: str) -> int:

@@ -81,6 +81,7 @@ class GameState:
         team_facts: team -> what was published to it alone.
         memories: agent -> what it remembers; this dict is never replaced, nor are those in it.
         team_memories: team -> what it remembers.
+        delayed_looks: (sensor, the agent that carries it, or "") -> turn -> what it saw then and is still to report.
         over: reason, winner and truncated of a game that has ended; None while it goes on.
         counts: agent -> how often it moved, was blocked, and so on.
         timings: seconds by phase.
@@ -108,6 +109,7 @@ class GameState:
     team_facts: dict[Any, dict[str, Any]] = field(default_factory=dict)
     memories: dict[str, dict[Any, Any]] = field(default_factory=dict)
     team_memories: dict[Any, dict[Any, Any]] = field(default_factory=dict)
+    delayed_looks: dict[tuple[str, str], dict[int, dict[str, Any]]] = field(default_factory=dict)
     over: dict[str, Any] | None = None
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
@@ -154,6 +156,7 @@ class GameState:
         """Forget what has happened in the game; scores, data, facts and agents' memories stay."""
         self.turn, self.over, self.last_turn, self.moves = 0, None, None, None
         self.counts, self.team_memories, self.players, self.blocked = {}, {}, {}, {}
+        self.delayed_looks = {}
         for name in LOGS:
             setattr(self, name, [])
         self.histories = {name: LogHistory() for name in LOGS}

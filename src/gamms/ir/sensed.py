@@ -20,6 +20,9 @@ class Sensed:
     values: "np.ndarray[Any, Any]"  # (values,)
     edges: "Sensed | None" = None
     names: tuple[str, ...] = ()  # of agents
+    places: "IntArray | FloatArray | None" = (
+        None  # (values,) ids of the nodes, or (values, 3): where agents are reported
+    )
 
     def __len__(self) -> int:
         """How many looks there were."""
@@ -38,6 +41,7 @@ class Coverage:
     node_ids: IntArray  # (nodes,) in insertion order
     detection: FloatArray  # (nodes,)  how probable it is that an agent on the node is noticed
     not_shown: tuple[str, ...]  # names of the agents that it does not show wherever they are: of other teams, dead
+    is_exact: bool = True  # whether the agents that it shows are where it shows them at this moment
 
 
 def _no_points() -> FloatArray:
@@ -54,3 +58,10 @@ class SensorView:
     agents: FloatArray = field(default_factory=_no_points)  # (agents, 2)
     names: tuple[str, ...] = ()  # (agents,) of them, so that they can be found again; or none
     outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; none: no bounds
+
+
+def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
+    """Return offsets (rows + 1,) and values of lists of different lengths."""
+    offsets = np.zeros(len(rows) + 1, np.int64)
+    np.cumsum([len(row) for row in rows], out=offsets[1:])
+    return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))

@@ -17,6 +17,8 @@ from gamms.kernels.draws import (
     fraction_many,
     name_key,
     name_keys,
+    normals,
+    poisson,
     purpose_key,
     stream,
     stream_key,

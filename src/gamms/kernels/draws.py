@@ -9,6 +9,7 @@ and the array form give the same numbers on every machine:
 
 from collections.abc import Iterable
 from functools import lru_cache
+from math import exp
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -95,6 +96,25 @@ def fraction_many(bits: BitArray) -> FloatArray:
     """Return what `fraction` returns for each: (draws,)."""
     found: FloatArray = (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return found
+
+
+def normals(bits: Iterable[int]) -> FloatArray:
+    """Return numbers (draws,) of the standard normal distribution that random bits choose, by its inverse."""
+    from statistics import NormalDist
+
+    inverse = NormalDist().inv_cdf
+    return np.array([inverse(((one >> 12) + 0.5) * 2.0**-52) for one in bits])
+
+
+def poisson(bits: int, mean: float) -> int:
+    """Return a number of the Poisson distribution that random bits choose, by inversion; the mean is at most 100."""
+    drawn, count = fraction(bits), 0
+    chance = total = exp(-mean)
+    while drawn >= total and (count < mean or chance > 2.0**-60):  # less is lost in rounding
+        count += 1
+        chance *= mean / count
+        total += chance
+    return count
 
 
 def _mix(bits: int) -> int:

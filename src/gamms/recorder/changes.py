@@ -208,6 +208,16 @@ class _TeamMemories(_Memories):
         return {"agents": {}, "teams": [(to_plain(team), one) for team, one in found.items()]}
 
 
+class _DelayedLooks(_Memories):
+    """What sensors with a delay have seen that is still to be reported, or need not be any longer."""
+
+    def _names_in(self, data: Plain) -> Iterable[Any]:
+        return [(sensor, owner) for sensor, owner, _ in data["looks"]]
+
+    def _data(self, found: dict[Any, Changes]) -> dict[str, Any]:
+        return {"looks": [[*key, one] for key, one in found.items()]}
+
+
 DETECTED: dict[str, tuple[int, type[_Detector]]] = {
     "events": (kinds.GAME_EVENT, _NewEntries),
     "deeds": (kinds.GAME_DEED, _NewEntries),
@@ -221,6 +231,7 @@ DETECTED: dict[str, tuple[int, type[_Detector]]] = {
     "team_facts": (kinds.GAME_PRIVATE_FACTS, _TeamMemories),
     "memories": (kinds.GAME_MEMORY, _Memories),
     "team_memories": (kinds.GAME_MEMORY, _TeamMemories),
+    "delayed_looks": (kinds.DELAYED_LOOKS, _DelayedLooks),
 }
 """Field of `GameState` -> the kind of event that says how it changes, and what finds that out."""
 

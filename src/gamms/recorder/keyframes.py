@@ -141,7 +141,7 @@ def _private_facts(each: Iterable[tuple[Any, dict[str, Any]]]) -> dict[Any, dict
     return {to: {name: published(name, value) for name, value in facts.items()} for to, facts in each}
 
 
-_SELDOM = ("blocked", "agent_facts", "team_facts")  # fields that keyframes have only where there is something in them
+_SELDOM = ("blocked", "agent_facts", "team_facts", "delayed_looks")  # only in keyframes where something is in them
 GAME_FIELDS = {
     "scores": GameField(lambda scores: list(to_plain(scores).items()), set_scores),
     "data": GameField(plain_subset, lambda game, data: _refill(game.data, data)),
@@ -152,6 +152,11 @@ GAME_FIELDS = {
     "team_facts": GameField(_captured_each, _setting("team_facts", _private_facts), ()),
     "memories": GameField(lambda memories: dict(sorted(_captured_each(memories))), _restore_memories, {}),
     "team_memories": GameField(_captured_each, _setting("team_memories", lambda each: dict(deepcopy(list(each)))), ()),
+    "delayed_looks": GameField(
+        lambda looks: [[*key, to_plain(one)] for key, one in sorted(looks.items()) if one],
+        _setting("delayed_looks", lambda each: {(sensor, owner): deepcopy(one) for sensor, owner, one in each}),
+        (),
+    ),
 }
 
 

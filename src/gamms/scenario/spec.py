@@ -133,6 +133,9 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
     team: str | list[str] | None = None
     exclude: str | list[str] | None = None
     detection: float | list[tuple[float, float]] | None = None
+    position_noise_m: Metres | None = None
+    false_alarm_rate: Annotated[float, Meta(ge=0.0, le=100.0)] | None = None
+    delay_turns: Count | None = None
 
 
 class From(_Mapping, frozen=True, kw_only=True):

@@ -11,12 +11,13 @@ from gamms.arguments import as_ids, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import Sensed, SensorView
+from gamms.ir.sensed import Sensed, SensorView, ragged
 from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
-from gamms.sensor.ground import map_view, ragged
+from gamms.sensor.ground import map_view
 from gamms.sensor.sensor import Sensor, of_data
+from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import at_height, memory_of
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
@@ -26,6 +27,9 @@ DOWN: Quaternion = (sqrt(0.5), 0.0, sqrt(0.5), 0.0)
 AHEAD: Quaternion = (1.0, 0.0, 0.0, 0.0)
 
 Axis = tuple[float, float, float]
+
+_Sighting = tuple[AgentType, tuple[float, float, float]]
+_KINDS = (AgentType.BASIC, AgentType.AERIAL)
 
 
 class Pose(NamedTuple):
@@ -224,15 +228,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         if self._phase.agent is not None:
             self._phase.refuse("call sensor.sense")
         pose = self.pose()
-        rows, now, names = self._found(pose), memory_of(self.ctx).nearby.coordinates(), self.ctx.agent.positions.names
-        kinds = (AgentType.BASIC, AgentType.AERIAL)
-        data = {
-            names[row]: (kinds[is_flying], (x, y, z))
-            for row, is_flying, (x, y, z) in zip(
-                rows.tolist(), now.is_flying[rows].tolist(), now.xyz[rows].tolist(), strict=True
-            )
-        }
-        self._last[:] = data, pose
+        self._last[:] = self._seen(pose), pose
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look once for each node asked about, always from where the sensor is; values are positions in `names`.
@@ -241,8 +237,37 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         """
         pose = self.pose()
         with self.notice.rolled_back():
-            looks = [self._found(pose).tolist() for _ in node_ids]
-            return Sensed(*ragged(looks), names=tuple(self.ctx.agent.positions.names))
+            return self._named([self._seen(pose) for _ in node_ids])
+
+    def _seen(self, pose: Pose | None) -> dict[str, _Sighting]:
+        look = self.notice.look(self.ctx, self._owner if self._at is None else None)
+        rows, names = self._found(pose, look), self.ctx.agent.positions.names
+        now = memory_of(self.ctx).nearby.coordinates()
+        seen = {
+            names[row]: (_KINDS[is_flying], (x, y, z))
+            for row, is_flying, (x, y, z) in zip(
+                rows.tolist(), now.is_flying[rows].tolist(), now.xyz[rows].tolist(), strict=True
+            )
+        }
+        if not self.notice.has_errors:
+            return seen
+        report = self._report(look, None, seen)
+        return {name: (AgentType(kind), tuple(place)) for name, (kind, place) in report.items()}
+
+    def _reportable(self) -> list[int]:
+        flyers = set(self.ctx.agent.positions.flyers.tolist())
+        return [row for row in super()._reportable() if row not in flyers]
+
+    def _sighting(self, node_id: int) -> _Sighting:
+        node = self.ctx.graph.graph.get_node(node_id)
+        return AgentType.BASIC, (node.x, node.y, 0.0)
+
+    def _displaced(self, sightings: list[_Sighting], errors: FloatArray) -> list[_Sighting]:
+        places = (self._places(sightings) + errors).tolist()
+        return [(kind, (x, y, z)) for (kind, _), (x, y, z) in zip(sightings, places, strict=True)]
+
+    def _places(self, sightings: list[_Sighting]) -> FloatArray:
+        return np.array([place for _, place in sightings], np.float64).reshape(-1, 3)
 
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:  # noqa: ARG002 - it looks from the air
         pose = self.pose()
@@ -267,7 +292,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             outline = fov_geometry.shadow(*pose, self.range, self.fov)
         return SensorView(agents=agents, names=tuple(self.data), outline=outline)
 
-    def _found(self, pose: Pose | None) -> IntArray:
+    def _found(self, pose: Pose | None, look: Look) -> IntArray:
         """Return the rows (agents,) of those that are seen."""
         if pose is None:
             return np.zeros(0, np.int64)
@@ -283,7 +308,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         if self.notice.needs_chance:
             distances = np.linalg.norm(offsets[rows], axis=1)
             seen = [names[row] for row in rows.tolist()]
-            rows = rows[self.notice.is_noticed(self.ctx, own, seen, distances)]
+            rows = rows[self.notice.is_noticed(look, seen, distances)]
         return rows
 
 

@@ -72,7 +72,11 @@ class Kind(NamedTuple):
 _ATTRIBUTES = {"sensor_range": "range"}  # keyword -> attribute, where they differ
 
 _PLACE = ("at",)
-_DETECTION = ("at", "notice.team", "notice.exclude", "notice.detection")
+_DETECTION = (
+    *_PLACE,
+    *("notice.team", "notice.exclude", "notice.detection"),
+    *("notice.position_noise_m", "notice.false_alarm_rate", "notice.delay_turns"),
+)
 
 _RANGE = {"sensor_range": 30.0}
 _FIELD = {"fov": 2.0 * pi, "orientation": FORWARD}
@@ -112,4 +116,7 @@ SYNONYMS = {  # what callers write for a keyword, where the spelling does not te
     **dict.fromkeys(("height", "eye_height"), "observer_height"),
     **dict.fromkeys(("position", "node", "node_id", "place"), "at"),
     **dict.fromkeys(("teams", "whom"), "team"),
+    **dict.fromkeys(("noise", "sigma", "position_noise", "standard_deviation"), "position_noise_m"),
+    **dict.fromkeys(("false_alarms", "clutter", "clutter_rate", "false_positive_rate"), "false_alarm_rate"),
+    **dict.fromkeys(("delay", "latency"), "delay_turns"),
 }

@@ -1,20 +1,24 @@
-"""Which of the agents in view a sensor reports: by team, and at random."""
+"""Which of the agents in view a sensor reports, by team and at random, and how exactly."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager
 from copy import copy
+from itertools import chain
+from math import inf
 from typing import Any, Self
 
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_count, as_range
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue
 from gamms.ir.chances import as_chances, chances_at
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.sensed import Coverage
+from gamms.ir.sensed import Coverage, Sensed, ragged
 from gamms.sensor.sensor import Sensor
+from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, delayed, forget_delayed
 from gamms.text import shown
 from gamms.typing import IContext
 
@@ -23,7 +27,7 @@ Detection = float | Sequence[tuple[float, float]] | Chance | None
 
 
 class DetectionModel(Guarded):
-    """Which of the agents in view one sensor reports; all, unless something is set.
+    """Which of the agents in view one sensor reports, and how exactly; all as they are, unless something is set.
 
     Attributes:
         team: a team, or several in a list, tuple or set: only their agents are reported; None: of all teams.
@@ -32,6 +36,11 @@ class DetectionModel(Guarded):
             straight lines between them, or a function from distances (agents,) to probabilities (agents,). None:
             always. What is drawn follows from the seed of the context, the sensor, its owner, the turn of the game, how
             many looks there were in it before, and the agent's name.
+        position_noise_m: the standard deviation of the error of a reported place along each axis, map units; the errors
+            are Gaussian, and others for each agent and look. None: no error.
+        false_alarm_rate: how many agents are reported in a look, on the average, which it has not noticed, on nodes
+            that it covers: a Poisson number, at most 100. None: no agents.
+        delay_turns: how many turns of the game old the look is that is reported. None: the look itself.
     """
 
     _called = "sensor.notice"
@@ -42,6 +51,10 @@ class DetectionModel(Guarded):
         self.exclude: object = None
         self._detection: Detection = None
         self._chance: Chance | None = None
+        self._position_noise_m: float | None = None
+        self._false_alarm_rate: float | None = None
+        self._delay_turns: int | None = None
+        self._is_trial = False  # whether looks leave no trace
         self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
         self._phase = phase
 
@@ -57,6 +70,11 @@ class DetectionModel(Guarded):
         return self._chance is not None
 
     @property
+    def has_errors(self) -> bool:
+        """Whether agents may be reported where they are not."""
+        return bool(self._position_noise_m or self._false_alarm_rate or self._delay_turns)
+
+    @property
     def detection(self) -> Detection:
         """See above; settable."""
         return self._detection
@@ -65,6 +83,41 @@ class DetectionModel(Guarded):
     def detection(self, detection: Detection) -> None:
         self._chance = _chance_of(detection, f"detection of {self._sensor_id!r}")
         self._detection = detection
+
+    @property
+    def position_noise_m(self) -> float | None:
+        """See above; settable."""
+        return self._position_noise_m
+
+    @position_noise_m.setter
+    def position_noise_m(self, deviation: float | None) -> None:
+        name = f"position_noise_m of {self._sensor_id!r}"
+        if deviation == inf:
+            raise BadValue(f"{name} must be finite, not {deviation}.")
+        self._position_noise_m = None if deviation is None else as_range(deviation, name)
+
+    @property
+    def false_alarm_rate(self) -> float | None:
+        """See above; settable."""
+        return self._false_alarm_rate
+
+    @false_alarm_rate.setter
+    def false_alarm_rate(self, rate: float | None) -> None:
+        name = f"false_alarm_rate of {self._sensor_id!r}"
+        rate = None if rate is None else as_range(rate, name)
+        if rate is not None and rate > MOST_FALSE_ALARMS:
+            raise BadValue(f"{name} is a number of false alarms per look, at most {MOST_FALSE_ALARMS:g}, not {rate}.")
+        self._false_alarm_rate = rate
+
+    @property
+    def delay_turns(self) -> int | None:
+        """See above; settable."""
+        return self._delay_turns
+
+    @delay_turns.setter
+    def delay_turns(self, turns: int | None) -> None:
+        name = f"delay_turns of {self._sensor_id!r}"
+        self._delay_turns = None if turns is None else as_count(turns, name, least=0)
 
     @refused_while_deciding
     def reset(self) -> None:
@@ -75,6 +128,7 @@ class DetectionModel(Guarded):
         """Return a copy whose next look draws what the last one of this turn drew, and changes nothing here."""
         twin = copy(self)
         twin._looks = {owner: (turn, look - 1) for owner, (turn, look) in self._looks.items()}
+        twin._is_trial = True
         return twin
 
     @contextmanager
@@ -83,12 +137,12 @@ class DetectionModel(Guarded):
         if self._phase.agent is None:
             yield
             return
-        looks = self._looks.copy()
+        looks, self._is_trial = self._looks.copy(), True
         try:
             with self._phase.suspended():
                 yield
         finally:
-            self._looks = looks
+            self._looks, self._is_trial = looks, False
 
     def wanted(self, rows: list[int], teams: Sequence[Any]) -> list[int]:
         """Return those rows whose agents are of a team that is reported; `teams` by row."""
@@ -99,19 +153,31 @@ class DetectionModel(Guarded):
         return [row for row in rows if (known is None or teams[row] in known) and teams[row] not in others]
 
     @refused_while_deciding
-    def is_noticed(
-        self, ctx: IContext, owner: str | None, names: list[str], distances: FloatArray
-    ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
-        """Draw which agents are noticed (agents,): one more look of this owner's."""
+    def look(self, ctx: IContext, owner: str | None) -> Look:
+        """Count one more look of this owner's."""
         turn = 0 if (game := ctx.current_game) is None else game.turn
-        last, look = self._looks.get(owner, (turn, 0))
-        look = look + 1 if last == turn else 1
-        self._looks[owner] = turn, look
+        last, looks = self._looks.get(owner, (turn, 0))
+        looks = looks if last == turn else 0
+        self._looks[owner] = turn, looks + 1
+        return Look(ctx.seed, self._sensor_id, "" if owner is None else owner, turn, looks)
+
+    def is_noticed(
+        self, look: Look, names: list[str], distances: FloatArray
+    ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
+        """Draw which agents are noticed (agents,)."""
         chances = self.chances(distances)
-        purpose = kernels.purpose_key(ctx.seed, "detection", self._sensor_id, "" if owner is None else owner)
-        bits = kernels.draw_bits_many(purpose, kernels.name_keys(names), turn, look - 1)
-        noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = kernels.fraction_many(bits) < chances
+        noticed: np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
+        noticed = kernels.fraction_many(look.bits(names, "detection")) < chances
         return noticed
+
+    @property
+    def needs_look(self) -> bool:
+        """Whether a look is to be counted, because something is drawn in it or kept of it."""
+        return self._chance is not None or self.has_errors
+
+    def delayed(self, ctx: IContext, look: Look, seen: dict[str, Any]) -> dict[str, Any]:
+        """Return what is reported of what is seen now, and what was before, by the names of agents."""
+        return delayed(ctx, look, seen, self._delay_turns, is_noted=not self._is_trial) if self._delay_turns else seen
 
     def chances(self, distances: FloatArray) -> FloatArray:
         """Return how probable it is that agents at some distances are noticed (agents,)."""
@@ -155,18 +221,65 @@ class DetectingSensor(Sensor):
             positions, living = self.ctx.agent.positions, self.ctx.agent.positions.living.tolist()
         shown_rows = set(living if self._notice is None else self._notice.wanted(living, positions.teams))
         not_shown = tuple(name for row, name in enumerate(positions.names) if row not in shown_rows)
-        chances = np.ones(len(distances)) if self._notice is None else self._notice.chances(distances)
-        return Coverage(node_ids, chances, not_shown)
+        if self._notice is None:
+            return Coverage(node_ids, np.ones(len(distances)), not_shown)
+        chances = self._notice.chances(distances)
+        if self._notice.delay_turns:  # it shows nothing of this moment
+            chances = np.zeros(len(distances))
+        return Coverage(node_ids, chances, not_shown, is_exact=not self._notice.has_errors)
 
     @abstractmethod
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         """Return the ids of the nodes in view (nodes,), and how far away they are (nodes,)."""
 
+    def _report(self, look: Look, node_id: int | None, seen: dict[str, Any]) -> dict[str, Any]:
+        """Return what is reported of what is seen, by the names of agents in the order of their creation."""
+        notice = self.notice
+        if notice.false_alarm_rate:
+            positions = self.ctx.agent.positions
+            names, rows = positions.names, notice.wanted(self._reportable(), positions.teams)
+            others = [names[row] for row in rows if names[row] not in seen and names[row] != look.owner]
+            alarms = look.false_alarms(notice.false_alarm_rate, others, self._covered(node_id)[0])
+            seen = seen | {name: self._sighting(node) for name, node in alarms.items()}
+            seen = {name: seen[name] for name in names if name in seen}
+        if notice.position_noise_m and seen:
+            errors = look.noise([*seen], notice.position_noise_m)
+            seen = dict(zip(seen, self._displaced([*seen.values()], errors), strict=True))
+        return notice.delayed(self.ctx, look, seen)
+
+    def _reportable(self) -> list[int]:
+        """Return the rows of the agents that may be reported though they are not noticed."""
+        rows: list[int] = self.ctx.agent.positions.living.tolist()
+        return rows
+
+    @abstractmethod
+    def _sighting(self, node_id: int) -> Any:
+        """Return what is reported of an agent on a node."""
+
+    @abstractmethod
+    def _displaced(self, sightings: list[Any], errors: FloatArray) -> list[Any]:
+        """Return what is reported of agents whose places are off by some errors (sightings, 3)."""
+
+    def _named(self, reports: list[dict[str, Any]]) -> Sensed:
+        """Return reports as arrays."""
+        names = tuple(dict.fromkeys(chain(self.ctx.agent.positions.names, *reports)))  # of deleted agents, too
+        rows = {name: row for row, name in enumerate(names)}
+        return Sensed(
+            *ragged([[rows[name] for name in report] for report in reports]),
+            names=names,
+            places=self._places([sighting for report in reports for sighting in report.values()]),
+        )
+
+    @abstractmethod
+    def _places(self, sightings: list[Any]) -> IntArray | FloatArray:
+        """Return where agents are reported, (sightings,) ids of nodes or (sightings, 3)."""
+
     def reset(self) -> None:
-        """Forget what was sensed, and how often."""
+        """Forget what was sensed, how often, and what is still to be reported."""
         super().reset()
         if self._notice is not None:
             self._notice.reset()
+            forget_delayed(self.ctx, self.sensor_id)
 
     def _snapshot(self) -> tuple[Any, ...]:
         """Return what was sensed and how often, for `_restore`."""

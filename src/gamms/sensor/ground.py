@@ -12,10 +12,11 @@ from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensed import Sensed, SensorView
+from gamms.ir.sensed import Sensed, SensorView, ragged
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.sensor import Heading, Sensor, of_data
+from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, memory_of, nodes_ahead
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns, Surroundings
@@ -205,13 +206,6 @@ class OccludedMapSensor(OccludedSensor, MapSensor):
     __slots__ = ()
 
 
-def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
-    """Return offsets (rows + 1,) and values of lists of different lengths."""
-    offsets = np.zeros(len(rows) + 1, np.int64)
-    np.cumsum([len(row) for row in rows], out=offsets[1:])
-    return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))
-
-
 def map_view(data: dict[str, Any], outline: FloatArray) -> SensorView:
     """Return what a sensor of nodes and edges shows of its `data`."""
     nodes = np.array([(node.x, node.y) for node in data.get("nodes", {}).values()], np.float64).reshape(-1, 2)
@@ -284,13 +278,15 @@ class AgentSensor(DetectingSensor, GroundSensor):
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
-            data = self._all_agents(place)
+            data, look = self._all_agents(place), None
         else:
-            positions, rows = self._found(place, heading)
+            positions, rows, look = self._found(place, heading)
             names, nodes = positions.names, positions.nodes
             data = {names[row]: nodes[row] for row in rows}
         if self._owner is not None and self._at is None:
             data.pop(self._owner, None)
+        if look is not None and self.notice.has_errors:
+            data = self._report(look, node_id, data)
         self._last[:] = data, (place, self.range, self.fov, heading)
 
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
@@ -298,9 +294,13 @@ class AgentSensor(DetectingSensor, GroundSensor):
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
         own = self._owner if self._at is None else None
         with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
-            names = tuple(self.ctx.agent.positions.names)
-            looks = [self._found(self.place(id), heading)[1] for id in as_ids(node_ids, "node_ids")]
-        return Sensed(*ragged([[row for row in look if names[row] != own] for look in looks]), names=names)
+            ids, reports = as_ids(node_ids, "node_ids"), list[dict[str, int]]()
+            for id in ids:
+                positions, rows, look = self._found(self.place(id), heading)
+                names, nodes = positions.names, positions.nodes
+                seen = {names[row]: nodes[row] for row in rows if names[row] != own}
+                reports.append(seen if look is None else self._report(look, id, seen))
+            return self._named(reports)
 
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
@@ -321,8 +321,21 @@ class AgentSensor(DetectingSensor, GroundSensor):
             raise UnknownName("node", place)
         return self._memory.nearby.nodes_by_name()
 
-    def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int]]:
-        """Return where agents are, and the rows of those that are seen, ascending."""
+    def _sighting(self, node_id: int) -> int:
+        return node_id
+
+    def _displaced(self, sightings: list[int], errors: FloatArray) -> list[int]:
+        """Return the nodes nearest to the displaced ones."""
+        graph = self.ctx.graph.graph
+        x, y = (graph.positions(sightings) + errors[:, :2]).T
+        nodes: list[int] = graph.nearest_node(x, y).tolist()
+        return nodes
+
+    def _places(self, sightings: list[int]) -> IntArray:
+        return np.array(sightings, np.int64)
+
+    def _found(self, place: Place, heading: Heading) -> tuple[Positions, list[int], Look | None]:
+        """Return where agents are, the rows of those that are seen, ascending, and the look, if one was counted."""
         positions, rows = self._memory.nearby.within(place, self.range)
         if heading != ALL_AROUND:
             rows = self._ahead(place, rows, positions.nodes, heading)
@@ -332,12 +345,14 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if self._is_occluded:
             nodes = NodeColumns(positions.node_ids[rows], self._memory.nearby.coordinates().xy[rows])
             rows = _selected(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
-        if notice is not None and notice.needs_chance:
-            owner = self._owner if self._at is None else None
+        if notice is None or not notice.needs_look:
+            return positions, rows, None
+        look = notice.look(self.ctx, self._owner if self._at is None else None)
+        if notice.needs_chance:
             distances = np.hypot(*self._offsets(place, rows).T)
             names = [positions.names[row] for row in rows]
-            rows = _selected(rows, notice.is_noticed(self.ctx, owner, names, distances))
-        return positions, rows
+            rows = _selected(rows, notice.is_noticed(look, names, distances))
+        return positions, rows, look
 
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
         """Return those rows whose agents are in the field of view."""

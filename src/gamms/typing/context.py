@@ -21,7 +21,11 @@ if TYPE_CHECKING:
 
 
 class IGameState(Protocol):
-    """What drawing reads of a game."""
+    """What drawing and sensors read of a game."""
+
+    @property
+    def internals(self) -> Any:
+        """What engines do with it; not for strategies. Any: the game engine's own class."""
 
     @property
     def turn(self) -> int:

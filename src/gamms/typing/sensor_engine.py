@@ -209,6 +209,13 @@ class SensorOptions(TypedDict, total=False):
     detection: float | Sequence[tuple[float, float]] | Callable[[FloatArray], FloatArray] | None
     """The probability that an agent in view is sensed: a number, pairs `(distance, probability)`, or a function from
     distances (agents,) to probabilities (agents,); None: always. The AGENT kinds."""
+    position_noise_m: float | None
+    """The standard deviation of the Gaussian error of a reported place along each axis, map units; None: no error. The
+    AGENT kinds."""
+    false_alarm_rate: float | None
+    """How many agents are reported in a look, on the average, that were not noticed; None: none. The AGENT kinds."""
+    delay_turns: int | None
+    """How many turns of `ctx.game` old what is reported is; None: not old. The AGENT kinds."""
 
 
 class ISensorEngine(ABC):

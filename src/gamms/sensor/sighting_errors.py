@@ -1,0 +1,100 @@
+"""What is wrong with what a sensor reports: false sightings and noisy places, drawn by keyed draws, and delay.
+
+The model is the usual one of target tracking (Bar-Shalom, Willett and Tian, "Tracking and Data Fusion", 2011): the
+errors of places are Gaussian and independent, and false sightings are a Poisson process, uniform on what is covered.
+"""
+
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadValue
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.kernels.draws import BitArray
+from gamms.plain import to_plain
+from gamms.typing import IContext
+
+AXES = ("x", "y", "z")
+MOST_FALSE_ALARMS = 100.0  # per look: so many would hide any agent
+
+
+class Look(NamedTuple):
+    """One look of a sensor: what all that is drawn in it follows from."""
+
+    seed: int
+    sensor_id: str
+    owner: str  # "": no agent
+    turn: int
+    number: int  # of the looks of this owner in this turn, from 0
+
+    def bits(self, names: Iterable[str], purpose: str, *which: str | int) -> BitArray:
+        """Return 64 random bits for each name, (names,)."""
+        key = kernels.purpose_key(self.seed, purpose, self.sensor_id, self.owner, *which)
+        return kernels.draw_bits_many(key, kernels.name_keys(names), self.turn, self.number)
+
+    def noise(self, names: Sequence[str], deviation: float) -> FloatArray:
+        """Return the errors of the places of agents, (names, 3)."""
+        axes = [kernels.normals(self.bits(names, "position noise", axis).tolist()) for axis in AXES]
+        return deviation * np.column_stack(axes)
+
+    def false_alarms(self, rate: float, names: Sequence[str], node_ids: IntArray) -> dict[str, int]:
+        """Return agent -> the node on which it is reported and is not.
+
+        Args:
+            rate: how many there are to be expected.
+            names: of the agents that may be reported falsely, each once at most.
+            node_ids: where they may be reported (nodes,).
+        """
+        found: dict[str, int] = {}
+        for i in range(kernels.poisson(self._one("false alarms"), rate)):
+            others = [name for name in names if name not in found]
+            if others and len(node_ids):  # each draws a lot and the highest counts, so that no other agent changes much
+                name = others[int(np.argmax(self.bits(others, "false alarm", i)))]
+                found[name] = int(node_ids[kernels.below(self._one("false alarm", "place", i), len(node_ids))])
+        return found
+
+    def _one(self, purpose: str, *which: str | int) -> int:
+        return int(self.bits([""], purpose, *which)[0])
+
+
+def delayed(ctx: IContext, look: Look, seen: dict[str, Any], delay: int, *, is_noted: bool) -> dict[str, Any]:
+    """Return what was seen so many turns before, as plain values: in the latest look that is as old, or older.
+
+    Args:
+        ctx: the context.
+        look: this one.
+        seen: what is seen now, by the names of agents.
+        delay: turns.
+        is_noted: whether it is to be reported later.
+    """
+    known = delayed_looks(ctx)
+    if known is None and not is_noted:  # a picture of how things are before the game
+        return {}
+    if known is None:
+        raise BadValue(
+            f"Sensor {look.sensor_id!r} has delay_turns={delay}, and nothing counts the turns: play with ctx.game, "
+            "which does."
+        )
+    key = look.sensor_id, look.owner
+    looks = known.get(key, {}) | {look.turn: to_plain(seen)}
+    due = max((turn for turn in looks if turn <= look.turn - delay), default=None)
+    if is_noted:
+        known[key] = {turn: one for turn, one in looks.items() if due is None or turn >= due}
+    return {} if due is None else looks[due].copy()
+
+
+def delayed_looks(ctx: IContext) -> dict[tuple[str, str], dict[int, dict[str, Any]]] | None:
+    """Return what sensors are still to report, which belongs to the game; None: there is no game."""
+    game = ctx.current_game
+    looks: dict[tuple[str, str], dict[int, dict[str, Any]]] | None
+    looks = None if game is None else game.internals.state.delayed_looks
+    return looks
+
+
+def forget_delayed(ctx: IContext, sensor_id: str) -> None:
+    """Forget what a sensor is still to report."""
+    looks = delayed_looks(ctx) or {}
+    for key in [key for key in looks if key[0] == sensor_id]:
+        del looks[key]

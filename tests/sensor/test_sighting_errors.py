@@ -1,0 +1,426 @@
+"""Sensors that report agents where they are not: noisy places, false alarms, and reports of earlier turns."""
+
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.agent import AgentType
+from gamms.errors import BadType, BadValue
+from gamms.graph import Engine
+from gamms.sensor import SensorType
+
+KINDS = ["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"]
+FLYING = ["AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT"]
+SIZE = 20
+
+
+def field(names, *, seed=4, engine=Engine.MEMORY, node=210):
+    """Return a grid of 20 x 20 nodes one apart, with agents on one of them, all of team "blue"."""
+    ctx = gamms.create_context(seed=seed, graph_engine=engine, logger_config={"level": "CRITICAL"})
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(SIZE, SIZE, 1.0))
+    for name in names:
+        ctx.agent.create_agent(name, start_node_id=node, team="blue")
+    return ctx
+
+
+def watch(ctx, kind="AGENT_RANGE", **given):
+    place = {"at": (10.0, 10.0, 9.0)} if kind in FLYING else {"at": (9.5, 9.5)}
+    return ctx.sensor.create_sensor("s", SensorType[kind], **{"sensor_range": inf, **place, **given})
+
+
+def looks(sensor, number):
+    found = []
+    for _ in range(number):
+        sensor.sense()
+        found.append(sensor.data)
+    return found
+
+
+def xy(ctx, nodes):
+    return ctx.graph.graph.positions(list(nodes))
+
+
+# -- noise ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", FLYING)
+def test_the_errors_of_places_are_gaussian_along_each_axis(kind):
+    with field([f"a{i}" for i in range(1000)]) as ctx:
+        report = looks(watch(ctx, kind, position_noise_m=2.5), 1)[0]
+        x, y = xy(ctx, [210])[0]
+        errors = (np.array([place for _, place in report.values()]) - (x, y, 0.0)) / 2.5
+        assert {kind for kind, _ in report.values()} == {AgentType.BASIC}
+        assert np.abs(errors.mean(axis=0)).max() < 0.1
+        assert np.abs(errors.std(axis=0) - 1.0).max() < 0.08
+        assert np.abs(np.corrcoef(errors.T) - np.eye(3)).max() < 0.1
+        assert abs((np.abs(errors) < 1.0).mean() - 0.683) < 0.03
+        assert np.abs(errors).max() > 2.5
+
+
+def test_on_the_ground_the_node_nearest_to_the_noisy_point_is_reported():
+    with field([f"a{i}" for i in range(1000)]) as ctx:
+        report = looks(watch(ctx, position_noise_m=1.0), 1)[0]
+        errors = xy(ctx, report.values()) - xy(ctx, [210])
+        assert set(report) == set(ctx.agent.agents)
+        assert np.abs(errors.mean(axis=0)).max() < 0.12
+        assert np.abs(errors.std(axis=0) - (1 + 1 / 12) ** 0.5).max() < 0.08  # of rounding to whole numbers, too
+
+
+def test_little_noise_leaves_the_node_as_it_is():
+    with field(["anna", "bert"]) as ctx:
+        assert looks(watch(ctx, position_noise_m=0.01), 1) == [{"anna": 210, "bert": 210}]
+
+
+@pytest.mark.parametrize("kind", KINDS + FLYING)
+def test_no_noise_no_false_alarms_and_no_delay_are_the_sensor_without(kind):
+    with field(["anna", "bert"]) as ctx:
+        plain = looks(watch(ctx, kind), 1)
+        ctx.sensor.get_sensor("s").notice.position_noise_m = 0.0
+        ctx.sensor.get_sensor("s").notice.false_alarm_rate = 0
+        ctx.sensor.get_sensor("s").notice.delay_turns = 0
+        assert looks(ctx.sensor.get_sensor("s"), 1) == plain
+
+
+# -- false alarms -----------------------------------------------------------------------------------------------
+
+
+def test_false_alarms_are_a_poisson_number_spread_evenly_over_what_is_covered():
+    with field([f"a{i}" for i in range(40)]) as ctx:
+        sensor = watch(ctx, sensor_range=5.0, detection=0.0, false_alarm_rate=1.5)
+        reports = looks(sensor, 1500)
+        counts = np.array([len(report) for report in reports])
+        assert abs(counts.mean() - 1.5) < 0.1
+        assert abs(counts.var() - 1.5) < 0.2
+        covered = sensor.coverage().node_ids
+        nodes = np.array([node for report in reports for node in report.values()])
+        seen, expected = np.array([(nodes == node).sum() for node in covered]), len(nodes) / len(covered)
+        assert seen.sum() == len(nodes)  # nowhere else
+        assert ((seen - expected) ** 2 / expected).sum() < len(covered) + 4 * (2 * len(covered)) ** 0.5
+        names = np.array([int(name[1:]) for report in reports for name in report])
+        named, expected = np.bincount(names, minlength=40), len(names) / 40
+        assert ((named - expected) ** 2 / expected).sum() < 40 + 4 * 80**0.5
+
+
+def test_a_false_alarm_bears_the_name_of_an_agent_that_is_looked_for_and_not_noticed():
+    with field(["anna", "bert"]) as ctx:
+        ctx.agent.create_agent("rita", start_node_id=0, team="red")
+        ctx.agent.create_agent("dora", start_node_id=0, team="blue").alive = False
+        ctx.agent.create_agent("owen", start_node_id=0, team="blue")
+        sensor = ctx.sensor.create_sensor("s", "AGENT_RANGE", sensor_range=3.0, team="blue", false_alarm_rate=5.0)
+        ctx.agent.get_agent("owen").register_sensor("s", sensor)
+        ctx.agent.get_agent("anna").current_node_id = 0
+        reports = []
+        for _ in range(50):
+            sensor.sense(0)
+            reports.append(sensor.data)
+        assert {name for report in reports for name in report} == {"anna", "bert"}
+        assert {report["anna"] for report in reports} == {0}  # who is noticed is where it is
+        assert len({report["bert"] for report in reports if "bert" in report}) > 3
+
+
+@pytest.mark.parametrize("kind", KINDS + FLYING)
+def test_a_false_alarm_looks_like_any_other_report(kind):
+    with field([f"a{i}" for i in range(9)]) as ctx:
+        flyer = ctx.agent.create_agent("flyer", start_node_id=0, type=AgentType.AERIAL, speed=1.0, team="blue")
+        flyer.position = (0.0, 0.0, 4.0)
+        sensor = watch(ctx, kind, detection=0.5, false_alarm_rate=3.0)
+        for report in looks(sensor, 30):
+            order = [name for name in ctx.agent.agents if name in report]
+            assert list(report) == order
+            for name, seen in report.items():
+                if kind in FLYING:
+                    assert seen[0] == ctx.agent.get_agent(name).type
+                    assert name != "flyer" or seen[1] == (0.0, 0.0, 4.0)  # of the ground alone are there false ones
+                else:
+                    assert ctx.graph.graph.has_node(seen)
+
+
+# -- what draws follow from -------------------------------------------------------------------------------------
+
+
+ERRORS = st.fixed_dictionaries(
+    {},
+    optional={
+        "position_noise_m": st.sampled_from([0.5, 3.0]),
+        "detection": st.just(0.6),
+        "delay_turns": st.just(1),
+        "false_alarm_rate": st.sampled_from([0.5, 3.0]),
+    },
+)
+
+
+def reports_of(kind, errors, names, engine=Engine.MEMORY, seed=4):
+    """Return what a sensor of a game reports of some agents, in three looks of each of three turns."""
+    found = []
+    with field(names, engine=engine, seed=seed) as ctx:
+        sensor = watch(ctx, kind, **errors)
+        ctx.game.add(lambda ctx: found.extend(looks(sensor, 3)))
+        ctx.game.run(3)
+    return found
+
+
+@settings(max_examples=15, deadline=None)
+@given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS, seed=st.integers(0, 5))
+def test_both_engines_and_every_order_of_creation_report_the_same(kind, errors, seed):
+    names = ["anna", "bert", "cleo", "dora"]
+    first = reports_of(kind, errors, names, seed=seed)
+    assert reports_of(kind, errors, names, seed=seed) == first
+    assert reports_of(kind, errors, names[::-1], seed=seed) == first
+    assert reports_of(kind, errors, names, Engine.SQLITE, seed=seed) == first
+
+
+@settings(max_examples=15, deadline=None)
+@given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS)
+def test_one_more_agent_changes_the_report_of_no_other_but_whose_false_alarm_it_takes(kind, errors):
+    names = ["anna", "bert", "cleo", "dora"]
+    before, after = reports_of(kind, errors, names), reports_of(kind, errors, [*names, "late"])
+    for one, other in zip(before, after, strict=True):
+        rest = {name: place for name, place in other.items() if name != "late"}
+        if "false_alarm_rate" not in errors:
+            assert rest == one
+        elif "detection" not in errors:
+            assert rest == one  # all are noticed
+        else:
+            assert rest.items() <= one.items() or len(other) >= len(one)
+            assert set(one.values()) <= set(other.values()) or "position_noise_m" in errors
+
+
+def test_turns_looks_sensors_owners_and_agents_have_errors_of_their_own():
+    with field([f"a{i}" for i in range(50)]) as ctx:
+        ctx.sensor.create_sensor("t", "AERIAL_AGENT", sensor_range=inf, at=(10.0, 10.0, 9.0), position_noise_m=1.0)
+        found = []
+
+        @ctx.game.add
+        def look(ctx):
+            for name in ("s", "t"):
+                reports = looks(ctx.sensor.get_sensor(name), 2)
+                found.extend([place[0] for _, place in report.values()] for report in reports)
+
+        watch(ctx, "AERIAL_AGENT", position_noise_m=1.0)
+        ctx.game.run(2)
+        assert len(found) == 8
+        assert np.abs(np.corrcoef(found) - np.eye(8)).max() < 0.5
+        assert len({round(x, 9) for report in found for x in report}) == 400
+
+
+@settings(max_examples=20, deadline=None)
+@given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS, number=st.integers(0, 4))
+def test_many_looks_report_what_single_ones_do(kind, errors, number):
+    many, single = [], []
+
+    def report_many(ctx):
+        sensed = ctx.sensor.get_sensor("s").sense_many([0] * number)
+        places = np.split(sensed.places, sensed.offsets[1:-1]) if number else []
+        for look, places_of in enumerate(places):
+            names = [sensed.names[row] for row in sensed[look]]
+            many.append(dict(zip(names, places_of.tolist(), strict=True)))
+
+    def report_each(ctx):
+        for report in looks(ctx.sensor.get_sensor("s"), number):
+            found = report.items()
+            single.append({name: list(place[1]) if kind in FLYING else place for name, place in found})
+
+    for rule in (report_many, report_each):
+        with field(["anna", "bert", "cleo"]) as ctx:
+            watch(ctx, kind, **errors)
+            ctx.game.add(rule)
+            ctx.game.run(3)
+    assert many == single
+    assert len(many) == 3 * number
+
+
+def test_a_strategy_that_looks_changes_nothing_of_what_is_reported_later():
+    def play(strategy):
+        with field(["anna", "bert"]) as ctx:
+            sensor = watch(ctx, position_noise_m=2.0, false_alarm_rate=0.5, detection=0.5, delay_turns=1)
+            anna = ctx.agent.get_agent("anna")
+            anna.register_sensor("s", sensor)
+            anna.register_strategy(lambda state: strategy(state, sensor, found))
+            found = []
+            ctx.game.run(6)
+            return found
+
+    def quiet(state, sensor, found):
+        found.append(state["sensor"]["s"][1])
+        state["action"] = state["curr_pos"]
+
+    def curious(state, sensor, found):
+        quiet(state, sensor, found)
+        sensor.sense_many([0, 1, 2])
+
+    assert play(curious) == play(quiet)
+
+
+# -- delay ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("delay", [1, 3])
+@pytest.mark.parametrize("kind", ["AGENT_RANGE", "AERIAL_AGENT"])
+def test_what_is_reported_is_what_was_seen_so_many_turns_before(kind, delay):
+    reported, true = [], []
+
+    def east(state):
+        state["action"] = state["curr_pos"] + 1
+
+    with field(["anna"], node=200) as ctx:
+        ctx.agent.get_agent("anna").register_strategy(east)
+        flying = {"type": AgentType.AERIAL, "speed": 1.0} if kind in FLYING else {}
+        watcher = ctx.agent.create_agent("watcher", start_node_id=0, team="red", **flying)
+        watcher.register_sensor("eyes", watch(ctx, kind, team="blue", delay_turns=delay))
+
+        def note(state):
+            reported.append(state["sensor"]["eyes"][1])
+            true.append(ctx.agent.get_agent("anna").current_node_id)
+            state["action"] = state["curr_pos"]
+
+        watcher.register_strategy(note)
+        ctx.game.run(8)
+        before = true[: 8 - delay]
+        if kind in FLYING:
+            before = [(AgentType.BASIC, (*map(float, place), 0.0)) for place in xy(ctx, before)]
+            assert all(type(report["anna"][0]) is AgentType for report in reported[delay:])
+    assert reported == [{}] * delay + [{"anna": place} for place in before]
+
+
+def test_a_delayed_sensor_that_was_not_asked_in_every_turn_reports_its_latest_look_of_that_age():
+    seen = {}
+    with field(["anna"], node=200) as ctx:
+        sensor = watch(ctx, delay_turns=2)
+        ctx.agent.get_agent("anna").register_strategy(lambda state: state.update(action=state["curr_pos"] + 1))
+
+        @ctx.game.add
+        def look_seldom(ctx):
+            if ctx.game.turn in (1, 2, 5, 9):
+                sensor.sense()
+                seen[ctx.game.turn] = sensor.data
+
+        ctx.game.run(9)
+    assert seen == {1: {}, 2: {}, 5: {"anna": 202}, 9: {"anna": 205}}
+
+
+def test_agents_that_carry_one_sensor_each_get_their_own_delayed_reports():
+    with field(["anna"], node=200) as ctx:
+        sensor = ctx.sensor.create_sensor("s", "AGENT_RANGE", sensor_range=2.0, delay_turns=1)
+        seen = {"near": [], "far": []}
+        for name, node in (("near", 201), ("far", 0)):
+            agent = ctx.agent.create_agent(name, start_node_id=node)
+            agent.register_sensor("s", sensor)
+            agent.register_strategy(lambda state, name=name: seen[name].append(state["sensor"]["s"][1]))
+        ctx.game.run(3)
+    assert seen == {"near": [{}, {"anna": 200}, {"anna": 200}], "far": [{}, {}, {}]}
+
+
+def test_an_agent_that_was_deleted_since_is_reported_all_the_same():
+    with field(["anna"]) as ctx:
+        sensor, found = watch(ctx, delay_turns=1), []
+
+        @ctx.game.add
+        def look(ctx):
+            sensor.sense()
+            sensed = sensor.sense_many([0])
+            found.append((sensor.data, [sensed.names[row] for row in sensed[0]]))
+            if ctx.game.turn == 1:
+                ctx.agent.delete_agent("anna")
+
+        ctx.game.run(2)
+    assert found == [({}, []), ({"anna": 210}, ["anna"])]
+
+
+def test_without_a_game_a_delayed_sensor_says_what_to_do():
+    with field(["anna"]) as ctx:
+        sensor = watch(ctx, delay_turns=2)
+        with pytest.raises(BadValue, match=r"'s' has delay_turns=2, and nothing counts the turns: play with ctx\.game"):
+            sensor.sense()
+        assert sensor.view_from(0, None).names == ()  # a picture may be drawn
+
+
+def test_a_picture_of_what_a_sensor_would_report_changes_nothing():
+    def play(*, is_drawn):
+        found = []
+        with field(["anna"]) as ctx:
+            sensor = watch(ctx, delay_turns=1, position_noise_m=3.0)
+
+            @ctx.game.add
+            def look(ctx):
+                if is_drawn:
+                    sensor.view_from(0, None)
+                found.extend(looks(sensor, 1))
+                if is_drawn:
+                    assert sensor.view_from(0, None).names == tuple(found[-1])
+
+            ctx.game.run(4)
+        return found
+
+    assert play(is_drawn=True) == play(is_drawn=False)
+
+
+def test_reset_snapshots_and_forks_have_the_reports_that_are_under_way():
+    with field(["anna"], node=200) as ctx:
+        ctx.agent.get_agent("anna").register_strategy(lambda state: state.update(action=state["curr_pos"] + 1))
+        watcher = ctx.agent.create_agent("watcher", start_node_id=0)
+        watcher.register_sensor("eyes", watch(ctx, team="blue", delay_turns=2, position_noise_m=0.5))
+        watcher.register_strategy(
+            lambda state: state["memory"].setdefault("seen", []).append(state["sensor"]["eyes"][1])
+        )
+
+        def seen():
+            return list(ctx.agent.get_agent("watcher").state["memory"]["seen"])
+
+        ctx.game.run(3)
+        snapshot = ctx.game.snapshot()
+        fork = ctx.game.fork(seed=ctx.seed)
+        ctx.game.run(4)
+        whole = seen()
+        ctx.game.restore(snapshot)
+        ctx.game.run(4)
+        assert seen() == whole
+        fork.run(2)  # two reports are under way, and what follows is drawn anew
+        assert fork.internals.state.memories["watcher"]["seen"] == whole[:5]
+        ctx.game.reset()
+        ctx.game.run(7)
+        assert seen() == whole
+        assert len(whole) == 7
+        assert whole[:2] == [{}, {}]
+        assert {} not in whole[2:]
+
+
+# -- what is given ----------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("given", "error", "message"),
+    [
+        ({"position_noise_m": -1.0}, BadValue, "position_noise_m of 's' must not be negative"),
+        ({"position_noise_m": inf}, BadValue, "position_noise_m of 's' must be finite"),
+        ({"position_noise_m": float("nan")}, BadValue, "position_noise_m of 's'"),
+        ({"position_noise_m": "much"}, BadType, "position_noise_m of 's' must be a number"),
+        ({"false_alarm_rate": -0.1}, BadValue, "false_alarm_rate of 's' must not be negative"),
+        (
+            {"false_alarm_rate": 101},
+            BadValue,
+            "false_alarm_rate of 's' is a number of false alarms per look, at most 100",
+        ),
+        ({"false_alarm_rate": inf}, BadValue, "false_alarm_rate of 's'"),
+        ({"delay_turns": -1}, BadValue, "delay_turns of 's' must not be negative"),
+        ({"delay_turns": 1.5}, BadType, "delay_turns of 's'"),
+    ],
+)
+def test_an_impossible_error_is_refused(given, error, message):
+    with field([]) as ctx:
+        with pytest.raises(error, match=message):
+            watch(ctx, **given)
+        assert ctx.sensor.sensors == {}
+
+
+@pytest.mark.parametrize("kind", ["MAP", "RANGE", "NEIGHBOR", "AERIAL"])
+def test_sensors_of_the_map_ignore_errors_and_warn(kind, caplog):
+    with field([]) as ctx:
+        ctx.logger.setLevel("WARNING")
+        ctx.logger.propagate = True
+        ctx.sensor.create_sensor("s", kind, position_noise_m=1.0, false_alarm_rate=1.0, delay_turns=1)
+        for keyword in ("position_noise_m", "false_alarm_rate", "delay_turns"):
+            assert f"{kind} ignores {keyword}=. These kinds take it: AGENT," in caplog.text
