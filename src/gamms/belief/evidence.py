@@ -22,6 +22,7 @@ from gamms.context import Context
 from gamms.deciding import phase_of
 from gamms.errors import BadType, MissingKey, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.sensed import Coverage
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, SensorType
 from gamms.typing.game import AerialState, NodeId, State
@@ -34,6 +35,7 @@ _ALL = ""  # the observer of what a team has observed together; no agent has thi
 _MAP = "belief map"  # the key of the digest of the map that was seen last
 _ON_GROUND = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _IN_AIR = {SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT}
+_NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
 _ALMOST = 0.999999  # the highest probability that is written of those below 1
 
 _grounds: WeakKeyDictionary[Context, dict[str, Ground]] = WeakKeyDictionary()  # the last maps, by their digests
@@ -171,13 +173,17 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
     for name, (kind, data) in state["sensor"].items():
         if kind not in _ON_GROUND | _IN_AIR:
             continue
-        places = data if kind in _ON_GROUND else _nodes_under(ctx, data)
-        found |= {one: int(node) for one, node in places.items() if _is_other(ctx, state, one)}
         try:
             covered = agent.sensors[name].coverage(agent.current_node_id, agent.name)
         except (KeyError, NotOffered):  # a sensor of another class may notice anything
-            continue
-        others = sorted(one for one in covered.not_shown if _is_other(ctx, state, one))
+            covered = _NO_COVERAGE
+        not_shown = set(covered.not_shown)
+        if covered.is_exact:
+            places = data if kind in _ON_GROUND else _nodes_under(ctx, data)
+            found |= {one: int(node) for one, node in places.items() if _is_other(ctx, state, one)}
+        else:  # nothing sharp follows from where agents are reported
+            not_shown |= data.keys() & ctx.agent.agents.keys()
+        others = sorted(one for one in not_shown if _is_other(ctx, state, one))
         looks.append(_look(ctx, covered.node_ids, covered.detection, others))
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
     shared = state.get("team_memory", {})
