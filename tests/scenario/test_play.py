@@ -76,6 +76,13 @@ def test_everything_it_says_is_in_the_context(made):
     assert result.scores["turns"] == 2 * result.turns == 30
 
 
+def test_sensors_of_a_file_may_be_wrong_and_late(made):
+    errors = {"position_noise_m": 2.5, "false_alarm_rate": 0.5, "delay_turns": 2}
+    with made({f"sensors.eyes.{name}": value for name, value in errors.items()}).build() as ctx:
+        notice = ctx.agent.get_agent("anna").sensors["eyes"].notice
+        assert {name: getattr(notice, name) for name in errors} == errors
+
+
 PLANS = {
     "states": "players:spread",
     "parameters": {"function": "players:spread", "with": {"step": 2}},
