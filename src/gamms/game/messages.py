@@ -5,8 +5,9 @@ what is jammed and which way relays take. So one entry of the log of a game says
 under way follows from the log.
 """
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -16,12 +17,13 @@ from gamms.ir.agents import Position
 from gamms.ir.chances import as_chances, chances_at
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.messages import arrivals
+from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import copied
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 
+_SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 _ANTENNA_M = 1.6  # above the ground, of agents there: the height of their sight lines
 
 
@@ -230,32 +232,32 @@ class Inboxes:
         self._known: list[dict[str, Any]] = []  # the log as it was when it was read last
         self._by_turn: dict[int, list[dict[str, Any]]] = {}  # in which they arrive -> messages
         self._turn: int | None = None  # for which `_found` is
-        self._found: dict[str, list[tuple[dict[str, Any], bool]]] = {}
+        self._found: dict[str, list[_Arrival]] = {}  # agent -> what it hears in this turn
 
     def of(self, name: str) -> list[dict[str, Any]]:
         """Return the messages that an agent hears in the turn that comes, in the order in which they were sent."""
-        channels = self._ctx.game.channels
-        return [
-            {
-                **{key: entry[key] for key in ("channel", "sender", "to")},
-                "body": copied(entry["body"]),
-                "turn": entry["turn"] - 1,
-                "overheard": is_overheard,
-            }
-            for entry, is_overheard in self._arriving().get(name, ())
-            if entry["channel"] in channels
-        ]
+        channels, inbox = set(self._ctx.game.channels), []
+        for known, copy in self._arriving().get(name, ()):
+            if known["channel"] in channels:
+                message = known.copy()
+                if copy is not None:
+                    message["body"] = copy(message["body"])
+                inbox.append(message)
+        return inbox
 
-    def _arriving(self) -> dict[str, list[tuple[dict[str, Any], bool]]]:
-        """Return agent -> the messages that it hears in the turn that comes, and whether it overhears them."""
+    def _arriving(self) -> "dict[str, list[_Arrival]]":
         self._catch_up(self._state.messages)
         turn = self._state.turn + 1
         if self._turn != turn:
-            self._turn, self._found = turn, {}
+            self._turn, self._found = turn, defaultdict(list)
             for entry in self._by_turn.get(turn, ()):
-                for name, arrival, is_overheard in arrivals(entry):
-                    if arrival == turn:
-                        self._found.setdefault(name, []).append((entry, is_overheard))
+                for key in ARRIVALS:
+                    message = {part: entry[part] for part in ("channel", "sender", "to", "body")}
+                    message |= {"turn": entry["turn"] - 1, "overheard": key == "overheard"}
+                    arrival = message, _copy_of(entry["body"])
+                    for name, at in entry[key].items():
+                        if at == turn:
+                            self._found[name].append(arrival)
         return self._found
 
     def _catch_up(self, log: list[dict[str, Any]]) -> None:
@@ -269,9 +271,27 @@ class Inboxes:
             return
         self._turn = None
         for entry in reversed(known[same:]):
-            for turn in {arrival for _, arrival, _ in arrivals(entry)}:
+            for turn in _turns_of(entry):
                 self._by_turn[turn].pop()
         for entry in log[same:]:
-            for turn in {arrival for _, arrival, _ in arrivals(entry)}:
+            for turn in _turns_of(entry):
                 self._by_turn.setdefault(turn, []).append(entry)
         known[same:] = log[same:]
+
+
+_Arrival = tuple[dict[str, Any], Callable[[Any], Any] | None]  # a message, and what copies its body
+
+
+def _turns_of(entry: dict[str, Any]) -> set[int]:
+    return {*entry["heard"].values(), *entry["overheard"].values()}
+
+
+def _copy_of(body: Any) -> Callable[[Any], Any] | None:
+    """Return what copies a body, so that those who hear it share nothing; None where nothing in it can change."""
+    kind = type(body)
+    if kind in _SCALARS:
+        return None
+    # NOTE: a flat body is copied for each of many that hear it in a tenth of the time (benchmarks/README.md, messages).
+    if kind in (list, dict) and _SCALARS.issuperset(map(type, body.values() if kind is dict else body)):
+        return cast("Callable[[Any], Any]", kind.copy)
+    return copied

@@ -5,14 +5,16 @@ the body, bytes), `heard` and `overheard` (agent -> the number of the turn in wh
 `lost` and `jammed` (agents). It says everything as soon as a message is sent: what is under way follows from the log.
 """
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any
 
 from gamms.errors import BadType
 from gamms.text import shown
 
 MESSAGE_COLUMNS = ("turn", "channel", "sender", "to", "receiver", "outcome", "arrival", "size", "body")
-_TIMES, _NAMES = ("heard", "overheard"), ("lost", "jammed")
+ARRIVALS = ("heard", "overheard")
+"""The keys of those that hear a message, with the turns in which they do."""
+_NAMES = ("lost", "jammed")
 
 
 def as_message(entry: dict[str, Any]) -> dict[str, Any]:
@@ -21,7 +23,7 @@ def as_message(entry: dict[str, Any]) -> dict[str, Any]:
     Raises:
         BadType: it is not.
     """
-    times = [entry.get(key) for key in _TIMES]
+    times = [entry.get(key) for key in ARRIVALS]
     names: list[Any] = [entry.get(key) for key in _NAMES]
     has_times = all(isinstance(one, dict) and all(type(turn) is int for turn in one.values()) for one in times)
     has_numbers = all(type(entry.get(key)) is int for key in ("turn", "size")) and entry.keys() >= {"to", "body"}
@@ -32,21 +34,13 @@ def as_message(entry: dict[str, Any]) -> dict[str, Any]:
     return entry
 
 
-def arrivals(entry: Mapping[str, Any]) -> Iterator[tuple[str, int, bool]]:
-    """Yield the agents that hear a message, the number of the turn in which they do, and whether they overhear it."""
-    for name, turn in entry["heard"].items():
-        yield name, turn, False
-    for name, turn in entry["overheard"].items():
-        yield name, turn, True
-
-
 def message_table(entries: Iterable[Mapping[str, Any]]) -> dict[str, list[Any]]:
     """Return entries as columns: one row for each message and agent; one with receiver None where it reaches none."""
     rows: list[tuple[Any, ...]] = []
     for entry in entries:
         first, last = [entry[key] for key in MESSAGE_COLUMNS[:4]], [entry["size"], entry["body"]]
         outcomes: list[tuple[str | None, str, int | None]] = []
-        for outcome in (*_TIMES, *_NAMES):
+        for outcome in (*ARRIVALS, *_NAMES):
             known: Collection[str] = entry[outcome]
             turns = known if isinstance(known, Mapping) else {}
             outcomes += [(name, outcome, turns.get(name)) for name in known]

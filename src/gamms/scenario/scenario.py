@@ -178,7 +178,11 @@ class Scenario:
             Engine.NO_VIS if vis_engine is None else vis_engine,
             logger_config=maps.quiet(),
             seed=self.spec.seed if seed is None else seed,
-            game={**to_plain(self.spec.settings), "max_turns": self.spec.max_turns},
+            game={
+                **to_plain(self.spec.settings),
+                "max_turns": self.spec.max_turns,
+                "channels": {name: to_plain(channel) for name, channel in self.spec.channels.items()},
+            },
         )
         try:
             with named(self.file, self._raw):

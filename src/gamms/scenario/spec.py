@@ -214,6 +214,30 @@ class Settings(_Mapping, frozen=True, kw_only=True):
     deeds: dict[Name, dict[Name, str | list[Any]] | None] = {}
 
 
+class Jammer(_Mapping, frozen=True, kw_only=True):
+    """An agent, all of a team, or a place, around which nothing is heard on a channel: exactly one of these."""
+
+    radius_m: Metres
+    agent: Name | None = None
+    team: Name | None = None
+    at: NodeId | Xy | None = None
+
+
+class Channel(_Mapping, frozen=True, kw_only=True):
+    """By what agents can send messages; it needs range_m, hops or line_of_sight."""
+
+    range_m: Metres | None = None
+    hops: Annotated[int, Meta(ge=1, description="Edges.")] | None = None
+    line_of_sight: bool = False
+    relay: bool | list[Name] = False
+    loss: float | list[tuple[float, float]] = 0.0
+    delay_turns: Annotated[int, Meta(ge=1)] = 1
+    max_bytes_per_turn: Annotated[int, Meta(ge=1)] | None = None
+    jammers: list[Jammer] = []
+    teams: Name | list[Name] | None = None
+    eavesdroppers: Name | list[Name] = []
+
+
 class Spec(_Mapping, frozen=True, kw_only=True):
     """A game, completely."""
 
@@ -226,6 +250,7 @@ class Spec(_Mapping, frozen=True, kw_only=True):
     sensors: dict[Name, Sensor] = {}
     rules: list[Reference | Rule] = []
     conflicts: Conflicts | None = None
+    channels: dict[Name, Channel] = {}
     settings: Settings = Settings()
     facts: Values = {}
     data: Values = {}

@@ -2,12 +2,13 @@
 
 from collections.abc import Iterable, Iterator, Mapping
 from functools import reduce
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 from typing import NamedTuple
 
 from gamms.arguments import as_member
 from gamms.errors import nearest
+from gamms.game.channels import as_channel
 from gamms.game.deeds import as_deeds
 from gamms.game.settings import as_order
 from gamms.plain import Plain
@@ -79,6 +80,8 @@ def check_sense(spec: Spec) -> None:
     for name, check in (("order", lambda order: as_order("order", order)), ("deeds", as_deeds)):
         with at(f"settings.{name}"):
             check(getattr(spec.settings, name))
+    for name, channel in spec.channels.items():
+        _check_channel(f"channels.{name}", name, channel, spec)
     for one in code_in(spec):
         _check_teams_of(one, spec)
 
@@ -111,6 +114,24 @@ def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
         teams = given.get(key, [])
         for team in [teams] if isinstance(teams, str) else teams:
             _known_team(team, spec, f"{path}.{key}")
+
+
+def _check_channel(path: str, name: str, channel: schema.Channel, spec: Spec) -> None:
+    with at(path):
+        declared = as_channel(name, schema.to_plain(channel))
+    for team in declared.teams or ():
+        _known_team(team, spec, f"{path}.teams")
+    known = {*spec.teams, *chain.from_iterable((one.name for one in agents) for agents in members(spec).values())}
+    relays = declared.relay if isinstance(declared.relay, tuple) else ()
+    named = [("relay", relays), ("eavesdroppers", declared.eavesdroppers)]
+    named += [(f"jammers.{i}.agent", (one.agent,)) for i, one in enumerate(declared.jammers) if one.agent is not None]
+    for key, names in named:
+        for one in names:
+            if one not in known:
+                raise ScenarioError(f"{path}.{key}", f"there is no agent or team {shown(one)}.{nearest(one, known)}")
+    for number, jammer in enumerate(declared.jammers):
+        if jammer.team is not None:
+            _known_team(jammer.team, spec, f"{path}.jammers.{number}.team")
 
 
 def _check_team(path: str, team: schema.Team, earlier: set[str], spec: Spec) -> None:
