@@ -44,6 +44,10 @@ class IGameState(Protocol):
         """What rules have emitted, in order."""
 
     @property
+    def messages(self) -> Sequence[dict[str, Any]]:
+        """What was sent by channels, in order."""
+
+    @property
     def over(self) -> Mapping[str, Any] | None:
         """The reason of the end, the winner, and whether time was up; None while the game goes on."""
 

@@ -42,6 +42,7 @@ class Layer(IntEnum):
     TRAILS = 14
     SEEN = 15  # what sensors see in the default scene
     GOALS = 18
+    MESSAGES = 19
     AGENTS = 20
     FLAGS = 22
     TAGS = 25

@@ -21,6 +21,7 @@ from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
 from gamms.visual.drawers.graph import median, obstacles_to_draw
+from gamms.visual.drawers.messages import has_messages, render_messages
 from gamms.visual.drawers.rules import (
     TerritoryDrawer,
     flags_in,
@@ -118,6 +119,8 @@ class DefaultScene:
         for name in territories_in(self._ctx):
             drawer = self._territories.setdefault(name, TerritoryDrawer(name))
             artists[name] = Artist(self._ctx, drawer, Layer.TERRITORIES)
+        if has_messages(self._ctx):
+            artists["messages"] = Artist(self._ctx, render_messages, Layer.MESSAGES)
         for key in flags_in(self._ctx):
             artists[key] = flags = Artist(self._ctx, render_flags, Layer.FLAGS)
             flags.data = {"key": key}

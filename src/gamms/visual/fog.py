@@ -23,6 +23,7 @@ from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
 from gamms.visual.drawers import render_input_overlay, render_obstacles
 from gamms.visual.drawers.graph import one_way_each, polylines, typical_edge_length
+from gamms.visual.drawers.messages import legend_of_messages, render_messages
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
@@ -65,6 +66,9 @@ class Fog:
     def _own(self) -> Iterator[IAgent]:
         return (agent for agent in self._ctx.agent.create_iter() if str(color_group(agent)) == self.team)
 
+    def _own_names(self) -> set[str]:
+        return {agent.name for agent in self._own()}
+
     def filtered(self, artists: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return what of these artists the team may see, and those of what it knows instead of the others."""
         territories, flags = territories_in(self._ctx), flags_in(self._ctx)
@@ -80,6 +84,9 @@ class Fog:
         for key in flags:
             kept[key] = shown_flags = Artist(self._ctx, self._draw_flags, Layer.FLAGS)
             shown_flags.data = {"key": key}
+        if "messages" in artists:
+            kept["messages"] = shown_messages = Artist(self._ctx, self._draw_messages, Layer.MESSAGES)
+            shown_messages.data = {"legend": lambda ctx: legend_of_messages(ctx, self._own_names())}
         return kept | {"graph": self._streets_artist, "tags": self._tags} | self._sights
 
     def _may_show(self, artist: IArtist) -> bool:
@@ -153,8 +160,11 @@ class Fog:
     def _draw_flags(self, ctx: IContext, data: dict[str, Any]) -> None:
         render_flags(ctx, data | {"hidden": self.hidden})
 
+    def _draw_messages(self, ctx: IContext, data: dict[str, Any]) -> None:
+        render_messages(ctx, data | {"of": self._own_names(), "hidden": self.hidden})
+
     def _draw_tags(self, ctx: IContext, data: dict[str, Any]) -> None:
-        render_tags(ctx, data | {"of": {agent.name for agent in self._own()}})
+        render_tags(ctx, data | {"of": self._own_names()})
 
 
 class _TurnDrawer:

@@ -52,6 +52,7 @@ _IMPORTANCE = (
     "arc",
     "gauge",
     "ring",
+    "curve",
     "line",
     "dot",
 )  # of signs, the most important first
@@ -78,7 +79,7 @@ class Row(NamedTuple):
     color: Rgb
     name: str
     value: str = ""
-    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal, arc, gauge
+    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal, arc, gauge, curve
 
 
 class Rows(NamedTuple):
@@ -360,6 +361,9 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     "dot": lambda pen, x, y, color: pen.circle(x, y, 3.5, (*color, 200)),
     "field": _field,
     "line": lambda pen, x, y, color: pen.line([(x - 8.0, y), (x + 8.0, y)], (*color, 150), 4.0),
+    "curve": lambda pen, x, y, color: pen.line(
+        [(x + dx, y + dx * dx / 12 - 3.0) for dx in range(-8, 9, 2)], color, 2.0
+    ),
     "band": lambda pen, x, y, color: pen.line([(x - 6.0, y), (x + 6.0, y)], (*color, 90), 9.0),
     "flag": _flag,
     "cross": _cross,

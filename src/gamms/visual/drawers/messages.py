@@ -1,0 +1,78 @@
+"""Drawer of messages that arrive: an arc from the sender to each agent that hears it."""
+
+from collections.abc import Collection, Iterator
+from itertools import islice
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray
+from gamms.ir.messages import ARRIVALS
+from gamms.typing import IContext
+from gamms.visual.appearance import color_group, rgba
+from gamms.visual.drawing import drawing_of
+from gamms.visual.legend import SIGN, Row, Rows
+
+_MOST = 2000  # arcs
+_OLDEST = 200  # turns that a message may have been under way
+_LINE_PX, _RING_PX = 2.0, 11.0
+_INK, _FAINT = 200, 90  # alpha: of what is heard, and overheard
+_BEND = np.linspace(0.0, 1.0, 13)  # where the points of an arc are
+_HEIGHT = 0.12  # of an arc, in lengths of the way
+
+
+def has_messages(ctx: IContext) -> bool:
+    """Return whether anything was sent by a channel."""
+    game = ctx.current_game
+    return game is not None and bool(game.messages)
+
+
+def render_messages(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw what agents hear next, after the moves of this turn, in the colours of the senders.
+
+    `data` may have names of agents as `of`, whose messages alone are shown: what they send, hear and overhear; and as
+    `hidden`: what comes from one of them is a ring around the agent that hears it.
+    """
+    visual, agents, alpha = drawing_of(ctx), ctx.agent.agents, data.get("_alpha", 1.0)
+    colors, hidden = visual.group_colors(), data.get("hidden", ())
+    for sender, receiver, is_overheard in islice(_arriving(ctx, data.get("of")), _MOST):
+        if sender not in agents or receiver not in agents or receiver in hidden:
+            continue
+        color = (*rgba(colors[str(color_group(agents[sender]))])[:3], _FAINT if is_overheard else _INK)
+        end = visual.position_of(receiver, alpha)
+        if sender in hidden:
+            visual.render_circles([end], _RING_PX, color, _LINE_PX, in_pixels=True)
+        else:
+            arc = _arc(visual.position_of(sender, alpha), end)
+            visual.render_lines(arc, [0, len(arc)], color, _LINE_PX)
+
+
+def _arriving(ctx: IContext, of: Collection[str] | None) -> Iterator[tuple[str, str, bool]]:
+    """Yield the sender and the receiver of what arrives before the next turn, and whether it is overheard."""
+    game = ctx.current_game
+    turn = 0 if game is None else game.turn
+    for entry in reversed(() if game is None else game.messages):
+        if entry["turn"] < turn - _OLDEST:
+            return
+        for key in ARRIVALS:
+            is_overheard, is_own = key == "overheard", of is None or entry["sender"] in of
+            for name, arrival in entry[key].items():
+                if arrival == turn + 1 and (of is None or name in of or (is_own and not is_overheard)):
+                    yield entry["sender"], name, is_overheard
+
+
+def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
+    """Return points (points, 2) from start to end that bend to the left, so that there and back are two arcs."""
+    first, way = np.array(start), np.subtract(end, start)
+    aside = np.array([-way[1], way[0]]) * _HEIGHT
+    points: FloatArray = first + _BEND[:, None] * way + (4.0 * _BEND * (1.0 - _BEND))[:, None] * aside
+    return points
+
+
+def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> Rows | None:
+    """Return what an arc means, where there is one; `of` is as for `render_messages`."""
+    is_any = next(_arriving(ctx, of), None) is not None
+    return Rows("", (Row(SIGN, "message", sign="curve"),)) if is_any else None
+
+
+render_messages.__dict__["legend"] = legend_of_messages
