@@ -84,7 +84,7 @@ def test_a_card_says_who_won_why_and_when(duel):
     duel.game.scores["red"] += 1
     duel.game.run(5)
     card = end_card(duel, duel.game.turn)
-    assert (card.title, card.lines) == ("red wins", ("enough", "red 1 · blue 0", "1 turn"))
+    assert (card.title, card.lines) == ("red won", ("enough", "red 1 · blue 0", "1 turn"))
     assert card.color == duel.visual.drawing.group_colors()["red"]
 
 
@@ -103,7 +103,7 @@ def test_a_picture_says_the_turn_and_what_happened_in_it_if_it_is_asked_to(duel)
 def test_a_picture_of_the_end_says_how_the_game_ended(duel):
     duel.game.add(lambda ctx: ctx.game.end("enough", winner="blue"))
     duel.game.run()
-    assert "blue wins: enough" in text_of(duel.visual.picture(".svg", 600, 400, captions=True))
+    assert "blue won: enough" in text_of(duel.visual.picture(".svg", 600, 400, captions=True))
 
 
 def test_scores_stand_beside_the_turn_where_there_is_no_legend(duel):

@@ -15,13 +15,21 @@ _DATA = demo.FILE.parent
 
 class _Game(NamedTuple):
     scenario: Path
-    strategies: Path
-    module: str  # what the scenario calls its strategies; the copy calls them `strategies`
+    files: dict[str, Path]  # of the copy -> what is copied
+    module: str = "strategies"  # what the scenario calls its strategies; the copy calls them `strategies`
 
 
+_STRATEGIES, _RULES = "strategies.py", "rules.py"
+_WHAT = {_STRATEGIES: "how its agents play", _RULES: "its own rules"}
 _GAMES = {
-    "pursuit": _Game(_DATA / "pursuit.yaml", _DATA / "pursuit.py.txt", "strategies"),
-    "capture_the_flag": _Game(demo.FILE, Path(demo.__file__).parent / "strategies.py", "gamms.demo.strategies"),
+    "pursuit": _Game(_DATA / "pursuit.yaml", {_STRATEGIES: _DATA / "pursuit.py.txt"}),
+    "capture_the_flag": _Game(
+        demo.FILE, {_STRATEGIES: Path(demo.__file__).parent / "strategies.py"}, "gamms.demo.strategies"
+    ),
+    "competition": _Game(
+        _DATA / "competition.yaml",
+        {_STRATEGIES: _DATA / "competition.py.txt", _RULES: _DATA / "competition_rules.py.txt"},
+    ),
 }
 
 
@@ -39,12 +47,14 @@ def new(
         raise BadValue(f"{str(name)!r} cannot be the name of a game: use letters, digits, _ and -.")
     if name.exists():
         raise BadValue(f"There is {str(name)!r} already: choose another name, for nothing is written over.")
-    scenario, strategies = name / f"{name.name}.yaml", name / "strategies.py"
+    scenario = name / f"{name.name}.yaml"
     text = game.scenario.read_text(encoding="utf-8").replace(f"{game.module}:", "strategies:")
     text = re.sub(r"^name: .*", f'name: "{name.name}"', text, count=1, flags=re.MULTILINE)
     text = text.replace(game.scenario.name, scenario.name)
     name.mkdir(parents=True)
     scenario.write_text(text, encoding="utf-8")
-    strategies.write_bytes(game.strategies.read_bytes())
-    echo(f"Wrote {scenario} (the game) and {strategies} (how its agents play). Go on with\n")
+    for file, source_file in game.files.items():
+        (name / file).write_bytes(source_file.read_bytes())
+    *most, last = [f"{scenario} (the game)", *(f"{name / file} ({_WHAT[file]})" for file in game.files)]
+    echo(f"Wrote {', '.join(most)} and {last}. Go on with\n")
     echo(f"  gamms run {scenario} --out {name / 'first'}\n  gamms run {scenario} --seeds 0:20")

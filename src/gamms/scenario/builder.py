@@ -107,7 +107,9 @@ class Builder:
         now, first = _values_of(game), self._values
         changes = {name: _changed(now[name], first[name], is_same) for name in ("data", "scores", "events")}
         facts, removed = _changed(now["facts"], first["facts"], is_), first["data"].keys() - now["data"].keys()
-        for values in (game.internals.state.facts, game.data, game.scores, game.events):
+        state = game.internals.state
+        private = _changed(now["private"], first["private"], is_)
+        for values in (state.facts, state.agent_facts, state.team_facts, game.data, game.scores, game.events):
             values.clear()
         self._add_values()
         self._add_strategies()
@@ -116,6 +118,8 @@ class Builder:
         self._draw_rules()
         self._values = _values_of(game)
         game.publish(**facts)
+        for (field, to, name), fact in private.items():
+            getattr(state, field).setdefault(to, {})[name] = fact
         game.data.update(changes["data"])
         for key in removed:
             game.data.pop(key, None)
@@ -330,7 +334,15 @@ def _as_node(key: str | int, path: str) -> int:
 def _values_of(game: Game) -> dict[str, dict[Any, Any]]:
     """Copy the values of a game before its first turn."""
     events = {number: dict(event) for number, event in enumerate(game.events)}
-    return {"facts": dict(game.facts), "data": deepcopy(game.data), "scores": dict(game.scores), "events": events}
+    state = game.internals.state
+    private = {
+        (field, to, name): fact
+        for field in ("agent_facts", "team_facts")
+        for to, facts in getattr(state, field).items()
+        for name, fact in facts.items()
+    }
+    values = {"facts": dict(game.facts), "data": deepcopy(game.data), "scores": dict(game.scores), "events": events}
+    return {**values, "private": private}
 
 
 def _changed(now: Mapping[Any, Any], built: Mapping[Any, Any], is_same: Callable[[Any, Any], bool]) -> dict[Any, Any]:

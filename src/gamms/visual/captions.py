@@ -74,7 +74,7 @@ def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
 def ending(over: Mapping[str, Any]) -> tuple[str, str]:
     """Return who has won, and why the game is over, in words."""
     winner, reason = over.get("winner"), str(over.get("reason", ""))
-    return "No winner" if winner is None else f"{winner} wins", _REASONS.get(reason, reason)
+    return "No winner" if winner is None else f"{winner} won", _REASONS.get(reason, reason)
 
 
 class Card(NamedTuple):

@@ -137,7 +137,7 @@ def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
         Mark(2, "red", "red 1", True),
         Mark(3, "blue", "bert is out", False),
         Mark(5, "red", "red 2", True),
-        Mark(8, "red", "red wins", True),
+        Mark(8, "red", "red won", True),
     )
     assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 3)) == ["turn 3: bert is out"]
     assert ctx.visual.overlay.timeline.words_at(place_of(ctx, 4)) == ["turn 4"]
@@ -147,7 +147,7 @@ def test_marks_are_of_the_teams_that_they_are_about(ctx, recording):
 def test_the_end_is_announced_and_can_be_dismissed(ctx, recording, person):
     play(ctx, recording, {})
     title, color, lines = ctx.visual.overlay.card()
-    assert (title, color, lines) == ("red wins", TEAM_COLORS[1], ("enough", "red 2 · blue 0", "8 turns"))
+    assert (title, color, lines) == ("red won", TEAM_COLORS[1], ("enough", "red 2 · blue 0", "8 turns"))
     person.press("ESCAPE")
     ctx.visual.update()
     assert ctx.visual.overlay.card() is None
