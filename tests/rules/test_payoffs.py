@@ -135,7 +135,8 @@ def played(names, agents, seed=2):
         result = ctx.game.run(15).to_dict()
         del result["timings"]
         result["events"].sort(key=lambda event: (event["turn"], repr(event)))
-        return result, {**ctx.game.data}, dict(ctx.game.facts)
+        told = {one: ctx.game.facts_of(one) for one in (*ctx.agent.teams, *ctx.agent.agents)}
+        return result, {**ctx.game.data}, told
 
 
 @LAWS

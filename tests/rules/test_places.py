@@ -81,7 +81,7 @@ def test_a_tag_counts_before_the_place_whichever_rule_was_added_first(road):
         ctx = road(a=("red", 4), b=("blue", 5, 4))
         for rule in [tag("blue", "red", then="eliminate"), hold(4, 1)][::order]:
             ctx.game.add(rule)
-        assert ctx.game.run(9).winner == "blue"
+        assert (ctx.game.run(9).turns, ctx.game.over["winner"]) == (1, "blue")
 
 
 teams_there = st.lists(st.lists(st.sampled_from(["red", "blue", "green"]), max_size=2), min_size=1, max_size=10)
@@ -150,7 +150,7 @@ def test_a_node_is_discovered_when_a_sensor_has_it_in_view(road, kind):
     # with 20 m it sees two nodes ahead: 4 from node 2, and 5 from node 3
     assert [(event["turn"], event["node"]) for event in result.events] == [(2, 4), (3, 5)]
     assert result.events[0] == {"turn": 2, "kind": "discover", "agent": "a", "team": "red", "node": 4, "first": True}
-    assert ctx.game.facts["discovered"] == {"red": {4: "decoy", 5: "flag"}}
+    assert ctx.game.facts_of("red") == {"discovered": {4: "decoy", 5: "flag"}}
 
 
 def test_the_first_team_gets_points_and_both_do_in_one_turn(road):
@@ -176,4 +176,5 @@ def test_neighbours_and_fields_of_view_count_and_the_dead_see_nothing(road):
     ctx.game.eliminate("dead")
     ctx.game.add(discover([2, 5]))
     ctx.game.step()
-    assert ctx.game.facts["discovered"] == {"red": {2: True}}
+    assert [ctx.game.facts_of(team) for team in ("red", "blue")] == [{"discovered": {2: True}}, {}]
+    assert ctx.game.facts == {"discovered": {}}

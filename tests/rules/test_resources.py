@@ -11,7 +11,9 @@ from gamms.rules import cooldown, resource, tag
 
 
 def amounts(ctx, name="fuel"):
-    return dict(ctx.game.facts[name])
+    told = {agent: ctx.game.facts_of(one)[name] for agent, one in ctx.agent.agents.items() if ctx.game.facts_of(one)}
+    assert told == ctx.game.data["resources"][name]["amounts"]
+    return told
 
 
 def why(ctx, name):
@@ -163,7 +165,7 @@ def test_two_resources_and_a_deed_are_independent_of_the_order_of_the_rules(road
         ctx = road(a=("red", 0, 1, 2, 3, 4), b=("blue", 9))
         for rule in some:
             ctx.game.add(rule)
-        results.append((ctx.game.run(5), ctx.game.data, dict(ctx.game.facts)))
+        results.append((ctx.game.run(5), ctx.game.data, amounts(ctx), amounts(ctx, "water")))
     assert results[0] == results[1]
     assert results[0][0].agents["a"]["node"] == 3
 
@@ -194,6 +196,16 @@ def test_amounts_are_those_of_a_loop_that_counts(path, start, price, per_turn, r
                 node, left = wanted, left - cost
             left = min(start, max(0.0, left - per_turn) + rates.get(node, 0))
             assert (ctx.agent.get_agent("a").current_node_id, amounts(ctx)["a"]) == (node, left)
+
+
+def test_an_agent_that_comes_later_knows_what_it_has(road):
+    ctx = road(a=("red", 0, 1, 2))
+    ctx.game.add(resource("fuel", 50, per_metre=1))
+    ctx.game.step()
+    ctx.agent.create_agent("late", start_node_id=5, team="red")
+    assert [ctx.game.observation(name)["facts"]["fuel"] for name in ("a", "late")] == [40, 50]
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 30, "late": 50}
 
 
 def test_impossible_resources_are_refused(road):

@@ -104,13 +104,14 @@ def discover(
 
     Ends of turns count, and an agent always sees the node that it is on. What is discovered stays known. Each discovery
     is an event `discover` with `agent` (of several the first by name), `team`, `node`, and `first`: whether no other
-    team has discovered it in an earlier turn. Strategies find `state["facts"][key]`: team -> node -> what is there.
+    team has discovered it in an earlier turn. A team knows what it has discovered: its `state["facts"][key]` is node ->
+    what is there.
 
     Args:
         nodes: a node, several, or node -> what is there, such as "flag" or "decoy": any plain value.
         score: points for each team that is the first to discover a node; two in one turn both get them.
         teams: those that discover nodes, one or several; None: all.
-        key: of its state and its fact; a second rule of this kind needs another one.
+        key: of its state and its facts; a second rule of this kind needs another one.
 
     Raises:
         BadType, BadValue: an argument is not one of these.
@@ -140,9 +141,10 @@ class _Discovery(NamedTuple):
     key: str
 
     def prepare(self, ctx: Context) -> None:
-        """Check the nodes against the map, and publish what is known."""
+        """Check the nodes against the map, and publish that nothing is known."""
         refuse_unknown(ctx, self.what)
-        self._publish(ctx)
+        self._found_by(ctx)
+        ctx.game.publish(**{self.key: {}})
 
     def play(self, ctx: Context) -> None:
         """Let all agents look."""
@@ -152,24 +154,20 @@ class _Discovery(NamedTuple):
             team = agent.team
             if team is None or not (self.teams is None or team in self.teams):
                 continue
-            for node in _in_view(ctx, agent, [node for node in self.what if node not in by.get(team, ())]):
+            new = _in_view(ctx, agent, [node for node in self.what if node not in by.get(team, ())])
+            for node in new:
                 by[team] = sorted([*by.get(team, ()), node])
                 is_first = node not in before
                 ctx.game.emit("discover", agent=agent.name, team=team, node=node, first=is_first)
                 if self.score and is_first:
                     ctx.game.scores[team] += self.score
-        self._publish(ctx)
+            if new:
+                ctx.game.publish(to=team, **{self.key: {node: to_plain(self.what[node]) for node in by[team]}})
 
     def _found_by(self, ctx: Context) -> dict[Any, list[int]]:
         start = {"nodes": as_text(np.array(list(self.what), np.int64)), "by": {}}
         found: dict[Any, list[int]] = state_of(ctx, DISCOVERED, self.key, start)["by"]
         return found
-
-    def _publish(self, ctx: Context) -> None:
-        by = self._found_by(ctx)
-        known = {team: {node: to_plain(self.what[node]) for node in found} for team, found in by.items()}
-        if ctx.game.facts.get(self.key) != known:
-            ctx.game.publish(**{self.key: known})
 
 
 def _in_view(ctx: Context, agent: IAgent, nodes: list[int]) -> list[int]:

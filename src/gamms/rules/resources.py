@@ -42,10 +42,10 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
     left at the end of its turn is an event `empty` with `agent` and `resource`. One that comes back after it was out
     has the `start` again.
 
-    All strategies know the amounts: `state["facts"][name]` is agent -> amount.
+    Each agent knows what it has: `state["facts"][name]` is its own amount.
 
     Args:
-        name: of the resource, its fact, and the key of its state.
+        name: of the resource, its facts, and the key of its state.
         start: what each agent has at first.
         per_metre: the price of a map unit: along the edges, in a straight line where there is none and in the air.
         per_edge: the price of an edge.
@@ -128,7 +128,11 @@ class _Tank(NamedTuple):
         for deed in self.per_deed:
             if deed not in ctx.game.deeds:
                 raise UnknownName("deed", deed, ctx.game.deeds)
-        self._publish(ctx)
+        if self.teams is None:
+            ctx.game.publish(**{self.name: self.start})  # for agents that come later
+        for agent in self._agents(ctx):
+            if agent.name not in self._state(ctx)["amounts"]:
+                self._give(ctx, agent, self.start)
 
     def check(self, ctx: Context, lengths: _Lengths) -> None:
         """Refuse what costs more than is left."""
@@ -171,7 +175,7 @@ class _Tank(NamedTuple):
         for agent in self._agents(ctx):
             name = agent.name
             if not agent.alive and name not in out_now:
-                state["amounts"][name] = self.start
+                self._give(ctx, agent, self.start)
                 continue
             if _flies(agent):
                 flights = ctx.game.counts[name]["moves"] - state["flights"].get(name, 0)
@@ -182,12 +186,18 @@ class _Tank(NamedTuple):
             rest = before - price - used[name]
             rest = 0.0 if rest <= before * _SLACK else rest
             rest = min(self.full, rest + self.recharge.get(agent.current_node_id, 0.0))
-            state["amounts"][name] = rest
+            self._give(ctx, agent, rest)
             if rest <= 0 < before:
                 ctx.game.emit("empty", agent=name, resource=self.name)
             if rest <= 0 and self.eliminates:
                 ctx.game.eliminate(agent)
-        self._publish(ctx)
+
+    def _give(self, ctx: Context, agent: IAgent, amount: float) -> None:
+        """Set what an agent has, and let it know."""
+        amounts = self._state(ctx)["amounts"]
+        if amounts.get(agent.name) != amount:
+            amounts[agent.name] = amount
+            ctx.game.publish(to=agent, **{self.name: amount})
 
     def _state(self, ctx: Context) -> dict[str, Any]:
         full = self.full if isfinite(self.full) else self.start
@@ -204,12 +214,6 @@ class _Tank(NamedTuple):
         edges = sum(start != end for start, end in pairwise(path))
         metres = lengths.along(ctx, path) if edges and self.per_metre else 0.0
         return edges * self.per_edge + metres * self.per_metre
-
-    def _publish(self, ctx: Context) -> None:
-        amounts = self._state(ctx)["amounts"]
-        known = {agent.name: amounts.setdefault(agent.name, self.start) for agent in self._agents(ctx)}
-        if ctx.game.facts.get(self.name) != known:
-            ctx.game.publish(**{self.name: known})
 
 
 def _flies(agent: IAgent) -> bool:
