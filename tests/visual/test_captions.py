@@ -48,6 +48,16 @@ def test_an_event_is_a_sentence_about_the_agent_to_whom_it_happens():
     assert words_of([{"kind": "tag", "agent": "blue_3", "other": "red_1"}]) == ["red_1 is tagged by blue_3"]
 
 
+def test_what_counting_rules_emit_are_sentences():
+    events = [
+        {"kind": "hold", "team": "red", "turns": 3},
+        {"kind": "discover", "agent": "anna", "team": "red", "node": 7, "first": True},
+        {"kind": "empty", "agent": "bob", "resource": "fuel"},
+    ]
+    expected = ["red has held its place for 3 turns", "anna discovers node 7", "bob has no fuel left"]
+    assert words_of(events) == expected
+
+
 def test_what_happens_to_an_agent_in_a_turn_is_one_sentence():
     events = [
         {"kind": "tag", "agent": "blue_3", "other": "red_1", "node": 7},

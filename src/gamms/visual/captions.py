@@ -1,5 +1,6 @@
 """What happens in a game, in words: sentences for events, and how it ended; films, windows and commands share it."""
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -16,21 +17,25 @@ _FONT_PX, _ASIDE_PX, _SPOT_PX = 21.0, 26.0, 5.0  # of captions; between the turn
 _CARD_PX, _TITLE_PX, _PAD_PX, _TITLE_SPOT_PX = 26.0, 34.0, 24.0, 8.0
 _LONGEST = 90  # letters
 _LAST = "starts again"  # which rules may note before others see why
-_SENTENCES = {  # kind of event -> which of its agents the sentence is about, and what it says of that one
+_SENTENCES = {  # kind of event -> the field that the sentence is about, and what it says of that one
     "tag": ("other", "is tagged by {agent}"),
     "take": ("agent", "takes the {flag} flag"),
     "drop": ("agent", "loses the {flag} flag"),
     "capture": ("agent", "brings the {flag} flag home"),
     "reach": ("agent", "reaches the goal"),
+    "discover": ("agent", "discovers node {node}"),
+    "empty": ("agent", "has no {resource} left"),
+    "hold": ("team", "has held its place for {turns} turns"),
     "eliminated": ("agent", "is out"),
     "respawned": ("agent", _LAST),
 }
+_FIELD = re.compile(r"{(\w+)}")
 ALL_PLAYED = "all turns are played"
 _REASONS = {"max_turns": ALL_PLAYED}
 
 
 class Caption(NamedTuple):
-    """A sentence, and the agent that it is about."""
+    """A sentence, and the agent or the team that it is about."""
 
     words: str
     agent: str | None
@@ -42,7 +47,7 @@ def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     for event in events:
         kind, agent = str(event.get("kind", "")), event.get("agent")
         about, predicate = _SENTENCES.get(kind, ("", ""))
-        if about and {"agent", about} <= event.keys() and ("{flag}" not in predicate or "flag" in event):
+        if about and {about, *_FIELD.findall(predicate)} <= event.keys():
             found.setdefault((str(event[about]), ""), []).append(predicate.format_map(event))
         else:
             found[None if agent is None else str(agent), kind] = []
@@ -142,7 +147,7 @@ class Captions:
             color = colors.get(str(game.over.get("winner")))
             new.append(Line(": ".join(ending(game.over)), color, self.turns))
         for words, name in captions_of(one for one in self._drawing.events.of_turn() if _is_open(one, hidden)):
-            color = colors[str(color_group(agents[name]))] if name in agents else None
+            color = colors.get(str(color_group(agents[name])) if name in agents else str(name))
             new.append(Line(words, color, self.turns))
         if len(new) > MOST_LINES:
             last = new[MOST_LINES - 1]

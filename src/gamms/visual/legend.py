@@ -50,6 +50,7 @@ _IMPORTANCE = (
     "band",
     "field",
     "arc",
+    "square",
     "gauge",
     "ring",
     "curve",
@@ -79,7 +80,7 @@ class Row(NamedTuple):
     color: Rgb
     name: str
     value: str = ""
-    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal, arc, gauge, curve
+    sign: str = "disc"  # or ring, dot, field, line, band, flag, cross, tag, goal, arc, square, gauge, curve
 
 
 class Rows(NamedTuple):
@@ -350,6 +351,11 @@ def _arc(pen: Pen, x: float, y: float, color: Rgb) -> None:
     pen.line(quarter, color, 3.5)
 
 
+def _square(pen: Pen, x: float, y: float, color: Rgb) -> None:
+    corners = ((0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0))
+    pen.line([(x + _SWATCH_PX * right, y + _SWATCH_PX * down) for right, down in corners], color, 2.0)
+
+
 def _gauge(pen: Pen, x: float, y: float, color: Rgb) -> None:
     for end, alpha in ((8.0, 90), (2.0, 255)):
         pen.line([(x - 8.0, y), (x + end, y)], (*color, alpha), 5.0)
@@ -370,6 +376,7 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
     "tag": _tag,
     "goal": _goal,
     "arc": _arc,
+    "square": _square,
     "gauge": _gauge,
 }
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray
 from gamms.typing import IContext
-from gamms.visual.appearance import color_group
+from gamms.visual.appearance import AnyColor, color_group
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.rules import game_data, in_text, team_colors_of
 from gamms.visual.drawing import drawing_of
@@ -26,8 +26,12 @@ _FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
     RESOURCES: {"full": int | float, "amounts": dict},
 }
 _MOST = 100  # places, resources and agents: no game shows so many, but a hostile recording may
-_RING, _RING_PX, _ARC_PX, _FINE = 0.026, 2.0, 5.0, 48  # radius, in widths of what is seen; widths; parts of a circle
-_WIDER, _FOUND_PX = 0.006, 3.0  # how much larger the ring of each next team is, in widths; their widths
+_RING, _RING_PX, _ARC_PX, _FINE = 0.03, 2.0, 5.0, 48  # radius, in widths of what is seen; widths; parts of a circle
+_SQUARE = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
+_WIDER, _FOUND_PX = (
+    0.006,
+    3.0,
+)  # how much larger the square of each next team is, in widths; and how broad its lines are
 _BAR, _BELOW, _APART, _BAR_PX = 0.034, 0.034, 0.01, 5.0  # length and places of bars, in widths; and how thick they are
 
 
@@ -69,7 +73,7 @@ def _arc(share: float) -> FloatArray:
 
 
 def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the nodes of the rule `discover`: a grey ring, and one in the colour of each team that has discovered it.
+    """Draw the nodes of the rule `discover`: a grey square, and one in the colour of each team that has discovered it.
 
     `data` may have `colors` by team.
     """
@@ -77,10 +81,17 @@ def render_discovered(ctx: IContext, data: dict[str, Any]) -> None:
     size = visual.extent() or 1.0
     for state in counted_in(ctx, DISCOVERED).values():
         by = dict(islice(state["by"].items(), _MOST))
-        visual.render_circles(columns.xy[in_text(state["nodes"], columns.node_ids)], _RING * size, SIGN, _RING_PX)
+        _squares(ctx, columns.xy[in_text(state["nodes"], columns.node_ids)], _RING * size, SIGN, _RING_PX)
         for number, (team, color) in enumerate(team_colors_of(ctx, by, data.get("colors")).items()):
             found = columns.xy[np.isin(columns.node_ids, by[team])]
-            visual.render_circles(found, (_RING + number * _WIDER) * size, color, _FOUND_PX)
+            _squares(ctx, found, (_RING + number * _WIDER) * size, color, _FOUND_PX)
+
+
+def _squares(ctx: IContext, centers: FloatArray, radius: float, color: AnyColor, width_px: float) -> None:
+    """Draw squares that stand on a corner, (squares, 2)."""
+    points = (centers[:, None] + _SQUARE[None] * radius).reshape(-1, 2)
+    offsets = np.arange(len(centers) + 1, dtype=np.int64) * len(_SQUARE)
+    drawing_of(ctx).render_lines(points, offsets, color, width_px)
 
 
 def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
@@ -117,6 +128,6 @@ render_discovered.__dict__.update(
     layer=Layer.GOALS,
     is_mark=True,
     once_a_turn=True,
-    legend=Rows("", (Row(SIGN, "discovered", sign="ring"),)),
+    legend=Rows("", (Row(SIGN, "discovered", sign="square"),)),
 )
 render_amounts.__dict__.update(artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_amounts)

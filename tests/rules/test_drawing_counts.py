@@ -1,0 +1,111 @@
+"""What rules count is drawn, in a game and in its replay: places held or discovered, and what agents have left."""
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.ir.draw import DrawKind
+from gamms.rules import discover, hold, resource
+from gamms.visual.drawers.standings import RESOURCES, counted_in
+from gamms.visual.legend import blocks_of
+
+RULES = {
+    "held": lambda: hold([4, 5], 4),
+    "discovered": lambda: discover([2, 7]),
+    "resources": lambda: resource("fuel", 40, per_turn=10),
+}
+LAYERS = {"held": 18, "discovered": 18, "resources": 22}
+
+
+@pytest.fixture
+def hill():
+    """Two agents on a road of ten nodes that stay where they are: ann on node 2, bob on node 4."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+        for name, team, node in (("ann", "red", 2), ("bob", "blue", 4)):
+            ctx.agent.create_agent(name, start_node_id=node, team=team)
+        yield ctx
+
+
+def lines_on(ctx, layer):
+    """The polylines that are drawn on a layer, by their colours."""
+    commands = ctx.visual.draw_commands()
+    rows = np.flatnonzero((commands.layer == layer) & (commands.kind == DrawKind.LINE))
+    return [
+        (tuple(commands.color[row][:3].tolist()), commands.points[commands.offsets[row] : commands.offsets[row + 1]])
+        for row in rows
+    ]
+
+
+def signs(ctx):
+    shown = ctx.visual.artists.shown()
+    return {row.sign for block in blocks_of(ctx, shown) if hasattr(block, "rows") for row in block.rows}
+
+
+def test_an_arc_grows_around_each_node_of_a_place_that_is_held(hill):
+    hill.game.add(RULES["held"]())
+    assert lines_on(hill, 18) == []
+    blue = tuple(hill.visual.drawing.group_colors()["blue"])
+    for turns in (1, 2):
+        hill.game.step()
+        arcs = lines_on(hill, 18)
+        assert [color for color, _ in arcs] == [blue, blue]
+        for (_, points), x in zip(arcs, (40.0, 50.0), strict=True):
+            right, up = (points[-1] - (x, 0.0)) / np.hypot(*(points[-1] - (x, 0.0)))
+            share = np.arctan2(right, up) / (2 * np.pi)
+            assert share == pytest.approx(turns / 4)  # clockwise from the top
+    assert "arc" in signs(hill)
+
+
+def test_a_node_that_was_discovered_has_a_square_in_the_colour_of_the_team(hill):
+    hill.game.add(RULES["discovered"]())
+    assert len(lines_on(hill, 18)) == 2
+    hill.game.step()
+    red = tuple(hill.visual.drawing.group_colors()["red"])
+    assert [points.mean(axis=0)[0] for color, points in lines_on(hill, 18) if color == red] == [20.0]
+    assert "square" in signs(hill)
+
+
+def test_a_bar_is_as_long_as_what_is_left_and_gone_with_the_agent(hill):
+    hill.game.add(RULES["resources"]())
+    hill.game.step()
+    red = tuple(hill.visual.drawing.group_colors()["red"])
+    lengths = {color: np.ptp(points[:, 0]) for color, points in lines_on(hill, 22)}
+    assert lengths[red] / max(lengths.values()) == pytest.approx(3 / 4)  # 30 of 40
+    assert "gauge" in signs(hill)
+    hill.game.eliminate("ann")
+    hill.game.step()
+    assert red not in [color for color, _ in lines_on(hill, 22)]
+
+
+@pytest.mark.parametrize("name", RULES)
+def test_a_replay_shows_the_same_and_the_artist_goes_with_the_rule(hill, tmp_path, name):
+    rule = hill.game.add(RULES[name]())
+    hill.record.start(tmp_path / "game")
+    hill.game.step()
+    hill.record.stop()
+    assert lines_on(hill, LAYERS[name])
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
+        for _ in replayed.record.replay(tmp_path / "game"):
+            pass
+        hill.visual.save(tmp_path / "game.svg")
+        replayed.visual.save(tmp_path / "replayed.svg")
+    assert (tmp_path / "game.svg").read_bytes() == (tmp_path / "replayed.svg").read_bytes()
+    hill.game.remove(rule)
+    assert name not in hill.visual.artists.declared
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        {"held": 5, "discovered": [1], "resources": "x"},
+        {"held": {"a": {"nodes": 4, "turns": 1, "of": 2}}, "discovered": {"a": {"nodes": "1"}}},
+        {"held": {"a": {"nodes": "4..5", "turns": -3, "of": 0, "team": "blue"}}},
+        {"resources": {"fuel": {"full": 0, "amounts": {"ann": "much", "nobody": 3, "bob": 7}}}},
+        {"discovered": {"a": {"nodes": "1", "by": {"red": [1, 99]}}}},
+    ],
+)
+def test_what_does_not_look_like_counts_is_not_drawn(hill, data, tmp_path):
+    hill.game.data.update(data)
+    hill.visual.save(tmp_path / "hill.svg")
+    assert all(isinstance(one["amounts"], dict) for one in counted_in(hill, RESOURCES).values())
