@@ -44,6 +44,8 @@ def strategy(state: gamms.typing.State) -> None:
     state["legal"].append(3)  # error
     state["action"] = state["current_node"]  # error
     state["action"] = state["curr_pos"] + state["turn"]
+    state["outbox"].append({"channel": "radio", "to": "red", "text": "hello"})  # error
+    state["outbox"].append({"channel": "radio", "to": "red", "body": [message["turn"] for message in state["inbox"]]})
 
 
 def misnamed(state: gamms.typing.Stat) -> None:  # error
@@ -68,6 +70,8 @@ ctx.agent.create_agent("k", start_node_id=0, strategy=flying)  # error
 ctx.agent.create_agent("l", start_node_id=0, strategy=rule)  # error
 ctx.game.add(rule)
 ctx.game.add(5)  # error
+ctx.game.add_channel("radio", range=50)  # error
+ctx.game.add_channel("radio", range_m=50, loss=[(0, 0.1), (50, 0.5)], jammers=[{"agent": "g", "radius_m": 5}])
 gamms.strategies.chase(ctx, otherwse=None)  # error
 ctx.visual.set_graph_visual(node_size=2, edge_color="red", draw_id=True).set_layer(3)
 ctx.visual.set_graph_visual(node_sise=2.0)  # error

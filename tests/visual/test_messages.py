@@ -1,0 +1,106 @@
+"""Messages that arrive are arcs in the colours of their senders, in replays too; fog hides those of others."""
+
+import io
+import re
+
+import pytest
+
+import gamms
+from gamms.visual.appearance import TEAM_COLORS
+from gamms.visual.constants import Layer
+from gamms.visual.fog import Fog
+
+BLUE, RED = TEAM_COLORS[:2]
+NODES = {"anna": 0, "ben": 10, "rita": 20, "rob": 30}
+
+
+@pytest.fixture
+def street():
+    """Two agents of blue and two of red on a street; each sends once to its team, rita is an eavesdropper."""
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 40))
+        ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=10)
+
+        def strategy(state):
+            if state["turn"] == 0 and state["name"] in ("anna", "rob"):
+                state["outbox"].append({"channel": "radio", "to": state["team"], "body": 1})
+            state["action"] = state["curr_pos"]
+
+        for name, node in NODES.items():
+            team = "blue" if name in ("anna", "ben") else "red"
+            ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=strategy, sensors=["eyes"])
+        ctx.game.add_channel("radio", range_m=205, eavesdroppers="rita")
+        yield ctx
+
+
+def arcs(ctx):
+    """Return what is drawn on the layer of messages: (x where it begins, x where it ends, colour, alpha)."""
+    commands = ctx.visual.draw_commands()
+    found = set()
+    for row in (commands.layer == Layer.MESSAGES).nonzero()[0]:
+        points = commands.points[commands.offsets[row] : commands.offsets[row + 1]]
+        *color, alpha = commands.color[row].tolist()
+        found.add((round(float(points[0, 0])), round(float(points[-1, 0])), tuple(color), alpha))
+    return found
+
+
+ALL = {(0, 100, BLUE, 200), (0, 200, BLUE, 90), (300, 200, RED, 200)}
+
+
+def test_an_arc_leads_from_the_sender_to_each_that_hears_it_next(street):
+    assert arcs(street) == set()
+    street.game.step()
+    assert arcs(street) == ALL
+    street.game.step()
+    assert arcs(street) == set()
+
+
+def test_a_delayed_message_is_drawn_when_it_arrives(street):
+    street.game.remove_channel("radio")
+    street.game.add_channel("radio", range_m=100, delay_turns=3)
+    drawn = []
+    for _ in range(4):
+        street.game.step()
+        drawn.append(len(arcs(street)))
+    assert drawn == [0, 0, 2, 0]
+
+
+def test_the_legend_says_what_an_arc_is_while_there_is_one(street):
+    def words():
+        picture = street.visual.picture(".svg", 800, 400, labels=False, scale_bar=False).decode()
+        return "message" in re.findall(r">([^<>]+)</text>", picture)
+
+    assert not words()
+    street.game.step()
+    assert words()
+
+
+def test_a_replay_shows_the_same_arcs(street):
+    file = io.BytesIO()
+    street.record.start(file)
+    street.game.run(2)
+    street.record.stop()
+    drawn = {}
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        for _ in ctx.record.replay(io.BytesIO(file.getvalue())):
+            drawn[ctx.game.turn] = arcs(ctx)
+    assert (drawn[1], drawn[2]) == (ALL, set())
+
+
+def test_the_fog_of_a_team_shows_what_its_agents_send_hear_and_overhear(street):
+    street.game.step()
+    Fog(street, "blue").look()
+    assert arcs(street) == {(0, 100, BLUE, 200)}  # that it is overheard, it does not know
+    Fog(street, "red").look()
+    rings = {one for one in arcs(street) if one[0] == one[1]}
+    assert rings == {(200, 200, BLUE, 90)}  # the sender is out of sight
+    assert arcs(street) - rings == {(300, 200, RED, 200)}
+    street.agent.get_agent("rita").current_node_id = 1
+    Fog(street, "red").look()
+    assert arcs(street) == {(0, 10, BLUE, 90), (300, 10, RED, 200)}
+
+
+def test_messages_of_agents_that_are_gone_are_left_out(street):
+    street.game.step()
+    street.agent.delete_agent("anna")
+    assert arcs(street) == {(300, 200, RED, 200)}
