@@ -170,6 +170,17 @@ def test_without_sensors_an_agent_sees_its_own_node(road):
     assert [event["turn"] for event in ctx.game.run(2).events] == [1]
 
 
+def test_flyers_discover_what_they_look_down_on(road):
+    ctx = road()
+    for name, kind, team, fov in (("nodes", "aerial", "red", 1.5), ("agents", "aerial_agent", "blue", 6.28)):
+        sensor = ctx.sensor.create_sensor(name, kind, sensor_range=50.0, fov=fov)
+        keywords = {"type": AgentType.AERIAL, "start_node_id": 0, "speed": 10.0, "team": team, "sensors": [sensor]}
+        ctx.agent.create_agent(name, strategy=lambda state: state.update(action=(1.0, 0.0, 1.0)), **keywords)
+    ctx.game.add(discover([1, 9]))
+    ctx.game.run(3)
+    assert [ctx.game.facts_of(team) for team in ("red", "blue")] == [{"discovered": {1: True}}] * 2
+
+
 def test_neighbours_and_fields_of_view_count_and_the_dead_see_nothing(road):
     ctx = with_eyes(road(a=("red", 3), dead=("blue", 3)), "neighbor", a=1)
     with_eyes(ctx, "map", dead=1)

@@ -140,6 +140,41 @@ def test_with_an_order_of_play_each_move_is_paid_for_once(road):
     assert amounts(ctx) == {"a": 80, "b": 80, "drone": 90}
 
 
+def test_with_an_order_of_play_each_deed_is_paid_for_once_and_cools_down(road):
+    ctx = road(a=("red", 0), b=("blue", 9))
+    ctx.game.deeds = {"shoot": None}
+    for name in ("a", "b"):
+        ctx.agent.get_agent(name).register_strategy(doing(shoot=range(1, 9)))
+    ctx.game.order = [["red"], ["blue"]]
+    ctx.game.add(resource("power", 9, per_deed={"shoot": 4}))
+    ctx.game.add(cooldown("shoot", 1))
+    result = ctx.game.run(6)
+    assert amounts(ctx, "power") == {"a": 1, "b": 1}
+    assert [(deed["turn"], deed["agent"]) for deed in result.deeds] == [(1, "a"), (1, "b"), (3, "a"), (3, "b")]
+
+
+def test_a_flyer_recharges_where_a_node_is_the_nearest(road):
+    ctx = road()
+    kind = {"type": AgentType.AERIAL, "start_node_id": 0, "team": "red", "speed": 8.0}
+    ctx.agent.create_agent("drone", strategy=lambda state: state.update(action=(1.0, 0.0, 0.0)), **kind)
+    ctx.game.add(resource("battery", 20, per_metre=1, recharge={1: 3}))
+    left = []
+    for _ in range(3):
+        ctx.game.step()
+        left.append(amounts(ctx, "battery")["drone"])
+    assert left == [15, 7, 7]  # at 8 m: 20 - 8 + 3; at 16 m, nearest to node 2: 15 - 8; then 7 are too few
+
+
+def test_nothing_is_refused_any_more_when_the_rule_is_removed(road):
+    ctx = road(a=("red", 0, 1, 1, 2))
+    ctx.game.add(resource("fuel", 0, per_metre=1))
+    ctx.game.step()
+    assert why(ctx, "a") == "its fuel is used up"
+    ctx.game.remove("resource")
+    ctx.game.run(1)
+    assert ctx.agent.get_agent("a").current_node_id == 1
+
+
 def test_what_is_just_enough_is_enough(road):
     ctx = road(a=("red", 0, 1, 2, 3))
     ctx.game.add(resource("fuel", 0.3, per_edge=0.1))  # 0.3 - 0.1 - 0.1 is less than 0.1
@@ -222,7 +257,7 @@ def test_impossible_resources_are_refused(road):
     ctx = road(a=("red", 0))
     with pytest.raises(UnknownName, match="99"):
         ctx.game.add(resource("fuel", 5, recharge={99: 1}))
-    with pytest.raises(UnknownName, match="shoot"):
+    with pytest.raises(UnknownName, match=r"deed, as ctx\.game\.deeds declares none: 'shoot'"):
         ctx.game.add(resource("fuel", 5, per_deed={"shoot": 1}))
     ctx.game.add(resource("fuel", 5))
     with pytest.raises(Duplicate, match="fuel"):

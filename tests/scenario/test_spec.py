@@ -51,6 +51,12 @@ WRONG = [
     ({"conflicts.among": "teams"}, "conflicts.among", "Did you mean 'team'?"),
     ({"conflicts.capacity": -1}, "conflicts.capacity", ">= 0"),
     ({"settings": {"legal": "edge"}}, "settings.legal", "Did you mean 'edges'?"),
+    (
+        {"rules.0": {"rule": "hold", "with": {"nodes": 3, "turns": 2, "teams": ["blue", "rad"]}}},
+        "rules.0.with.teams",
+        "'red'?",
+    ),
+    ({"rules.0": {"rule": "respawn", "with": {"teams": "rad"}}}, "rules.0.with.teams", "'red'?"),
     ({"rules.0.with.taggers": "rad"}, "rules.0.with.taggers", "Did you mean 'red'?"),
     ({"rules.0": {"rule": "reach", "with": {"team": {"rad": 3}}}}, "rules.0.with.team", "Did you mean 'red'?"),
     ({"rules.0": {"rule": "reach", "with": {"team": "red", "winner": "rad"}}}, "rules.0.with.winner", "'red'?"),

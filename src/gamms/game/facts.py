@@ -41,15 +41,15 @@ def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
     """
     if to is None:
         return state.facts
-    agents, teams = ctx.agent.agents, ctx.agent.teams
+    agents = ctx.agent.agents
     name: Any = getattr(to, "name", to)
     is_agent = isinstance(name, str) and name in agents
-    is_team = name is to and as_key(to, "A team") in teams
+    is_team = name is to and as_key(to, "A team") in ctx.agent.teams  # which looks at all agents
     if is_agent and is_team:
         raise BadValue(
             f"{shown(to)} is an agent and a team. For the agent, give ctx.agent.get_agent({shown(to)}) itself; for the "
             "team, call one of them by another name."
         )
     if not is_agent and not is_team:
-        raise UnknownName("team or agent", name, [*teams, *agents])
+        raise UnknownName("team or agent", name, [*ctx.agent.teams, *agents])
     return (state.agent_facts if is_agent else state.team_facts).setdefault(name, {})

@@ -126,8 +126,7 @@ class _Tank(NamedTuple):
         """Check the arguments against the game, and publish the amounts."""
         refuse_unknown(ctx, self.recharge)
         for deed in self.per_deed:
-            if deed not in ctx.game.deeds:
-                raise UnknownName("deed", deed, ctx.game.deeds)
+            _check_declared(ctx, deed)
         if self.teams is None:
             ctx.game.publish(**{self.name: self.start})  # for agents that come later
         for agent in self._agents(ctx):
@@ -216,6 +215,11 @@ class _Tank(NamedTuple):
         return edges * self.per_edge + metres * self.per_metre
 
 
+def _check_declared(ctx: Context, deed: str) -> None:
+    if deed not in ctx.game.deeds:
+        raise UnknownName("deed" if ctx.game.deeds else "deed, as ctx.game.deeds declares none:", deed, ctx.game.deeds)
+
+
 def _flies(agent: IAgent) -> bool:
     return agent.type is AgentType.AERIAL
 
@@ -247,7 +251,7 @@ def cooldown(deed: str, turns: int) -> Rule:
         return state_of(ctx, _COOLDOWNS, kind, {})
 
     def prepare(ctx: Context) -> None:
-        ctx.game.performed(kind)  # raises for a deed that is not declared
+        _check_declared(ctx, kind)
         last(ctx)
 
     def check(ctx: Context) -> None:
