@@ -74,6 +74,19 @@ def square():
 # -- laws -------------------------------------------------------------------------------------------------------
 
 
+@given(
+    edges=EDGES, weight=st.sampled_from(WEIGHTS), most=st.integers(1, 7), ends=st.tuples(*[st.sampled_from(IDS)] * 2)
+)
+@LAWS
+def test_a_path_that_is_cut_off_is_the_beginning_of_the_whole(edges, weight, most, ends):
+    graph, _ = build(edges)
+    if math.isfinite(graph.distance(*ends, weight)):
+        path = graph.shortest_path(*ends, weight)
+        assert graph.shortest_path(*ends, weight, most_edges=most) == path[: most + 1]
+        if weight != "toll":  # which the slow default does not read
+            assert build(edges, Slow)[0].shortest_path(*ends, weight, most_edges=most) == path[: most + 1]
+
+
 @given(edges=EDGES, weight=st.sampled_from(WEIGHTS))
 @LAWS
 def test_distances_equal_those_of_networkx(edges, weight):

@@ -129,7 +129,7 @@ def hostile(canary):
         "gamms.scenario.documents:read": {"file": "x"},
         "gamms.cli:main": {},
         "gamms.folders:write_whole": {"path": str(canary), "data": "x"},
-        "gamms.strategies.shipped:first": {},
+        "gamms.strategies.travel:goto": {},
         "gamms.strategies:np": {},
         "gamms.rules:territory": {},
         "gamms.rules.territory:np": {},

@@ -1,6 +1,6 @@
 """Going somewhere: to a node, along a list of nodes, round and round."""
 
-from itertools import pairwise
+from itertools import pairwise, takewhile
 
 import numpy as np
 import pytest
@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.agent import AgentType
+from gamms.errors import NoPath
 from gamms.strategies import first, follow_path, goto, patrol, stay
 
 NODES = st.integers(0, 35)
@@ -36,6 +37,38 @@ def test_who_may_go_farther_in_a_turn_goes_as_far_along_the_path_as_it_may(open_
         path = world.ctx.graph.graph.shortest_path(start, target)
         turns = -(-(len(path) - 1) // reach)
         assert world.play(turns)["anna"] == [*path[: turns * reach : reach], target][-turns - 1 :]
+
+
+STREETS = st.lists(st.tuples(st.integers(0, 7), st.integers(0, 7), st.integers(0, 5)), min_size=1, max_size=24)
+
+
+def step_along_the_whole_path(graph, here, target, legal):
+    """Where a step leads by the whole shortest path: to the last node before the first that is out of reach."""
+    if target in legal:
+        return target
+    try:
+        path = graph.shortest_path(here, target)[1:]
+    except NoPath:
+        return None
+    return [here, *takewhile(legal.__contains__, path)][-1]
+
+
+@given(streets=STREETS, closed=st.sets(st.integers(0, 23)), target=st.integers(0, 7), reach=st.integers(1, 3))
+@settings(max_examples=60, deadline=None)
+def test_next_nodes_lead_as_the_whole_path_does_on_one_way_streets_and_after_closures(
+    open_world, streets, closed, target, reach
+):
+    with open_world(dict.fromkeys(range(8), (0.0, 0.0)), streets, reach=reach) as world:
+        graph, anna = world.ctx.graph.graph, world.add("anna", 0)
+        go = goto(world.ctx, target, otherwise=None)
+        for street in (None, *(id for id in sorted(closed) if id < len(streets))):
+            if street is not None:
+                graph.remove_edge(street)
+            for node in range(8):
+                anna.current_node_id = node
+                state = world.state_of(anna)
+                go(state)
+                assert state.get("action") == step_along_the_whole_path(graph, node, target, state["legal"])
 
 
 def test_the_way_is_the_shortest_by_length_but_for_a_shortcut_in_turns(open_world):

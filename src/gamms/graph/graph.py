@@ -287,9 +287,11 @@ class Graph(Guarded, IGraph):
         """Return what each edge costs, (edges,) in insertion order."""
         return edge_weights(self._store.columns(), weight)
 
-    def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
+    def shortest_path(
+        self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
+    ) -> list[int]:
         """Return ids of the nodes on the shortest path from one node to another, both included."""
-        return self._routes.shortest_path(source, target, weight)
+        return self._routes.shortest_path(source, target, weight, most_edges)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the distance by path from one node to another; infinite where there is no path."""

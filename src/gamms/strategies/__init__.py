@@ -22,9 +22,12 @@ An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such
 `ctx.game` puts into the state what these read: `legal`, `draw`, `memory`, `team`. In a loop of your own, put it there
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
-All of them are in `shipped.py`. May import: `context` and below. To add a strategy, write a function and name it below.
+`travel.py` has those that need no enemies, `encounters.py` those that act on enemies; read `knowledge.py` first, which
+has what they know and how they go a step. May import: `context` and below. To add a
+strategy, write a function and name it below.
 """
 
-from gamms.strategies.shipped import chase, first, flee, follow_path, goto, guard, human, mix, patrol, random_walk, stay
+from gamms.strategies.encounters import chase, flee, guard
+from gamms.strategies.travel import first, follow_path, goto, human, mix, patrol, random_walk, stay
 
 __all__ = ["chase", "first", "flee", "follow_path", "goto", "guard", "human", "mix", "patrol", "random_walk", "stay"]

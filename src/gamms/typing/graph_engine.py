@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_int, as_range
+from gamms.arguments import as_count, as_int, as_range
 from gamms.errors import BadValue, NoPath, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
@@ -210,17 +210,20 @@ class IGraph(ABC):
         edges = [self.get_edge(id) for id in self.get_edges()]
         return np.array([edge.length if weight else 1.0 for edge in edges], np.float64)
 
-    def shortest_path(self, source: int, target: int, weight: str | None = "length") -> list[int]:
+    def shortest_path(
+        self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
+    ) -> list[int]:
         """Return ids of the nodes on the shortest path from one node to another, both included; `[source]` for itself.
 
         Of equally long paths, by the numbers that `distance` gives for each node on them, the one with the fewest
         edges counts; of these, the one whose node ids, read from the source, are least at the first difference.
+        `most_edges` cuts it off after so many edges: an agent needs no more for its next steps.
 
         Raises:
             UnknownName (KeyError): there is no such node.
             NoPath (ValueError): there is no path.
         """
-        return _Routes(self).shortest_path(source, target, weight)
+        return _Routes(self).shortest_path(source, target, weight, most_edges)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the distance from one node to another, summed from the target; infinite where there is no path.
@@ -363,14 +366,15 @@ class Routes(ABC):
         """Return what `make` gives; override to make it once."""
         return make()
 
-    def shortest_path(self, source: int, target: int, weight: str | None) -> list[int]:
-        """Return the ids of the nodes on the shortest path, both ends included."""
+    def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
+        """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
+        most = len(self.ids()) if most_edges is None else as_count(most_edges, "most_edges")
         ids = self.ids().data
         row, end = self.row(source), self.row(target)
         (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
         next_of = steps.data
         path = [ids[row]]
-        while row != end:
+        while row != end and len(path) <= most:
             row = next_of[row]
             if row < 0:
                 raise NoPath(source, target)

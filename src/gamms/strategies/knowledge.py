@@ -1,0 +1,208 @@
+"""What a strategy knows of its state and of the map, and how it goes from node to node.
+
+Strategies that act on enemies need `state["team"]`, and a sensor that shows agents: AGENT, AGENT_RANGE, AGENT_ARC or
+OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
+"""
+
+from collections.abc import Callable, Sequence
+from inspect import iscoroutinefunction
+from itertools import takewhile
+from typing import TYPE_CHECKING, Any, TypeVar
+from weakref import WeakKeyDictionary
+
+from gamms.arguments import as_int
+from gamms.errors import BadType, MissingKey, NoPath, UnknownName
+from gamms.text import shown
+from gamms.typing import IContext
+from gamms.typing.game import AerialState, State, Strategy
+from gamms.typing.sensor_engine import SensorType
+
+if TYPE_CHECKING:
+    from typing_extensions import TypeIs
+
+F = TypeVar("F")
+
+# The kinds that those on the ground may carry; data: {name: node}
+_SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
+
+_warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
+
+_WAYS_OUT = {
+    "legal": "set it to the nodes it may move to, or give the agent a NEIGHBOR sensor",
+    "memory": "set it to a dict that you keep for the agent",
+    "rng": "set it to a generator, such as ctx.rng",
+    "team": "set it to agent.team",
+}
+
+
+def required(state: State | AerialState, key: str, caller: str) -> Any:
+    """Return the value of a key that `ctx.game` puts into every state.
+
+    Raises:
+        MissingKey: there is none; the message says what to do about it in a loop of one's own.
+    """
+    if key not in state:
+        raise MissingKey(
+            f"{caller} needs state[{key!r}]. ctx.game puts it there; in a loop of your own, {_WAYS_OUT[key]}."
+        )
+    return state[key]  # type: ignore[literal-required] # the keys of `_WAYS_OUT`
+
+
+def drawn_fraction(state: State | AerialState, caller: str) -> float:
+    """Draw a number in [0, 1): from `state["draw"]`, or from `state["rng"]` in a loop that has only that."""
+    if "draw" in state:
+        return float(state["draw"].random())
+    return float(required(state, "rng", caller).random())
+
+
+def drawn_below(state: State, n: int, caller: str) -> int:
+    """Draw an integer from 0 to `n - 1`, likewise."""
+    if "draw" in state:
+        return int(state["draw"].below(n))
+    return int(required(state, "rng", caller).integers(n))
+
+
+def is_aerial(state: State | AerialState) -> "TypeIs[AerialState]":
+    """Whether the state is that of an aerial agent."""
+    return isinstance(state["curr_pos"], tuple)
+
+
+def node_of(state: State, caller: str) -> int:
+    """Return the node that an agent on the ground is on.
+
+    Raises:
+        BadType: the agent flies.
+    """
+    if is_aerial(state):
+        raise BadType(
+            f"{caller} goes along edges, and an agent at {state['curr_pos']} flies. Give it another strategy."
+        )
+    return state["curr_pos"]
+
+
+def legal_nodes(state: State, caller: str) -> Sequence[int]:
+    """Return the nodes that an agent on the ground may move to, its own first; without them a NEIGHBOR sensor's."""
+    if "legal" not in state:
+        for kind, data in state["sensor"].values():
+            if kind is SensorType.NEIGHBOR:
+                near: Sequence[int] = data
+                return near
+    legal: Sequence[int] = required(state, "legal", caller)
+    return legal
+
+
+def legal_on_map(ctx: IContext, state: State) -> Sequence[int]:
+    """Return the nodes that an agent on the ground may move to, its own first; without them those one edge away."""
+    legal = state.get("legal")
+    return ctx.graph.graph.neighborhoods[state["curr_pos"]] if legal is None else legal
+
+
+def has_speed(ctx: IContext, state: State) -> bool:
+    """Whether an agent on the ground goes along more than one edge, or part of one, in a turn of `ctx.game`."""
+    if "legal" not in state or "name" not in state:
+        return False  # in a loop of one's own a speed may mean anything
+    return getattr(ctx.agent.get_agent(state["name"]), "speed", None) is not None
+
+
+def enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]:
+    """Return the nodes of the enemies that the agent's sensors show, by name and in the order of the names."""
+    team = required(state, "team", caller)
+    data_shown = [data for kind, data in state["sensor"].values() if kind in _SHOWING_AGENTS]
+    if not data_shown and caller not in (warned := _warned.setdefault(ctx, set())):
+        warned.add(caller)  # once in a context
+        kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
+        who = f"agent {state['name']!r}" if "name" in state else "an agent"
+        ctx.logger.warning(
+            f"{caller}: {who} carries no sensor that shows agents, so it sees no enemy. Give it {kinds}."
+        )
+    seen: dict[str, int] = {}
+    for data in data_shown:
+        seen.update(data)
+    seen.pop(state.get("name", ""), None)  # a sensor at a fixed place shows its owner, too
+    teams = {name: getattr(ctx.agent.get_agent(name), "team", None) for name in sorted(seen)}
+    return {name: seen[name] for name, other in teams.items() if team is None or other != team}
+
+
+def as_known_node(ctx: IContext, value: object, name: str) -> int:
+    """Check that a value is the id of a node of the map.
+
+    Raises:
+        BadType, UnknownName (KeyError): it is not.
+    """
+    node = as_int(value, name)
+    if not ctx.graph.graph.has_node(node):
+        raise UnknownName("node", node)
+    return node
+
+
+def as_strategy(value: F, name: str) -> F:
+    """Check that a value is a function of the state.
+
+    Raises:
+        BadType: it cannot be called, or is an `async def`.
+    """
+    if not callable(value):
+        raise BadType(f"{name} must be a function of the state, not {shown(value)} ({type(value).__name__}).")
+    if iscoroutinefunction(value):
+        raise BadType(f"{name} must not be an async def: await it in an async def of your own.")
+    return value
+
+
+# -- steps ----------------------------------------------------------------------------------------------------
+
+
+def move_to(ctx: IContext, state: State, target: int | None, fallback: Strategy, caller: str) -> None:
+    """Set the action to a step towards a node; without a node, or a path to it, call the fallback."""
+    step = None if target is None else step_towards(ctx, state, target, caller)
+    if step is None:
+        fallback(state)
+    else:
+        state["action"] = step
+
+
+def step_towards(
+    ctx: IContext, state: State, target: int, caller: str, is_allowed: Callable[[int], bool] | None = None
+) -> int | list[int] | None:
+    """Return the action that leads to a node: go there, if that is legal, else along the shortest path.
+
+    Args:
+        ctx: the context.
+        state: of an agent on the ground.
+        target: a node id.
+        caller: the name of the strategy, for messages.
+        is_allowed: whether the agent may enter a node; every node by default.
+
+    Returns:
+        A node id, perhaps the agent's own; of an agent with a speed the nodes on the path, the first one out of reach
+        included, so that what is left of its metres counts next turn; None where there is no path.
+
+    Raises:
+        BadType: the agent flies.
+    """
+    here, legal = node_of(state, caller), legal_on_map(ctx, state)
+    if target in legal and (is_allowed is None or is_allowed(target)):
+        return target
+    try:
+        path = _path_ahead(ctx, here, target, legal)
+    except NoPath:
+        return None
+    allowed = list(path if is_allowed is None else takewhile(is_allowed, path))
+    reached = sum(1 for _ in takewhile(legal.__contains__, allowed))
+    if has_speed(ctx, state):
+        return allowed[: reached + 1] or here
+    return allowed[reached - 1] if reached else here
+
+
+def _path_ahead(ctx: IContext, here: int, target: int, legal: Sequence[int]) -> list[int]:
+    """Return the nodes after `here` on the shortest path, as far as the first that is not legal at least."""
+    edges = 2  # which is enough where an agent goes along one
+    while True:
+        path = ctx.graph.graph.shortest_path(here, target, most_edges=edges)[1:]
+        if len(path) < edges or path[-1] not in legal:
+            return path
+        edges *= 2
+
+
+def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:
+    """Return the strategy to use when there is nothing to do; None: one that sets no action."""
+    return (lambda _: None) if otherwise is None else as_strategy(otherwise, f"otherwise of {caller}")
