@@ -221,7 +221,7 @@ def _parsed_teams(text: str) -> tuple[Team, Team]:
 
 def _print_demo(ctx: "Context", played: "Result", sides: tuple[Team, Team], map_name: str) -> None:
     """Print what happened in the demo."""
-    from gamms.demo import report
+    from gamms import demo
 
     out = console()
     first, second = sides
@@ -230,8 +230,8 @@ def _print_demo(ctx: "Context", played: "Result", sides: tuple[Team, Team], map_
     out.print(f"[bold]Capture the flag[/] in {map_name}, seed {played.seed}")
     out.print(f"{first.name} ({first.size} agents) against {second.name} ({second.size} agents)")
     out.print(f"{len(graph.node_ids):,} nodes, {streets:.0f} km of streets; {ctx.graph.attribution or ''}\n")
-    for turn, sentence in report.key_events(ctx, played):
+    for turn, sentence in demo.key_events(ctx, played):
         out.print(f"  turn {turn:>4}  {sentence}")
-    out.print(f"\n[bold]{report.headline(ctx, played)}[/]\n")
-    header, *rows = report.table(ctx, played)
+    out.print(f"\n[bold]{demo.headline(ctx, played)}[/]\n")
+    header, *rows = demo.table(ctx, played)
     out.print(rich_table(header, rows))
