@@ -38,14 +38,15 @@ class DecidePhase:
     Attributes:
         agent: the one whose strategy is running, or `Deciders`; AWAITED: each asyncio task decides for the agents that
             it was begun with by `decide_in_this_task`; None: no strategy is running. Any: the agent engine's own class.
-        sensor_changes: how often a setting of a sensor was set.
+        sensor_changes: how often a setting of a sensor was set, or a sensor came or went.
+        owner_changes: how often the owner of a sensor was set.
     """
 
-    __slots__ = ("agent", "sensor_changes")
+    __slots__ = ("agent", "owner_changes", "sensor_changes")
 
     def __init__(self) -> None:
         self.agent: Any = None
-        self.sensor_changes = 0
+        self.sensor_changes = self.owner_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
         """Copy a context as one in which no agent decides, so that a strategy may look ahead in a copy."""

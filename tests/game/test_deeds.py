@@ -100,27 +100,48 @@ def test_an_agent_that_a_deed_makes_is_there_and_moves_from_the_next_turn_on(roa
     assert {name: one["node"] for name, one in result.agents.items()} == {"amy": 6, "ann": 1, "bob": 9}
 
 
-def test_a_deed_may_place_and_move_a_fixed_sensor(road):
-    road.game.deeds = {"place": {"where": "node"}, "shift": {"sensor": "sensor", "where": "node"}}
+def test_a_deed_may_place_move_and_remove_a_fixed_sensor(road):
+    road.game.deeds = {
+        "place": {"where": "node"},
+        "shift": {"sensor": "sensor", "where": "node"},
+        "remove": {"sensor": "sensor"},
+    }
     road.plans["ann"] = [
         {"do": {"place": 5}},
         {"do": {"shift": {"sensor": "tower", "where": 7}}},
         {"do": {"shift": {"sensor": "towr", "where": 8}}},
+        {"do": {"remove": "tower"}},
+        {"do": {"remove": "tower"}},
     ]
-    seen = []
+    seen, stream = [], io.BytesIO()
 
     @road.game.add(phase="deeds")
     def build(ctx):
         for deed in ctx.game.performed():
             if deed.kind == "place":
-                ctx.sensor.create_sensor("tower", "agent_range", range=25, at=deed.values["where"])
-            else:
+                ctx.sensor.create_sensor("tower", "agent_range", sensor_range=25, at=deed.values["where"])
+            elif deed.kind == "shift":
                 ctx.sensor.get_sensor(deed.values["sensor"]).at = deed.values["where"]
+            else:
+                ctx.sensor.delete_sensor(deed.values["sensor"])
 
-    road.game.add(lambda ctx: seen.append(ctx.sensor.get_sensor("tower").at))
-    result = road.game.run(3)
-    assert seen == [5, 7, 7]
+    def places(ctx):
+        return [sensor.at for sensor in ctx.sensor.sensors.values()]
+
+    road.game.add(lambda ctx: seen.append(places(ctx)))
+    road.record.start(stream)
+    result = road.game.run(5)
+    road.record.stop()
+    assert seen == [[5], [7], [7], [], []]
     assert "Unknown sensor as 'sensor' of the deed 'shift': 'towr'. Did you mean" in result.errors[0]["message"]
+    assert "Unknown sensor as 'sensor' of the deed 'remove': 'tower'." in result.errors[1]["message"]
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        records = ctx.record.replay(io.BytesIO(stream.getvalue()))
+        assert [places(ctx) for record in records if record["opCode"] == 1] == seen
+    recording = gamms.recorder.open(io.BytesIO(stream.getvalue()))
+    for turn in range(1, 6):
+        with recording.resume(turn) as ctx:
+            assert places(ctx) == seen[turn - 1]
 
 
 @pytest.mark.parametrize(

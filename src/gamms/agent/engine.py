@@ -363,7 +363,7 @@ class AgentStorage(Guarded):
                 agent.strategy = strategy
             agent._last[0] = last
             if agent._sensor_list != sensors:
-                for name in [name for name in agent._sensor_list if name not in sensors]:
+                for name in list(agent._sensor_list):  # all, for their order
                     agent.deregister_sensor(name)
                 for name, sensor in sensors.items():
                     agent.register_sensor(name, sensor)

@@ -81,8 +81,8 @@ class State:
     def set_rng(self, rng_state: Mapping[str, Plain] | None) -> None:
         """Set the state of the context's own random stream."""
 
-    def add_sensors(self, groups: list[dict[str, Any]]) -> None:
-        """Make sensors: of each type and keywords all `ids`."""
+    def change_sensors(self, groups: list[dict[str, Any]], removed: Sequence[str]) -> None:
+        """Remove sensors, then make or set others: of each type and keywords all `ids`."""
 
     def replace_world(self, world: bytes) -> None:
         """Replace graph and obstacles."""

@@ -454,7 +454,11 @@ VISUAL_COMMANDS = _event(
     0x03000011, "VISUAL_COMMANDS", _ALL, "artist layer visible", lambda state, data: state.draw(data)
 )
 SENSORS = _event(
-    0x06000000, "SENSORS", _HOST, "sensor_kinds", lambda state, data: state.add_sensors(data["sensor_kinds"])
+    0x06000000,
+    "SENSORS",
+    _HOST,
+    "sensor_kinds ?removed",
+    lambda state, data: state.change_sensors(data["sensor_kinds"], data.get("removed", ())),
 )
 SENSED = _event(0x06000001, "SENSED", _TEAM, "agents:NUMBER ids")
 DELAYED_LOOKS = _event(0x06000002, "DELAYED_LOOKS", _HOST, "looks", _delay)

@@ -1,14 +1,15 @@
 """What has changed in a game since it was recorded last, as events."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from marshal import dumps
 from operator import attrgetter, is_not
 from typing import Any
 
+from gamms.deciding import phase_of
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.plain import Plain, is_same, plain_subset, to_plain
-from gamms.recorder.keyframes import decider_of, places_of
+from gamms.recorder.keyframes import decider_of, grouped, places_of
 from gamms.typing import IVisualizationEngine
 from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
@@ -317,6 +318,54 @@ class StrategyChanges:
         if self._game.plans:
             return [decider_of(self._ctx, agent) for agent in agents]
         return list(map(_STRATEGY, agents))
+
+
+class SensorChanges:
+    """Which sensors came or went, or are set otherwise, since it was asked last.
+
+    Args:
+        ctx: the context.
+        check: called with the sensors that came or changed, to warn of what cannot be written.
+    """
+
+    def __init__(self, ctx: HostContext, check: Callable[[list[dict[str, Any]]], None]) -> None:
+        self._ctx, self._phase, self._check, self._all = ctx, phase_of(ctx), check, ctx.sensor.sensors
+        self.accept()
+
+    @property
+    def are_due(self) -> bool:
+        """Whether anything may have changed."""
+        return self._phase.sensor_changes != self._count or len(self._all) != self._size
+
+    def accept(self) -> None:
+        """Expect how things are now."""
+        self._known = {one["id"]: self._state_of(one) for one in self._described()}
+
+    def detect(self) -> Log:
+        """Return the event that says what has changed, if anything has."""
+        before, described = self._known, self._described()
+        self._known = {one["id"]: self._state_of(one) for one in described}
+        removed = [id for id, (sensor, *_) in before.items() if self._known.get(id, (None,))[0] is not sensor]
+        changed = [
+            one
+            for one in described
+            if one["id"] in removed
+            or one["id"] not in before
+            or not is_same(before[one["id"]][1], self._known[one["id"]][1])
+        ]
+        self._check(changed)
+        if not changed and not removed:
+            return []
+        return [(kinds.SENSORS, {"sensor_kinds": grouped(changed), **({"removed": removed} if removed else {})})]
+
+    def _described(self) -> list[dict[str, Any]]:
+        found: list[dict[str, Any]] = self._ctx.sensor.storage.described()
+        self._count, self._size = self._phase.sensor_changes, len(found)
+        return found
+
+    def _state_of(self, described: dict[str, Any]) -> tuple[Any, Plain]:
+        """Return a sensor itself, for another one of its name is another one, and how it is set."""
+        return self._ctx.sensor.sensors[described["id"]], [described["type"], plain_subset(described["keywords"])]
 
 
 class DrawingChanges:

@@ -1,6 +1,6 @@
 """The state of a recording at a turn: columns that events are applied to, without a context."""
 
-from collections.abc import Mapping, Sequence, Sized
+from collections.abc import Iterable, Mapping, Sequence, Sized
 from typing import Any
 
 import numpy as np
@@ -60,7 +60,7 @@ class DetachedState(State):
     Attributes:
         agents: with their columns.
         game: what the game has come to, but for what was emitted and published.
-        sensor_groups: the sensors, those of each type and keywords together.
+        sensors: id -> a sensor, with its `type` and `keywords`.
         rng_state: of the context's own random stream; None: not known.
         component_classes: (module, name) of each class -> its fields.
         components: name -> its values by field.
@@ -133,7 +133,7 @@ class DetachedState(State):
             columns = keyframes.checked(keyframes.opened(snapshot))
             following = keyframes.checked_following(columns["numbers"].tolist(), snapshot["next"])
             self.agents = DetachedAgents(columns, following)
-            self.sensor_groups = list(snapshot.get("sensor_kinds", ()))
+            self.sensors = _by_id(snapshot.get("sensor_kinds", ()))
             self.rng_state = snapshot.get("chance")
             self.game = GameState()
             keyframes.restore_game(self.game, snapshot)
@@ -147,9 +147,11 @@ class DetachedState(State):
         """Set the state of the context's own random stream."""
         self.rng_state = rng_state
 
-    def add_sensors(self, groups: list[dict[str, Any]]) -> None:
-        """Add sensors."""
-        self.sensor_groups.extend(groups)
+    def change_sensors(self, groups: list[dict[str, Any]], removed: Sequence[str]) -> None:
+        """Remove sensors, then add or set others."""
+        for sensor_id in removed:
+            self.sensors.pop(sensor_id, None)
+        self.sensors |= _by_id(groups)
 
     def change_component(self, kind: int, data: dict[str, Any]) -> None:
         """Change names, fields and values, without a class that could do anything."""
@@ -172,7 +174,7 @@ class DetachedState(State):
         self.game.turn = counted + pace * (turns - at)
         classes = [[*key, fields] for key, fields in self.component_classes.items()]
         return {
-            **keyframes.packed(agents.columns, agents.following, self.sensor_groups, self.game, self.rng_state),
+            **keyframes.packed(agents.columns, agents.following, [*self.sensors.values()], self.game, self.rng_state),
             "pace": pace,
             "components": {"classes": classes, "values": {name: dict(one) for name, one in self.components.items()}},
         }
@@ -501,6 +503,10 @@ class _PendingMoves:
         moves, flights, turns = (slice(begin, end) for begin, end in zip(self._done, ends, strict=True))
         self._done = ends
         return self.numbers[moves], self._nodes[moves], self._flights.tracks.at(flights), self._turns.tracks.at(turns)
+
+
+def _by_id(groups: Iterable[Mapping[str, Plain]]) -> dict[str, dict[str, Any]]:
+    return {sensor["id"]: sensor for sensor in keyframes.sensors_in(groups)}
 
 
 def _unknown(number: int) -> Damaged:

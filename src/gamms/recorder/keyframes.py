@@ -55,14 +55,14 @@ def captured(ctx: HostContext) -> Keyframe:
         "strategies": [strategy_name(decider_of(ctx, agent)) for agent in agents],
     }
     described = ctx.sensor.storage.described()
-    return packed(columns, len(rows.journal.names), grouped(described), ctx.game.internals.state, ctx.rng_state())
+    return packed(columns, len(rows.journal.names), described, ctx.game.internals.state, ctx.rng_state())
 
 
 _PLACES = ("heading", "position", "previous_position", "quat")
 
 
 def packed(
-    columns: Columns, following: int, groups: list[dict[str, Any]], game: GameState, rng_state: Plain
+    columns: Columns, following: int, sensors: list[dict[str, Any]], game: GameState, rng_state: Plain
 ) -> Keyframe:
     """Return a state in the form that is short to write.
 
@@ -71,11 +71,11 @@ def packed(
     Args:
         columns: of the agents.
         following: the number that the next new agent gets.
-        groups: the sensors, those of each type and keywords together or not.
+        sensors: each with its `id`, `type` and `keywords`.
         game: what the game has come to.
         rng_state: of the context's own random stream.
     """
-    groups, came = grouped(sensors_in(groups)), columns["previous"] - columns["node"]
+    groups, came = grouped(sensors), columns["previous"] - columns["node"]
     return {
         "names": list(columns["names"]),
         "numbers": columns["numbers"].copy(),

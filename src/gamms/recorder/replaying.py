@@ -45,6 +45,7 @@ class LiveState(State):
 
     Attributes:
         pace: by how much the game counts on in a turn.
+        sensor_ids: of the sensors of the recording; others are the program's own, and stay.
     """
 
     agents: "LiveAgents"
@@ -53,10 +54,11 @@ class LiveState(State):
         self._ctx = ctx
         self.agents, self.game, self.pace = LiveAgents(ctx), ctx.game.internals.state, 0
         self._shown: Any = {}  # artists of the recording
+        self.sensor_ids: set[str] = set()
 
     def restore(self, snapshot: Keyframe) -> None:
         """Become what a snapshot says: agents of the same name and kind are moved, missing ones made, others stay."""
-        self.agents.restore(snapshot, lambda: self.add_sensors(snapshot.get("sensor_kinds", ())))
+        self.agents.restore(snapshot, lambda: self._restore_sensors(snapshot.get("sensor_kinds", ())))
         game = self.game
         keyframes.restore_game(game, snapshot)
         self.set_rng(snapshot.get("chance"))
@@ -93,11 +95,18 @@ class LiveState(State):
         if rng_state is not None:
             self._ctx.rng.bit_generator.state = rng_state
 
-    def add_sensors(self, groups: list[dict[str, Plain]]) -> None:
-        """Make the sensors that there are not yet."""
+    def change_sensors(self, groups: list[dict[str, Plain]], removed: Iterable[str]) -> None:
+        """Remove sensors, then make or set others."""
+        for sensor_id in removed:
+            if sensor_id in self._ctx.sensor.sensors:
+                self._ctx.sensor.delete_sensor(sensor_id)
         for sensor in keyframes.sensors_in(groups):
-            if sensor["id"] not in self._ctx.sensor.sensors:
-                self._ctx.sensor.storage.create(sensor)
+            self._ctx.sensor.storage.put(sensor)
+            self.sensor_ids.add(sensor["id"])
+
+    def _restore_sensors(self, groups: list[dict[str, Plain]]) -> None:
+        gone = self.sensor_ids - {sensor["id"] for sensor in keyframes.sensors_in(groups)}
+        self.change_sensors(groups, sorted(gone))
 
     def replace_world(self, world: bytes) -> None:
         """Replace graph and obstacles."""
@@ -284,8 +293,9 @@ class LiveAgents(AgentsState):
             self._ctx.logger.error(f"{reason(error)} The sensor is left out of the replay.")  # noqa: TRY400 - ILogger has none
 
     def unequip(self, row: int, name: str) -> None:
-        """Let an agent carry a sensor no longer."""
-        self._agent(row).deregister_sensor(name)
+        """Let an agent carry a sensor no longer, if that did not go itself."""
+        if name in self._agent(row).sensors:
+            self._agent(row).deregister_sensor(name)
 
     # -- the journal ----------------------------------------------------------------------------------------------
 

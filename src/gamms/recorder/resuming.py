@@ -11,7 +11,7 @@ from gamms.arguments import as_int
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
-from gamms.recorder import sensed
+from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError, refusing
 from gamms.recorder.replaying import Replayer
@@ -115,6 +115,7 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
         if ctx.seed != seed_at(reader, turn):
             snapshot["chance"] = None
         delete_others(ctx, snapshot["names"])
+        replayer.state.sensor_ids = sensor_ids(reader, past, turn)
         replayer.state.restore(snapshot)
     for name, agent in ctx.agent.agents.items():
         agent.strategy = strategies.get(name)
@@ -171,6 +172,14 @@ def delete_others(ctx: HostContext, names: list[str]) -> None:
     first = next((i for i, name in enumerate(now) if name != names[i]), len(now))
     for name in now[first:]:
         ctx.agent.delete_agent(name)
+
+
+def sensor_ids(reader: "Reader", past: "Past", turn: int) -> set[str]:
+    """Return the ids of all sensors that there were until then, at least at the end of a turn."""
+    begin = reader.keyframe(0)
+    said = [data for *_, data in past.events(turn, (kinds.SENSORS, kinds.SNAPSHOT))]
+    said += [] if begin is None else [begin[1]]
+    return {sensor["id"] for data in said for sensor in keyframes.sensors_in(data.get("sensor_kinds", ()))}
 
 
 class Past:

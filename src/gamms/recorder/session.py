@@ -19,7 +19,7 @@ from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN, Journal
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.recorder import keyframes, sensed
-from gamms.recorder.changes import DrawingChanges, GameChanges, StrategyChanges
+from gamms.recorder.changes import DrawingChanges, GameChanges, SensorChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
 from gamms.recorder.maps import is_map_of
@@ -68,7 +68,6 @@ class RecordingSession:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._graph, self._visual = ctx.graph, ctx.visual
-        self._all_sensors = ctx.sensor.sensors
         self._encoder: Encoder = None
         self._has_begun = False  # for good: until the first turn is over, a map may be loaded
         self._logs: list[Log] = []
@@ -390,13 +389,16 @@ class RecordingSession:
         # (benchmarks/README.md, w4).
         log = self._journal.log
         has_changed = _REVISIONS(self._graph) != self._revised
-        if has_changed or len(self._all_sensors) != self._sensors:
-            changes = (self._world_changes() if has_changed else []) + self._new_sensors()
+        if has_changed:
+            changes = self._world_changes()
             log[self._front : self._front] = changes
             self._front += len(changes)
-            above = keyframes.flyers_of(self.ctx) if has_changed and not is_set_next else None
+            above = None if is_set_next else keyframes.flyers_of(self.ctx)
             if above is not None:
                 log.append((kinds.FLYERS_ABOVE, above))
+        if self._sensors.are_due:
+            place = self._front + len(list(takewhile(_precedes_sensors, log[self._front :])))
+            log[place:place] = self._sensors.detect()
         if self.drawings.edits != self._declarations:
             log += self._visual_changes()
         if self._journal.progressed:
@@ -414,7 +416,7 @@ class RecordingSession:
         elif kind == kinds.VISUAL_COMMANDS:
             self.drawings.changes()
         elif kind == kinds.SENSORS:
-            self._sensors = len(self._all_sensors)
+            self._sensors.accept()
         elif kind == kinds.AGENT_PROGRESS:
             self._journal.progressed.clear()
         else:
@@ -423,7 +425,7 @@ class RecordingSession:
     def _watch_game(self) -> None:
         """Compare with how things are now from now on."""
         self._game, self._strategies = GameChanges(self.ctx), StrategyChanges(self.ctx)
-        self._sensors = len(self.ctx.sensor.sensors)
+        self._sensors = SensorChanges(self.ctx, self._skipped.check_sensors)
         self._journal.progressed.clear()
 
     def _new_progress(self) -> Log:
@@ -434,13 +436,6 @@ class RecordingSession:
         numbers = np.array([ids[row] for row in rows], np.int64)
         progress = keyframes.progress_columns([block.progress[row] for row in rows])
         return [(kinds.AGENT_PROGRESS, {"numbers": numbers, **progress})]
-
-    def _new_sensors(self) -> Log:
-        """Return the event that says which sensors came; none ever goes."""
-        described = self.ctx.sensor.storage.described()[self._sensors :]
-        self._sensors += len(described)
-        self._skipped.check_sensors(described)
-        return [(kinds.SENSORS, {"sensor_kinds": keyframes.grouped(described)})] if described else []
 
     def _visual_changes(self) -> Log:
         """Return the event that says how it looks now; what was declared in the first turn goes into the header."""
@@ -457,6 +452,11 @@ class RecordingSession:
             self.world = world
             return []
         return [(kinds.WORLD, {"world": world})]
+
+
+def _precedes_sensors(entry: Any) -> bool:
+    """Return whether an entry of a log comes before changes of sensors, which come before agents that carry them."""
+    return type(entry) is tuple and entry[0] in (kinds.SNAPSHOT, kinds.SENSORS)
 
 
 # -- what the context notes -------------------------------------------------------------------------------------

@@ -1,9 +1,10 @@
 """Which kinds of sensor there are, and how each is made from the caller's keywords: a table, not a ladder."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from math import inf, pi
 from typing import Any, NamedTuple
 
+from gamms.plain import is_same, plain_subset
 from gamms.sensor.aerial import (
     AHEAD,
     DOWN,
@@ -63,6 +64,13 @@ class Kind(NamedTuple):
             owner = getattr(sensor, part) if part else sensor
             if getattr(owner, name) is not keywords.get(name):
                 setattr(owner, name, keywords.get(name))
+
+    def change(self, sensor: ISensor, keywords: Mapping[str, Any]) -> None:
+        """Set a sensor by the plain part of what `keywords_of` returned; what is not plain in it stays."""
+        now = self.keywords_of(sensor)
+        plain = plain_subset(now)
+        if not is_same(plain, dict(keywords)):
+            self.apply(sensor, {name: value for name, value in now.items() if name not in plain} | dict(keywords))
 
     def names(self) -> set[str]:
         """Return all keywords that this kind takes."""

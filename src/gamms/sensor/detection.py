@@ -46,6 +46,7 @@ class DetectionModel(Guarded):
     _called = "sensor.notice"
 
     def __init__(self, sensor_id: str, phase: DecidePhase = UNDECIDED) -> None:
+        self._phase = UNDECIDED  # until it is made, which is no change
         self._sensor_id = sensor_id
         self.team: object = None
         self.exclude: object = None

@@ -1,7 +1,7 @@
 """The sensor engine: creates sensors and keeps them by name."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from typing import Any, Literal, NamedTuple, Unpack, overload
 
@@ -14,6 +14,7 @@ from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
 from gamms.sensor.sensor import Sensor
+from gamms.sensor.sighting_errors import forget_delayed
 from gamms.sensor.views import Memory
 from gamms.text import shown
 from gamms.typing import IContext
@@ -32,7 +33,7 @@ _AerialAgent = Literal[SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT
 class SensorSettings(NamedTuple):
     """The sensors there are and how they are set, at one moment."""
 
-    changes: int  # the count of changes then
+    changes: tuple[int, int]  # the counts of changes then
     sensors: tuple[Any, ...]
     owners: tuple[str | None, ...]
     keywords: tuple[dict[str, Any] | None, ...]  # None: its class is the caller's
@@ -113,14 +114,15 @@ class SensorEngine(Guarded, ISensorEngine):
         sensor = kind.create(self.ctx, sensor_id, sensor_type, options)  # type: ignore[arg-type] # a dict
         if options:
             self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.names() - SHARED_KEYWORDS)
-        self._sensors[sensor_id] = sensor
+        self._keep(sensor)
         return sensor
 
     @refused_while_deciding
     def from_function(self, sensor_id: str, fn: Callable[..., Any]) -> FunctionSensor:
         """Create a sensor whose `data` is what a function returns, and keep it."""
         self._refuse_name(sensor_id)
-        sensor = self._sensors[sensor_id] = FunctionSensor(self.ctx, sensor_id, fn)
+        sensor = FunctionSensor(self.ctx, sensor_id, fn)
+        self._keep(sensor)
         return sensor
 
     @refused_while_deciding
@@ -128,7 +130,19 @@ class SensorEngine(Guarded, ISensorEngine):
         """Keep a sensor under its own name."""
         refuse_no_sensor(sensor)
         self._refuse_name(sensor.sensor_id)
-        self._sensors[sensor.sensor_id] = sensor
+        self._keep(sensor)
+
+    @refused_while_deciding
+    def delete_sensor(self, sensor_id: str) -> None:
+        """Remove a sensor, which no agent carries any longer; its name is free then."""
+        sensor = self.get_sensor(sensor_id)
+        for agent in self.ctx.agent.create_iter():
+            carried: Mapping[str, ISensor] = getattr(agent, "sensors", {})
+            for name in [name for name, one in carried.items() if one is sensor]:
+                agent.deregister_sensor(name)
+        del self._sensors[sensor_id]
+        self._phase.sensor_changes += 1
+        forget_delayed(self.ctx, sensor_id)
 
     def get_sensor(self, sensor_id: str) -> ISensor:
         """Return a sensor by name (KeyError)."""
@@ -167,6 +181,10 @@ class SensorEngine(Guarded, ISensorEngine):
                 self._warned.add((kind, name))
                 self.ctx.logger.warning(f"Sensor {sensor_id!r}: {kind.name} ignores {name}=.{_way_out(kind, name)}")
 
+    def _keep(self, sensor: ISensor) -> None:
+        self._sensors[sensor.sensor_id] = sensor
+        self._phase.sensor_changes += 1
+
     def _refuse_name(self, sensor_id: str) -> None:
         if self.ctx.is_terminated():
             raise ContextTerminated("ctx.sensor")
@@ -200,15 +218,30 @@ class SensorStorage(Guarded):
         return described
 
     @refused_while_deciding
-    def create(self, described: dict[str, Any]) -> ISensor | None:
-        """Create a sensor from what `described` returned; None, with a warning, if its kind is not built in."""
-        kind = SensorType.__members__.get(str(described["type"]))
-        if kind not in KINDS:
-            self._engine.ctx.logger.warning(
-                f"Sensor {described['id']!r} is of the kind {described['type']}: add it yourself."
-            )
-            return None
-        return self._engine.create_sensor(described["id"], kind, **described["keywords"])
+    def put(self, described: Mapping[str, Any]) -> None:
+        """Create a sensor as `described` returned it, or set the one of that name to its keywords.
+
+        A sensor of another built-in kind is replaced; one of the caller's class stays. A kind that is not built in
+        cannot be created, which is warned about.
+        """
+        name, kind = described["id"], SensorType.__members__.get(str(described["type"]))
+        known, keywords = self._engine._sensors.get(name), dict(described["keywords"])
+        if known is None and kind not in KINDS:
+            self._engine.ctx.logger.warning(f"Sensor {name!r} is of the kind {described['type']}: add it yourself.")
+        if kind not in KINDS or (known is not None and not _is_built_in(known)):
+            return
+        at = keywords.get("at")
+        is_lost = isinstance(at, int) and not self._engine.ctx.graph.graph.has_node(at)
+        if is_lost:
+            del keywords["at"]
+        if known is not None and known.type is kind:
+            KINDS[kind].change(known, keywords)
+        else:
+            if known is not None:
+                self._engine.delete_sensor(name)
+            self._engine.create_sensor(name, kind, **keywords)
+        if is_lost:  # its node was removed, which it says when it looks
+            self._engine._sensors[name]._at = at  # type: ignore[attr-defined] # of a sensor on the ground
 
     @refused_while_deciding
     def snapshot(self) -> SensorsSnapshot:
@@ -249,7 +282,7 @@ class SensorStorage(Guarded):
     def _settings(self) -> SensorSettings:
         """Return how the sensors are set now; the same object as long as nothing has changed."""
         # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks/README.md, snapshots).
-        known, changes = self._known_settings, self._phase.sensor_changes
+        known, changes = self._known_settings, self._counts()
         sensors = tuple(self._engine._sensors.values())
         if known is None or known.changes != changes or known.sensors != sensors:
             owners = tuple([owner_of(sensor) for sensor in sensors])
@@ -266,11 +299,19 @@ class SensorStorage(Guarded):
                 sensor.set_owner(owner)
             if keywords is not None and _keywords_of(sensor) != keywords:
                 KINDS[sensor.type].apply(sensor, keywords)
-        self._known_settings = settings._replace(changes=self._phase.sensor_changes)
+        self._phase.sensor_changes += 1
+        self._known_settings = settings._replace(changes=self._counts())
+
+    def _counts(self) -> tuple[int, int]:
+        return self._phase.sensor_changes, self._phase.owner_changes
+
+
+def _is_built_in(sensor: ISensor) -> bool:
+    return isinstance(sensor, Sensor) and sensor.type in KINDS
 
 
 def _keywords_of(sensor: ISensor) -> dict[str, Any] | None:
-    return KINDS[sensor.type].keywords_of(sensor) if isinstance(sensor, Sensor) and sensor.type in KINDS else None
+    return KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None
 
 
 def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:

@@ -90,7 +90,7 @@ class Sensor(Guarded, ISensor):
         """
         if name[0] != "_":
             self._phase.refuse(f"set sensor.{name}")
-            self._phase.sensor_changes += 1
+            self._phase.sensor_changes += name != "data"
             check = self._CHECKS.get(name)
             value = value if check is None else check(value, f"{name} of {getattr(self, 'sensor_id', None)!r}")
         object.__setattr__(self, name, value)
@@ -114,7 +114,7 @@ class Sensor(Guarded, ISensor):
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
         """Name the agent that carries the sensor; None for no agent."""
-        self._phase.sensor_changes += 1
+        self._phase.owner_changes += 1
         object.__setattr__(self, "_owner", None if owner is None else as_name(owner, "the owner of a sensor"))
 
     @refused_while_deciding

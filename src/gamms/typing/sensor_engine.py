@@ -256,6 +256,15 @@ class ISensorEngine(ABC):
             Duplicate (ValueError): the name is taken.
         """
 
+    def delete_sensor(self, sensor_id: str) -> None:  # noqa: ARG002 - not every engine can
+        """Remove a sensor, which no agent carries any longer; its name is free then.
+
+        Raises:
+            UnknownName (KeyError): there is no such sensor.
+            NotOffered: this engine removes none.
+        """
+        raise NotOffered(self, "delete_sensor")
+
     @abstractmethod
     def get_sensor(self, sensor_id: str) -> ISensor:
         """A sensor by name (KeyError)."""
