@@ -196,6 +196,40 @@ def turns(capacity=None):
 CITY_SENSORS = {"near": ST.NEIGHBOR, "around": ST.RANGE, "others": ST.AGENT_RANGE}
 
 
+def messages(agents):
+    """Turns in which all agents tell all others where they are, against dicts that are put into lists."""
+
+    def make(turns=20):
+        ctx = context()
+        fill(ctx.graph.graph, 30)
+
+        def strategy(state):
+            state["outbox"].append({"channel": "radio", "to": None, "body": [state["turn"], state["curr_pos"]]})
+            state["action"] = state["curr_pos"]
+
+        for i in range(agents):
+            ctx.agent.create_agent(f"a_{i}", start_node_id=i, strategy=strategy)
+        ctx.game.add_channel("radio", range_m=1e6, loss=0.1)
+
+        def ours():
+            ctx.game.run(turns)
+            return turns * agents * (agents - 1)
+
+        def floor():
+            for turn in range(turns):
+                inboxes = {f"a_{i}": [] for i in range(agents)}
+                for sender in inboxes:
+                    message = {"channel": "radio", "sender": sender, "to": None, "turn": turn, "overheard": False}
+                    for receiver, inbox in inboxes.items():
+                        if receiver != sender and random.random() >= 0.1:
+                            inbox.append({**message, "body": [turn, 0]})
+            return turns * agents * (agents - 1)
+
+        return ours, floor
+
+    return make
+
+
 def ready_city(seen, starts):
     """The same game where the answers are ready: what is near a node by node, who is near an agent by step."""
     near = {node: data["near"] for node, data in seen}
@@ -278,6 +312,7 @@ CASES = [
     Case("scenario: 1,000 agents look around in Helsinki", "agent-step", crowded_city),
     Case("scenario: turns of 1,000 agents", "agent-step", turns()),
     Case("scenario: turns of 1,000 agents, capacity 1", "agent-step", turns(capacity=1)),
+    Case("scenario: messages of 100 agents to all", "delivery", messages(100)),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
     Case("scenario: film Helsinki, 1280 x 720", "frame", film),
     Case("scenario: window, first of 100,000 edges", "frame", first_frame),

@@ -622,10 +622,13 @@ def test_sight_agrees_with_the_lines_of_the_plan(seed):
 # -- state --------------------------------------------------------------------------------------------------------
 
 
-def noisy(seed=7, **more):
+PLACES = {"ann": 0, "bob": 2, "cat": 4, "dan": 6}
+
+
+def noisy(seed=7, places=PLACES, **more):
     """Return a game in which all send much, on channels with delays, losses and relays."""
     ctx = world(
-        {"ann": 0, "bob": 2, "cat": 4, "dan": 6},
+        places,
         teams={"ann": "red", "bob": "red", "cat": "blue", "dan": "blue"},
         seed=seed,
         plan=lambda name, turn: [send(None, [name, turn]), send("dan", turn, "mesh")],
@@ -683,6 +686,31 @@ def test_an_observation_shows_the_inbox_of_the_turn_that_comes():
         assert [one["body"] for one in ctx.game.observation("bob")["inbox"]] == ["hello"]
         ctx.game.run(1)
         assert ctx.game.observation("bob")["inbox"] == []
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.permutations(list(PLACES)), st.integers(0, 2**31))
+def test_a_game_of_messages_is_the_same_in_any_order_of_creation(names, seed):
+    with noisy(seed) as first, noisy(seed, {name: PLACES[name] for name in names}) as second:
+        assert first.game.run(5) == second.game.run(5)
+        assert first.heard == second.heard
+
+
+@settings(max_examples=12, deadline=None)
+@given(st.lists(st.tuples(st.integers(0, 4), st.integers(1, 4)), min_size=1, max_size=6), st.integers(0, 2**31))
+def test_going_back_to_any_snapshot_delivers_the_same_again(jumps, seed):
+    with noisy(seed) as ctx:
+        whole, moments = [], []
+        for turn in range(9):
+            moments.append(ctx.game.snapshot())
+            ctx.game.step()
+            whole.append(ctx.heard[4 * turn :])
+        for back, turns in jumps:
+            ctx.game.restore(moments[back])
+            for turn in range(back, back + turns):
+                del ctx.heard[:]
+                ctx.game.step()
+                assert ctx.heard == whole[turn]
 
 
 def recorded(turns=8):

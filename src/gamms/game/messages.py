@@ -19,6 +19,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
@@ -87,6 +88,17 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
     return entries
 
 
+class _Link(NamedTuple):
+    """What one agent sends, to each of the others."""
+
+    reaches: BoolArray  # (agents,)
+    losses: FloatArray  # (agents,) how probably it is lost; none where nothing ever is
+    keys: BitArray  # (agents,) what draws for both names start from
+
+
+_NO_LOSSES: FloatArray = np.zeros(0)
+
+
 class Propagation:
     """Who hears what is sent on one channel in one turn.
 
@@ -110,7 +122,7 @@ class Propagation:
             for xyz in self._places_of(jammer):
                 self._is_jammed |= _distances(places.xyz, xyz) <= jammer.radius_m
         self._losses = as_chances(channel.loss, "loss") if channel.loss else None
-        self._links: dict[int, tuple[BoolArray, FloatArray | None]] = {}
+        self._links: dict[int, _Link] = {}
         self._addressed: dict[Any, BoolArray] = {}
 
     def outcome(self, sender: int, to: Any, k: int) -> dict[str, Any]:
@@ -148,29 +160,26 @@ class Propagation:
     def _spread(self, sender: int, can_hear: BoolArray, k: int) -> tuple[IntArray, BoolArray]:
         """Return by how many transmissions a message comes to each agent, 0 for not at all, and whom it might reach."""
         wave, in_reach = np.zeros(len(can_hear), np.int64), np.zeros(len(can_hear), bool)
+        purpose = kernels.purpose_key(self._ctx.seed, "channel", self._channel.name, self._places.names[sender])
         transmitters, number = [sender], 1
         while transmitters:
+            links = [self._link(row) for row in transmitters]
+            reaches = np.stack([link.reaches for link in links])  # (transmitters, agents)
+            in_reach |= reaches.any(axis=0)
+            sources, gets = np.nonzero(reaches & (can_hear & (wave == 0)))
+            if self._losses is not None:
+                keys, losses = np.stack([link.keys for link in links]), np.stack([link.losses for link in links])
+                draws = kernels.fraction_many(kernels.draw_bits_many(purpose, keys[sources, gets], self._turn, k))
+                gets = gets[draws >= losses[sources, gets]]
             is_new = np.zeros(len(can_hear), bool)
-            for row in transmitters:
-                reaches, losses = self._link(row)
-                in_reach |= reaches
-                gets = np.flatnonzero(reaches & can_hear & (wave == 0))
-                if losses is not None:
-                    gets = gets[self._draws(sender, row, gets, k) >= losses[gets]]
-                is_new[gets] = True
+            is_new[gets] = True
             wave[is_new] = number
             transmitters = np.flatnonzero(is_new & self._relays).tolist() if self._channel.relay else []
             number += 1
         return wave, in_reach
 
-    def _draws(self, sender: int, transmitter: int, receivers: IntArray, k: int) -> FloatArray:
-        """Draw a number in [0, 1) for each receiver, which follows from the names, the turn and `k` alone."""
-        names = self._places.names
-        purpose = kernels.purpose_key(self._ctx.seed, "channel", self._channel.name, names[sender], names[transmitter])
-        return kernels.fraction_many(kernels.draw_bits_many(purpose, self._keys[receivers], self._turn, k))
-
-    def _link(self, row: int) -> tuple[BoolArray, FloatArray | None]:
-        """Return which agents are in reach of one, and how probably each of them misses what it sends; None: never."""
+    def _link(self, row: int) -> "_Link":
+        """Return which agents are in reach of one, and how probably each of them misses what it sends."""
         if row not in self._links:
             channel, places = self._channel, self._places
             distances = _distances(places.xyz, places.xyz[row])
@@ -181,7 +190,11 @@ class Propagation:
             reaches[row] = False
             if channel.line_of_sight and reaches.any():
                 reaches[reaches] = self._ctx.graph.visible(self._antennas([row])[0], self._antennas(reaches))
-            self._links[row] = reaches, None if self._losses is None else chances_at(distances, self._losses)
+            if self._losses is None:
+                self._links[row] = _Link(reaches, _NO_LOSSES, self._keys)
+            else:
+                keys = kernels.draw_bits_many(int(self._keys[row]), self._keys, 0) if channel.relay else self._keys
+                self._links[row] = _Link(reaches, chances_at(distances, self._losses), keys)
         return self._links[row]
 
     def _antennas(self, rows: BoolArray | list[int]) -> FloatArray:
@@ -236,8 +249,11 @@ class Inboxes:
 
     def of(self, name: str) -> list[dict[str, Any]]:
         """Return the messages that an agent hears in the turn that comes, in the order in which they were sent."""
-        channels, inbox = set(self._ctx.game.channels), []
-        for known, copy in self._arriving().get(name, ()):
+        arriving, inbox = self._arriving().get(name), list[dict[str, Any]]()
+        if not arriving:
+            return inbox
+        channels = set(self._ctx.game.channels)
+        for known, copy in arriving:
             if known["channel"] in channels:
                 message = known.copy()
                 if copy is not None:
