@@ -170,6 +170,14 @@ def test_without_sensors_an_agent_sees_its_own_node(road):
     assert [event["turn"] for event in ctx.game.run(2).events] == [1]
 
 
+def test_agents_on_the_ground_may_see_some_edges_ahead(road):
+    ctx = road(a=("red", 2, 3))
+    ctx.agent.create_agent("drone", type=AgentType.AERIAL, team="blue", start_node_id=6, speed=1.0)
+    ctx.game.add(discover([5, 6, 7], hops=2))
+    ctx.game.run(2)
+    assert [ctx.game.facts_of(team) for team in ("red", "blue")] == [{"discovered": {5: True}}, {}]
+
+
 def test_flyers_discover_what_they_look_down_on(road):
     ctx = road()
     for name, kind, team, fov in (("nodes", "aerial", "red", 1.5), ("agents", "aerial_agent", "blue", 6.28)):

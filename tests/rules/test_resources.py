@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
-from gamms.rules import cooldown, resource, tag
+from gamms.rules import Conflicts, cooldown, resource, tag
 
 
 def amounts(ctx, name="fuel"):
@@ -128,6 +128,14 @@ def test_a_flight_is_paid_for_by_an_agent_that_is_put_elsewhere_afterwards_and_h
     ctx.game.add(resource("battery", 12, per_metre=1))
     ctx.game.step()
     assert amounts(ctx, "battery") == {"a": 12, "flying": 7, "hovering": 12}
+
+
+def test_without_an_edge_the_straight_line_counts_and_who_is_stopped_pays_nothing(road):
+    ctx = road(a=("red", 0, 7), b=("red", 5, 6), c=("red", 6))
+    ctx.game.legal, ctx.game.conflicts = "any", Conflicts(capacity=1)
+    ctx.game.add(resource("fuel", 100, per_metre=1, per_turn=2))
+    ctx.game.step()
+    assert amounts(ctx) == {"a": 28, "b": 98, "c": 98}  # 100 - 70 - 2; b cannot enter the node of c
 
 
 def test_with_an_order_of_play_each_move_is_paid_for_once(road):

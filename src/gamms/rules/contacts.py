@@ -308,19 +308,15 @@ def legs_of(track: Track) -> Sequence[Leg]:
 # -- how far apart agents are -----------------------------------------------------------------------------------------
 
 
-def _by_hops(graph: Graph, limit: float) -> _Measure:
-    near = graph.neighborhoods
-
-    def reached(node: int) -> dict[int, float]:
-        # NOTE: 5 us for what lies 3 edges around a node of Helsinki, where a search of the whole graph takes 170 us.
-        hops, ring, far = {node: 0.0}, [node], 0.0
-        while ring and far + 1.0 <= limit:
-            far += 1.0
-            ring = [end for end in dict.fromkeys(end for start in ring for end in near[start]) if end not in hops]
-            hops.update(dict.fromkeys(ring, far))
-        return hops
-
-    return _by_path(reached)
+def nodes_within(graph: Graph, node: int, limit: float) -> dict[int, float]:
+    """Return the nodes at most so many edges ahead of a node, each with the number of edges."""
+    # NOTE: 5 us for what lies 3 edges around a node of Helsinki, where a search of the whole graph takes 170 us.
+    near, hops, ring, far = graph.neighborhoods, {node: 0.0}, [node], 0.0
+    while ring and far + 1.0 <= limit:
+        far += 1.0
+        ring = [end for end in dict.fromkeys(end for start in ring for end in near[start]) if end not in hops]
+        hops.update(dict.fromkeys(ring, far))
+    return hops
 
 
 def _by_path(search: Callable[[int], Mapping[int, float]]) -> _Measure:
@@ -370,7 +366,7 @@ def _straight(graph: Graph, limit: float) -> _Measure:
 
 
 _MEASURES: dict[str, Callable[[Graph, float], _Measure]] = {
-    "hops": _by_hops,
+    "hops": lambda graph, limit: _by_path(lambda node: nodes_within(graph, node, limit)),
     "metres": lambda graph, limit: _by_path(lambda node: graph.distances(source=node, cutoff=limit)),
     "euclid": _straight,
 }

@@ -5,11 +5,12 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_count, as_flag, as_float, as_name
+from gamms.arguments import as_count, as_flag, as_float, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered
 from gamms.ir.graph import FloatArray
 from gamms.plain import to_plain, why_not_plain
+from gamms.rules.contacts import nodes_within
 from gamms.rules.endings import Rank, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule
@@ -96,19 +97,21 @@ def _teams_on(ctx: Context, place: frozenset[int]) -> dict[Any, set[int]]:
 def discover(
     nodes: NodeId | Iterable[NodeId] | Mapping[Any, Any],
     *,
+    hops: float = 0,
     score: float = 0,
     teams: Annotated[Iterable[Hashable] | None, TEAMS] = None,
     key: str = "discovered",
 ) -> Rule:
     """Make a rule by which teams discover nodes, and what is there, when a sensor of a living agent has them in view.
 
-    Ends of turns count, and an agent always sees the node that it is on. What is discovered stays known. Each discovery
-    is an event `discover` with `agent` (of several the first by name), `team`, `node`, and `first`: whether no other
-    team has discovered it in an earlier turn. A team knows what it has discovered: its `state["facts"][key]` is node ->
-    what is there.
+    Ends of turns count. An agent on the ground also sees the node that it is on, and those at most `hops` edges ahead.
+    What is discovered stays known. Each discovery is an event `discover` with `agent` (of several the first by name),
+    `team`, `node`, and `first`: whether no other team has discovered it in an earlier turn. A team knows what it has
+    discovered: its `state["facts"][key]` is node -> what is there.
 
     Args:
         nodes: a node, several, or node -> what is there, such as "flag" or "decoy": any plain value.
+        hops: how many edges far an agent on the ground sees without sensors.
         score: points for each team that is the first to discover a node; two in one turn both get them.
         teams: those that discover nodes, one or several; None: all.
         key: of its state and its facts; a second rule of this kind needs another one.
@@ -122,7 +125,8 @@ def discover(
     flaw = why_not_plain(what)
     if flaw:
         raise BadType(f"What is on a node must be a plain value, such as 'decoy', not {shown(what)}: {flaw}.")
-    game = _Discovery(what, as_teams(teams), as_float(score, "score"), as_name(key, "the state of the rule"))
+    state_key, points, radius = as_name(key, "the state of the rule"), as_float(score, "score"), as_range(hops, "hops")
+    game = _Discovery(what, as_teams(teams), points, radius, state_key)
 
     def discover(ctx: Context) -> None:
         game.play(ctx)
@@ -138,6 +142,7 @@ class _Discovery(NamedTuple):
     what: dict[int, Any]
     teams: frozenset[Hashable] | None
     score: float
+    hops: float
     key: str
 
     def prepare(self, ctx: Context) -> None:
@@ -154,7 +159,7 @@ class _Discovery(NamedTuple):
             team = agent.team
             if team is None or not (self.teams is None or team in self.teams):
                 continue
-            new = _in_view(ctx, agent, [node for node in self.what if node not in by.get(team, ())])
+            new = _in_view(ctx, agent, [node for node in self.what if node not in by.get(team, ())], self.hops)
             for node in new:
                 by[team] = sorted([*by.get(team, ()), node])
                 is_first = node not in before
@@ -170,12 +175,13 @@ class _Discovery(NamedTuple):
         return found
 
 
-def _in_view(ctx: Context, agent: IAgent, nodes: list[int]) -> list[int]:
-    """Return which of these nodes an agent is on, or has in view."""
+def _in_view(ctx: Context, agent: IAgent, nodes: list[int], hops: float) -> list[int]:
+    """Return which of these nodes an agent has in view, or so many edges ahead."""
     if not nodes:
         return []
     here, name, ids = agent.current_node_id, agent.name, np.array(nodes, np.int64)
-    is_seen = ids == here if agent.type is not AgentType.AERIAL else np.zeros(len(ids), bool)
+    around = () if agent.type is AgentType.AERIAL else nodes_within(ctx.graph.graph, here, hops)
+    is_seen = np.array([node in around for node in nodes])
     places: FloatArray = ctx.graph.graph.positions(nodes)
     for sensor in agent.sensors.values():
         try:
