@@ -56,7 +56,9 @@ class SensorView:
     lines: FloatArray = field(default_factory=_no_points)  # (points, 2)  polylines of edges
     offsets: IntArray = field(default_factory=lambda: np.zeros(1, np.int64))  # (lines + 1,)  into `lines`
     agents: FloatArray = field(default_factory=_no_points)  # (agents, 2)
-    names: tuple[str, ...] = ()  # (agents,) of them, so that they can be found again; or none
+    names: tuple[
+        str, ...
+    ] = ()  # (agents,) of them, so that they can be found again; or none, where they may not be there
     outline: FloatArray = field(default_factory=_no_points)  # (corners, 2)  of the field of view; none: no bounds
 
 

@@ -290,7 +290,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         outline = np.zeros((0, 2))
         if pose is not None and not self._is_occluded:
             outline = fov_geometry.shadow(*pose, self.range, self.fov)
-        return SensorView(agents=agents, names=tuple(self.data), outline=outline)
+        return SensorView(agents=agents, names=self._names(), outline=outline)
 
     def _found(self, pose: Pose | None, look: Look) -> IntArray:
         """Return the rows (agents,) of those that are seen."""

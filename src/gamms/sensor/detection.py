@@ -248,6 +248,10 @@ class DetectingSensor(Sensor):
             seen = dict(zip(seen, self._displaced([*seen.values()], errors), strict=True))
         return notice.delayed(self.ctx, look, seen)
 
+    def _names(self) -> tuple[str, ...]:
+        """Return the names of the agents seen last, if they are where they were reported."""
+        return () if self._notice is not None and self._notice.has_errors else tuple(self.data)
+
     def _reportable(self) -> list[int]:
         """Return the rows of the agents that may be reported though they are not noticed."""
         rows: list[int] = self.ctx.agent.positions.living.tolist()

@@ -314,7 +314,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
     @of_data
     def last_view(self) -> SensorView:
         """Return the agents seen last, at their nodes of then, and the field of view from where they were seen."""
-        return SensorView(agents=self.places_of(self.data.values()), names=tuple(self.data), outline=self.outline())
+        return SensorView(agents=self.places_of(self.data.values()), names=self._names(), outline=self.outline())
 
     def _all_agents(self, place: Place) -> dict[str, int]:
         if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):
