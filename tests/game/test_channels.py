@@ -222,7 +222,21 @@ def test_an_illegal_message_raises_where_illegal_actions_do():
         ctx.game.add_channel("radio", range_m=10)
         with pytest.raises(gamms.game.IllegalAction, match="Unknown agent or team 'bop'"):
             ctx.game.run(1)
-        assert (ctx.game.turn, ctx.game.messages) == (0, [])
+        assert (ctx.game.turn, ctx.game.messages, ctx.game.errors) == (0, [], [])
+
+
+def test_a_turn_that_an_illegal_message_ends_leaves_the_memory_of_the_team_as_it_was():
+    def strategy(state):
+        state["team_memory"]["visits"] = state["team_memory"].get("visits", 0) + 1
+        state.update(action=0, outbox=[send("bop")])
+
+    with world(ROAD, on_illegal="raise") as ctx:
+        ctx.agent.get_agent("ann").register_strategy(strategy)
+        ctx.game.add_channel("radio", range_m=10)
+        for _ in range(2):
+            with pytest.raises(gamms.game.IllegalAction):
+                ctx.game.step()
+        assert ctx.game.team_memories == {}
 
 
 def test_the_sender_is_told_what_was_refused():
@@ -373,13 +387,12 @@ def test_what_is_under_way_on_a_channel_that_is_removed_does_not_arrive():
 
 def test_names_that_nothing_has_are_warned_about_once(caplog):
     with world(ROAD, teams={"ann": "red"}) as ctx:
-        warned = []
-        ctx.logger.warning = warned.append
+        ctx.logger.setLevel("WARNING")
         ctx.game.add_channel(
             "radio", hops=1, teams=["red", "rad"], eavesdroppers=["bob", "bib"], jammers=[{"at": 99, "radius_m": 1}]
         )
         ctx.game.run(2)
-    assert [text.split(".")[0] for text in warned] == [
+    assert [record.getMessage().split(".")[0] for record in caplog.records] == [
         "radio: Unknown agent or team 'bib'",
         "radio: Unknown agent or team 'rad'",
         "radio: Unknown node of a jammer: 99",

@@ -288,6 +288,11 @@ class Decisions:
         for _, awaitable in self._awaited:
             getattr(awaitable, "close", bool)()
 
+    @property
+    def failed(self) -> set[int]:
+        """The slots of those that did not do what they wanted."""
+        return {i for i, *_ in self._failures}
+
     def close(self) -> list[tuple[int, str]]:
         """Publish what went wrong and merge the team memories, once all have decided.
 

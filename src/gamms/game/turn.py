@@ -273,19 +273,20 @@ class TurnEngine:
         finally:
             self._phase.agent, self.is_deciding = None, False
             decisions.drop()
+        unsent = self._take_outboxes(order, part, decisions.failed) if has_channels else []
         if state.blocked:
             self._forget_blocked(order, part)
-        failures = decisions.close()
-        for i, why in failures:
+        for i, why in decisions.close():
             self._block(order.slots[i], why)
-        if has_channels:
-            self._take_outboxes(order, part, {i for i, _ in failures})
+        for slot, why in unsent:
+            self._note_illegal(slot, why)
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
 
-    def _take_outboxes(self, order: TurnOrder, part: Part, failed: set[int]) -> None:
-        """Take what agents send, but for those whose decision does not count."""
+    def _take_outboxes(self, order: TurnOrder, part: Part, failed: set[int]) -> list[tuple[AgentSlot, str]]:
+        """Take what agents send whose decisions count, and return what cannot be sent: by whom, and why."""
         channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
         self._warn_of_unknown_names()
+        unsent = []
         for i in part.observing:
             slot = order.slots[i]
             outbox = slot.last[0].get("outbox", ())
@@ -293,10 +294,10 @@ class TurnEngine:
                 continue
             messages, flaws = checked_outbox(outbox, slot, channels, teams)
             self._outgoing += messages
-            for flaw in flaws:
-                if self._settings.on_illegal == "raise":
-                    raise IllegalAction(f"Agent {shown(slot.name)} in turn {self._state.turn}: {flaw}")
-                self._note_illegal(slot, flaw)
+            if flaws and self._settings.on_illegal == "raise":
+                raise IllegalAction(f"Agent {shown(slot.name)} in turn {self._state.turn}: {flaws[0]}")
+            unsent += [(slot, flaw) for flaw in flaws]
+        return unsent
 
     def _warn_of_unknown_names(self) -> None:
         for channel in self._settings.channels.values():
