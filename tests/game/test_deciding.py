@@ -434,7 +434,7 @@ def test_looks_that_a_strategy_tries_do_not_change_what_is_noticed(grid):
                 if is_trying:
                     eyes.sense_many([0, 1, 2])
                     with pytest.raises(IllegalMutation):
-                        eyes.notice.is_noticed(ctx, "b", ["a"], np.zeros(1))
+                        eyes.notice.look(ctx, "b")
                 seen.append(dict(state["sensor"].get("eyes", (None, {}))[1]))
 
             seen = []
@@ -515,7 +515,7 @@ READERS = {
     "AerialAgent": "",
     "SensorEngine": "get_sensor",
     "Sensor": "coverage heading last_view outline place places_of pose sense_many",
-    "DetectionModel": "chances rolled_back repeated wanted",
+    "DetectionModel": "chances is_noticed rolled_back repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
         get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns place
         scenery_columns shortest_path to_latlon to_networkx visibility visibility_table visible weights""",

@@ -176,6 +176,7 @@ class DetectionModel(Guarded):
         """Whether a look is to be counted, because something is drawn in it or kept of it."""
         return self._chance is not None or self.has_errors
 
+    @refused_while_deciding
     def delayed(self, ctx: IContext, look: Look, seen: dict[str, Any]) -> dict[str, Any]:
         """Return what is reported of what is seen now, and what was before, by the names of agents."""
         return delayed(ctx, look, seen, self._delay_turns, is_noted=not self._is_trial) if self._delay_turns else seen
