@@ -1,12 +1,14 @@
 """Routing: shortest paths and distances by edge weights, cached for one revision of a graph.
 
-Strategies ask every turn, mostly for the same goals. So the distances to a goal, and from every node the next step on
-the way to it, are computed once; then a path from anywhere is a walk.
+Strategies ask every turn, of goals that stay or move. So a path is searched for near its ends first. Once the searches
+for one goal have taken a share of what a table takes, the distances to it, and from every node the next step on the
+way, are computed once; then a path from anywhere is a walk.
 """
 
 import logging
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from functools import cache, partial
+from math import inf
 from time import perf_counter
 
 import numpy as np
@@ -22,8 +24,27 @@ from gamms.text import shown
 from gamms.typing.graph_engine import RememberedT, Routes
 from gamms.typing.graph_values import NodeIds
 
+_SHARE = 16  # searches for one goal may expand one node in so many before its table is made
+_MOST_STEPS = 1 << 18  # on paths that were found, about 200 bytes each
 _PATIENCE_S = 2.0
 _MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
+
+
+class Goal:
+    """What searches have found of the ways to one node.
+
+    Attributes:
+        steps: row -> next row; -1 where there is no path.
+        distances: row -> distance.
+        expanded: how many nodes the searches expanded.
+    """
+
+    __slots__ = ("distances", "expanded", "steps")
+
+    def __init__(self) -> None:
+        self.steps: dict[int, int] = {}
+        self.distances: dict[int, float] = {}
+        self.expanded = 0
 
 
 class CachedRoutes(Routes):
@@ -37,6 +58,10 @@ class CachedRoutes(Routes):
         self._store = store
         self.cache = Cache(_MOST_BYTES)
         self._seconds = 0.0
+        self._searches: dict[str | None, kernels.LocalSearch] = {}  # by weight
+        self._goals: dict[tuple[str | None, int], Goal] = {}  # by weight and row
+        self._searched_revision: int | None = None
+        self._steps_kept = 0
 
     def ids(self) -> IntArray:
         """Return the ids of all nodes (nodes,), by row, without those of nodes that were removed."""
@@ -63,6 +88,56 @@ class CachedRoutes(Routes):
         """Return the row of a node (KeyError)."""
         return self._store.nodes.find(records.as_id(node_id, "a node"))
 
+    def next_rows(self, row: int, end: int, weight: str | None) -> Mapping[int, int] | memoryview:
+        """Return the row of the next node on the path to row `end`, by row; of the whole graph, or of this path."""
+        check_weight(weight)
+        goal = None if self._has_table(("steps", weight, end)) else self._goal(row, end, weight)
+        return super().next_rows(row, end, weight) if goal is None else goal.steps
+
+    def distance_between(self, row: int, end: int, weight: str | None) -> float:
+        """Return the distance from a row to row `end`."""
+        check_weight(weight)
+        goal = None if self._has_table((weight, self.ids().item(end))) else self._goal(row, end, weight)
+        return super().distance_between(row, end, weight) if goal is None else goal.distances[row]
+
+    def _has_table(self, key: Hashable) -> bool:
+        return self.cache.revision == self._store.revision and key in self.cache.entries
+
+    def _goal(self, row: int, end: int, weight: str | None) -> Goal | None:
+        """Return what is known of a goal, this row among it; None: a table is cheaper."""
+        search = self.search(weight)
+        goal = self._goals.get((weight, end))
+        if goal is None:
+            goal = self._goals[weight, end] = Goal()
+        if row in goal.distances:
+            return goal
+        left = len(self.ids()) // _SHARE - goal.expanded
+        found = search.search(row, end, left)
+        if found is None:
+            goal.expanded += left
+            return None
+        goal.expanded += found.expanded
+        steps = kernels.best_steps(row, end, found, self.ids().data)
+        goal.steps.update(steps or {row: -1})
+        goal.distances.update({one: found.distances[one] for one in steps} or {row: found.distances.get(row, inf)})
+        self._steps_kept += len(steps) + 1
+        return goal
+
+    def search(self, weight: str | None) -> kernels.LocalSearch:
+        """Return the search for single paths at this revision of the graph; what was found at another is discarded."""
+        revision = self._store.revision
+        if revision != self._searched_revision:
+            self._searches.clear()
+            self._searched_revision = revision
+        if not self._searches or self._steps_kept > _MOST_STEPS:
+            self._goals.clear()
+            self._steps_kept = 0
+        found = self._searches.get(weight)
+        if found is None:
+            arcs = self._arcs(weight, reverse=True)
+            found = self._searches[weight] = kernels.LocalSearch(arcs, self._store.columns().xy)
+        return found
+
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
         """Return what `make` gave for this revision of the graph."""
         slow = kernels.lacks_scipy(len(self._store.edges))
@@ -86,6 +161,14 @@ def _warn_of_missing_scipy() -> None:
     )
 
 
+def check_weight(weight: str | None) -> None:
+    """Refuse what cannot name a weight (BadType)."""
+    if weight is not None and not isinstance(weight, str):
+        raise BadType(
+            f"weight must be 'length', the name of an edge attribute, or None for steps, not {shown(weight)}."
+        )
+
+
 def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
     """Return the weight of every edge: its length, one step, or one of its attributes.
 
@@ -101,10 +184,7 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
         BadValue: it is negative or NaN.
         UnknownName (KeyError): no edge has such an attribute, and the name looks like a misspelt one.
     """
-    if weight is not None and not isinstance(weight, str):
-        raise BadType(
-            f"weight must be 'length', the name of an edge attribute, or None for steps, not {shown(weight)}."
-        )
+    check_weight(weight)
     if weight == "length":
         return columns.lengths
     known = ("length", *columns.edge_attributes)

@@ -36,5 +36,14 @@ from gamms.kernels.fields_of_view import (
     yaw,
 )
 from gamms.kernels.occlusion import blocks, visible
-from gamms.kernels.paths import Arcs, first_steps, lacks_scipy, make_arcs, shortest_distances, tight_arcs
+from gamms.kernels.paths import (
+    Arcs,
+    LocalSearch,
+    best_steps,
+    first_steps,
+    lacks_scipy,
+    make_arcs,
+    shortest_distances,
+    tight_arcs,
+)
 from gamms.kernels.rings import closed_rings

@@ -1,7 +1,11 @@
-"""Shortest paths: distances along edges, and the next step on the way; by SciPy where it is installed."""
+"""Shortest paths: distances along edges, and the next step on the way; by SciPy where it is installed.
+
+Of the whole graph by Dijkstra's algorithm, in arrays; for two nodes that are near each other by A*, in Python values.
+"""
 
 from functools import cache
-from math import inf
+from heapq import heapify, heappop, heappush
+from math import dist, inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -9,6 +13,12 @@ import numpy as np
 from gamms.ir.graph import FloatArray, IntArray
 
 _FEW = 1000  # arcs: below, a heap in Python is done before SciPy has checked its arguments
+
+_SLACK = 1e-9  # more than rounding adds to the length of a path with a million edges
+_LEAST = 1e-150  # what is shorter may have lost digits
+_MOST_KEPT = 1 << 16  # nodes whose neighbours are kept as Python values, about 500 bytes each
+
+Neighbours = tuple[tuple[int, float, tuple[float, float]], ...]  # (row, weight, (x, y)) of each
 
 
 class Arcs(NamedTuple):
@@ -53,8 +63,6 @@ def heap_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArra
     Returns:
         (nodes,) infinite where there is no path.
     """
-    from heapq import heapify, heappop, heappush
-
     offsets, ends, weights = (column.tolist() for column in arcs)
     distances = [inf] * (len(offsets) - 1)
     heap = [(0.0, row) for row in rows.tolist()]
@@ -126,6 +134,147 @@ def scipy_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArr
     matrix = sparse.csr_array((arcs.weights, arcs.ends.astype(np.int32), arcs.offsets.astype(np.int32)), (nodes, nodes))
     found: FloatArray = sparse.csgraph.dijkstra(matrix, indices=np.unique(rows), min_only=True, limit=cutoff)
     return found
+
+
+class Found(NamedTuple):
+    """What a search found.
+
+    Attributes:
+        distances: row -> distance to the target, exact for every row on a shortest path.
+        successors: row -> rows of the next nodes on shortest paths, likewise; some may be given twice.
+        expanded: how many nodes were expanded, which is the cost of the search.
+    """
+
+    distances: dict[int, float]
+    successors: dict[int, list[int]]
+    expanded: int
+
+
+class LocalSearch(dict[int, Neighbours]):
+    """Searches from a target to a source by A* (Hart, Nilsson and Raphael, 1968), to the bits of Dijkstra's algorithm.
+
+    As a dict: row -> its neighbours, read from the arrays when a search first comes there.
+
+    Args:
+        arcs: the ways, reversed.
+        xy: (nodes, 2) where the nodes are.
+    """
+
+    def __init__(self, arcs: Arcs, xy: FloatArray) -> None:
+        self._offsets, self._ends, self._weights = (column.data for column in arcs)
+        self._xy, self._places = xy, xy.data
+        self._slope = _least_slope(arcs, xy) * (1.0 - _SLACK)
+
+    def __missing__(self, row: int) -> Neighbours:
+        if len(self) >= _MOST_KEPT:
+            self.clear()
+        first, last = self._offsets[row], self._offsets[row + 1]
+        ends = self._ends[first:last].tolist()
+        places = [self.place(end) for end in ends]
+        found = self[row] = tuple(zip(ends, self._weights[first:last].tolist(), places, strict=True))
+        return found
+
+    def place(self, row: int) -> tuple[float, float]:
+        """Return the coordinates of a node; all are at one place where the straight line bounds nothing."""
+        places = self._places
+        return (places[row, 0], places[row, 1]) if self._slope else (0.0, 0.0)
+
+    def straight_bounds(self, source: int, targets: IntArray) -> FloatArray:
+        """Return (targets,) what the way from a row to each of others takes at least."""
+        if not self._slope:
+            return np.zeros(len(targets))
+        bounds: FloatArray = np.hypot(*(self._xy[targets] - self._xy[source]).T) * self._slope
+        return bounds
+
+    def search(self, source: int, target: int, most: int, within: float = inf) -> Found | None:
+        """Return the distance from a source and what lies on the shortest paths; None when it takes too long.
+
+        The distances are sums from the target, so the search begins there. A node waits in the heap by its distance
+        plus a lower bound of the rest of the way, and is expanded again when its distance falls: so the bound need
+        not be consistent after rounding. The search ends when all that waits is longer, by more than rounding can
+        add, than the way found: then every node on a shortest path was expanded with its exact distance.
+
+        Args:
+            source: row of the first node.
+            target: row of the last one.
+            most: how many nodes may be expanded.
+            within: longer ways are not looked for.
+        """
+        here, slope = self.place(source), self._slope
+        distances, successors = {target: 0.0}, dict[int, list[int]]()
+        bound = _widened(0.0 if source == target else within)
+        heap, expanded, known = [(0.0, 0.0, target)], 0, distances.get
+        while heap:
+            least, far, node = heappop(heap)
+            if least > bound:
+                break
+            if far > distances[node]:
+                continue
+            if expanded >= most:
+                return None
+            expanded += 1
+            for end, weight, place in self[node]:
+                reached, before = far + weight, known(end, inf)
+                if reached < before:
+                    distances[end], successors[end] = reached, [node]
+                    if end == source:
+                        bound = min(bound, _widened(reached))
+                    least = reached + slope * dist(here, place)
+                    if least <= bound:
+                        heappush(heap, (least, reached, end))
+                elif reached == before and end != target:
+                    successors[end].append(node)
+        return Found(distances, successors, expanded)
+
+
+def _widened(far: float) -> float:
+    return far * (1.0 + _SLACK) + _LEAST
+
+
+def best_steps(source: int, target: int, found: Found, ids: memoryview) -> dict[int, int]:
+    """Return row -> next row, for the rows on the best of the shortest paths; empty where there is no path.
+
+    The one with the fewest edges is the best; of several the one whose ids, read from the source, are least where they
+    first differ.
+    """
+    if source not in found.distances:
+        return {}
+    before: dict[int, set[int]] = {}
+    waiting, seen = [source], {source}
+    while waiting:
+        row = waiting.pop()
+        for following in found.successors.get(row, ()):
+            before.setdefault(following, set()).add(row)
+            if following not in seen:
+                seen.add(following)
+                waiting.append(following)
+    hops, level = {target: 0}, [target]
+    for row in level:  # which grows
+        for previous in before.get(row, ()):
+            if previous not in hops:
+                hops[previous] = hops[row] + 1
+                level.append(previous)
+    steps, row = {}, source
+    while row != target:
+        following = min((one for one in found.successors[row] if hops[one] + 1 == hops[row]), key=lambda one: ids[one])
+        steps[row] = row = following
+    return steps
+
+
+def _least_slope(arcs: Arcs, xy: FloatArray) -> float:
+    """Return the greatest number that, times the straight line between any two nodes, no way between them is below.
+
+    0 where there is none, or numbers are so large or small that the product may be wrong.
+    """
+    if not len(xy) or np.abs(xy).max() > 1.0 / _LEAST:
+        return 0.0
+    starts = np.repeat(np.arange(len(xy)), np.diff(arcs.offsets))
+    straight = np.hypot(*(xy[arcs.ends] - xy[starts]).T)
+    is_line = straight > 0.0
+    if not is_line.any() or straight[is_line].min() < _LEAST:
+        return 0.0
+    slope = float((arcs.weights[is_line] / straight[is_line]).min())
+    return slope if slope < inf else 0.0
 
 
 def lacks_scipy(arcs: int) -> bool:

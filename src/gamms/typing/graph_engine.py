@@ -366,13 +366,25 @@ class Routes(ABC):
         """Return what `make` gives; override to make it once."""
         return make()
 
+    def next_rows(self, row: int, end: int, weight: str | None) -> "Mapping[int, int] | memoryview":
+        """Return the row of the next node on the path to row `end`, -1 where there is none, by row.
+
+        Requires: only `row` and what follows it on the path are looked up. Override for speed.
+        """
+        (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
+        return steps.data
+
+    def distance_between(self, row: int, end: int, weight: str | None) -> float:
+        """Return the distance from a row to row `end`, infinite where there is no path; override for speed."""
+        found: float = self._distances_to(end, weight)[row]
+        return found
+
     def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
         """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
         most = len(self.ids()) if most_edges is None else as_count(most_edges, "most_edges")
         ids = self.ids().data
         row, end = self.row(source), self.row(target)
-        (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
-        next_of = steps.data
+        next_of = self.next_rows(row, end, weight)
         path = [ids[row]]
         while row != end and len(path) <= most:
             row = next_of[row]
@@ -384,9 +396,7 @@ class Routes(ABC):
     def distance(self, source: int, target: int, weight: str | None) -> float:
         """Return the distance from one node to another; infinite where there is no path."""
         self.ids()
-        row, end = self.row(source), self.row(target)
-        found: float = self._distances_to(end, weight)[row]
-        return found
+        return self.distance_between(self.row(source), self.row(target), weight)
 
     def distances(
         self, source: NodeIds | None, target: NodeIds | None, weight: str | None, cutoff: float | None

@@ -1,0 +1,155 @@
+"""A path between near nodes is searched for near them, and is the path that the whole table gives."""
+
+import math
+from unittest import mock
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadValue, NoPath
+from gamms.graph import Graph, routes
+
+LAWS = settings(max_examples=150, deadline=None, derandomize=True)
+NODES = 12
+ROW = st.integers(0, NODES - 1)
+PLACES = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=NODES, max_size=NODES)
+# How much longer than the straight line: equally long ways, ways that rounding makes equal, and shorter ones.
+DETOURS = st.sampled_from([1.0, 1.0, 1.0, 1.5, 2.0, 0.1, 0.0, 1.0 + 1e-16, 1e16, 1e-300])
+EDGES = st.lists(st.tuples(ROW, ROW, DETOURS, st.sampled_from([None, 0, 0.1, 0.2, 0.3, math.inf])), max_size=40)
+WEIGHTS = st.sampled_from(["length", "toll", None])
+SEARCHED, TABLES = 1.0 / 1024.0, 1 << 30  # shares of the nodes that searches may expand: all often, none
+
+
+def answers(places, edges, weight, share):
+    """Return the path and the distance between all nodes."""
+    graph = Graph()
+    ids = (np.arange(NODES) * 7 + 3) % NODES
+    graph.add_nodes(ids, *np.transpose(places))
+    for id, (source, target, detour, toll) in enumerate(edges):
+        length = math.dist(places[source], places[target]) * detour
+        edge = {"id": id, "source": int(ids[source]), "target": int(ids[target]), "length": length}
+        graph.add_edge(edge if toll is None else {**edge, "toll": toll})
+    with mock.patch.object(routes, "_SHARE", share):
+        return [
+            (path_of(graph, source, target, weight), graph.distance(source, target, weight))
+            for target in range(NODES)
+            for source in range(NODES)
+        ]
+
+
+def path_of(graph, source, target, weight):
+    try:
+        return graph.shortest_path(source, target, weight)
+    except NoPath:
+        return None
+
+
+@given(places=PLACES, edges=EDGES, weight=WEIGHTS)
+@LAWS
+def test_searches_and_tables_give_the_same_paths_and_the_same_bits(places, edges, weight):
+    assert answers(places, edges, weight, SEARCHED) == answers(places, edges, weight, TABLES)
+
+
+@given(places=PLACES, edges=st.lists(st.tuples(ROW, ROW, st.sampled_from([1.0, 1.25, 2.0]), st.none()), max_size=40))
+@LAWS
+def test_paths_are_as_long_as_those_of_networkx(places, edges):
+    found = answers(places, edges, "length", SEARCHED)
+    reference = nx.MultiDiGraph()
+    ids = ((np.arange(NODES) * 7 + 3) % NODES).tolist()
+    reference.add_nodes_from(ids)
+    for source, target, detour, _ in edges:
+        reference.add_edge(ids[source], ids[target], length=math.dist(places[source], places[target]) * detour)
+    lengths = dict(nx.all_pairs_dijkstra_path_length(reference, weight="length"))
+    known = [lengths[source].get(target, math.inf) for target in range(NODES) for source in range(NODES)]
+    assert [far for _, far in found] == pytest.approx(known)
+
+
+@pytest.fixture(scope="module")
+def city():
+    """A grid of 150 x 150 nodes whose streets are up to a fifth longer than straight; a third of them is missing."""
+    rng, side = np.random.default_rng(4), 150
+    rows = np.arange(side * side).reshape(side, side)
+    x, y = np.meshgrid(np.arange(side) * 10.0, np.arange(side) * 10.0)
+    pairs = np.concatenate(
+        [
+            np.stack([rows[:, :-1].ravel(), rows[:, 1:].ravel()], axis=1),
+            np.stack([rows[:-1].ravel(), rows[1:].ravel()], axis=1),
+        ]
+    )
+    pairs = pairs[rng.random(len(pairs)) > 0.3]
+    graph = Graph()
+    graph.add_nodes(rows.ravel(), x.ravel(), y.ravel())
+    ends = np.concatenate([pairs, pairs[:, ::-1]])
+    graph.add_edges(np.arange(len(ends)), *ends.T, lengths=rng.choice([10.0, 11.0, 12.0], len(ends)))
+    return graph
+
+
+@pytest.mark.parametrize("weight", ["length", None])
+def test_a_path_in_a_city_is_that_of_the_table(city, weight):
+    rng = np.random.default_rng(5)
+    fresh = Graph()
+    fresh.attach_networkx_graph(city.to_networkx())
+    for _ in range(30):
+        target = int(rng.integers(22500))
+        near = city.nodes_near(*city.positions([target])[0], 200.0).ids
+        sources = rng.choice(near, 3).tolist()
+        with mock.patch.object(routes, "_SHARE", TABLES):
+            known = [(path_of(fresh, one, target, weight), fresh.distance(one, target, weight)) for one in sources]
+        assert [(path_of(city, one, target, weight), city.distance(one, target, weight)) for one in sources] == known
+
+
+def test_a_near_path_expands_few_nodes(city):
+    target = 75 * 150 + 75
+    rows = city._routes.search("length")
+    found = rows.search(target - 10 * 150 - 10, target, 22500)
+    assert found.expanded < 600  # of 22,500
+    assert rows.search(target - 10 * 150 - 10, target, found.expanded - 1) is None
+
+
+def test_after_many_searches_for_a_goal_its_table_is_made(city):
+    target = 40 * 150 + 40
+    city.distance(0, 5)  # at another goal
+    nodes = iter(range(0, 22500, 700))
+    while not city._routes._has_table(("length", target)):
+        city.distance(next(nodes), target)
+    assert city._routes._goals["length", target].expanded <= 22500 // routes._SHARE
+
+
+def test_an_edit_is_seen_by_the_next_search():
+    with gamms.create_context() as ctx, mock.patch.object(routes, "_SHARE", SEARCHED):
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(6, 6, spacing=10.0))
+        assert ctx.graph.shortest_path(0, 12) == [0, 6, 12]
+        edge = next(id for id in ctx.graph.graph.get_edges() if ctx.graph.graph.get_edge(id)[1:3] == (0, 6))
+        ctx.graph.graph.update_edge({"id": edge, "length": 100.0})
+        assert ctx.graph.shortest_path(0, 12) == [0, 1, 7, 6, 12]
+        assert ctx.graph.distance(0, 12) == 40.0
+
+
+@pytest.mark.parametrize("scale", [1e-300, 1e-160, 1e160, 1e308])
+def test_maps_beyond_all_measure_are_searched_rightly(scale):
+    graph, slow = Graph(), Graph()
+    for one in (graph, slow):
+        one.add_nodes(range(4), np.array([-1.0, 0.0, 1.0, 0.5]) * scale, np.array([0.0, 1.0, 0.0, -1.0]) * scale)
+        one.add_edges(range(4), [0, 1, 0, 3], [1, 2, 3, 2], np.array([2.0, 1.0, 1.0, 1.5]) * min(scale, 1e100))
+    for share, one in ((SEARCHED, graph), (TABLES, slow)):
+        with mock.patch.object(routes, "_SHARE", share):
+            one.shortest_path(0, 2)
+    assert graph.shortest_path(0, 2) == slow.shortest_path(0, 2) == [0, 3, 2]
+    assert graph.distance(0, 2) == slow.distance(0, 2)
+
+
+def test_a_path_that_is_cut_by_its_weight_is_no_path():
+    graph = Graph()
+    graph.add_nodes(range(3), [0, 1, 2], [0, 0, 0])
+    graph.add_edge({"id": 0, "source": 0, "target": 1, "length": 1.0, "toll": math.inf})
+    with mock.patch.object(routes, "_SHARE", SEARCHED):
+        with pytest.raises(NoPath, match="from node 0 to node 1"):
+            graph.shortest_path(0, 1, "toll")
+        assert graph.distance(0, 1, "toll") == math.inf
+        graph.update_edge({"id": 0, "toll": -1})
+        with pytest.raises(BadValue, match="'toll' of edge 0"):
+            graph.shortest_path(0, 1, "toll")
