@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms import recorder
-from gamms.errors import UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.recorder.keyframes import captured
 
 QUIET = {"level": "CRITICAL"}
@@ -167,6 +167,17 @@ def test_a_sensor_on_a_node_that_was_removed_is_there_and_does_not_look():
             ctx.sensor.get_sensor("a").sense()
     with gamms.create_context(logger_config=QUIET) as ctx:
         assert [shown(ctx) for record in ctx.record.replay(io.BytesIO(data)) if record["opCode"] == 1] == states[1:]
+
+
+def test_keywords_that_a_recording_lacks_stay():
+    with grid() as ctx:
+        ctx.sensor.storage.put({"id": "a", "type": "AGENT_ARC", "keywords": {"fov": 1.0}})
+        assert (ctx.sensor.get_sensor("a").range, ctx.sensor.get_sensor("a").fov) == (30.0, 1.0)
+        ctx.sensor.storage.put({"id": "a", "type": "AGENT_ARC", "keywords": {"sensor_range": 5.0, "at": 3}})
+        assert (ctx.sensor.get_sensor("a").range, ctx.sensor.get_sensor("a").fov) == (5.0, 1.0)
+        assert ctx.sensor.get_sensor("a").at == 3
+        with pytest.raises(BadValue):
+            ctx.sensor.storage.put({"id": "a", "type": "AGENT_ARC", "keywords": {"sensor_range": -5.0}})
 
 
 def test_a_game_that_changes_no_sensor_asks_for_none():

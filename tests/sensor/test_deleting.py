@@ -71,6 +71,17 @@ def test_a_snapshot_brings_it_back_to_who_carried_it(ctx, scout):
     assert list(scout.state["sensor"]) == ["n", "e", "again"]
 
 
+def test_a_snapshot_brings_a_place_back_that_was_gone_already(ctx):
+    tower = ctx.sensor.create_sensor("tower", SensorType.RANGE, at=5)
+    ctx.graph.graph.remove_node(5)
+    snapshot = ctx.game.snapshot()
+    tower.at = 0
+    ctx.game.restore(snapshot)
+    assert tower.at == 5
+    with pytest.raises(UnknownName, match="5"):
+        tower.sense()
+
+
 def test_a_picture_leaves_out_a_sensor_that_was_removed():
     def picture(*, has_sensor):
         with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:

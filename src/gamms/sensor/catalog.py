@@ -13,7 +13,14 @@ from gamms.sensor.aerial import (
     OccludedAerialAgentSensor,
     OccludedAerialSensor,
 )
-from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
+from gamms.sensor.ground import (
+    AgentSensor,
+    GroundSensor,
+    MapSensor,
+    NeighborSensor,
+    OccludedAgentSensor,
+    OccludedMapSensor,
+)
 from gamms.sensor.sensor import Sensor
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
@@ -62,15 +69,19 @@ class Kind(NamedTuple):
         for setting in self.settings:
             part, _, name = setting.rpartition(".")
             owner = getattr(sensor, part) if part else sensor
-            if getattr(owner, name) is not keywords.get(name):
-                setattr(owner, name, keywords.get(name))
+            value = keywords.get(name)
+            if isinstance(owner, GroundSensor) and type(value) is int and not owner.ctx.graph.graph.has_node(value):
+                owner._at = value  # a node that was removed since, which the sensor says when it looks
+            elif getattr(owner, name) is not value:
+                setattr(owner, name, value)
 
     def change(self, sensor: ISensor, keywords: Mapping[str, Any]) -> None:
         """Set a sensor by the plain part of what `keywords_of` returned; what is not plain in it stays."""
         now = self.keywords_of(sensor)
         plain = plain_subset(now)
         if not is_same(plain, dict(keywords)):
-            self.apply(sensor, {name: value for name, value in now.items() if name not in plain} | dict(keywords))
+            kept = {name: value for name, value in now.items() if name in self.keywords or name not in plain}
+            self.apply(sensor, kept | dict(keywords))
 
     def names(self) -> set[str]:
         """Return all keywords that this kind takes."""

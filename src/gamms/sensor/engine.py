@@ -225,23 +225,16 @@ class SensorStorage(Guarded):
         cannot be created, which is warned about.
         """
         name, kind = described["id"], SensorType.__members__.get(str(described["type"]))
-        known, keywords = self._engine._sensors.get(name), dict(described["keywords"])
+        known = self._engine._sensors.get(name)
         if known is None and kind not in KINDS:
             self._engine.ctx.logger.warning(f"Sensor {name!r} is of the kind {described['type']}: add it yourself.")
         if kind not in KINDS or (known is not None and not _is_built_in(known)):
             return
-        at = keywords.get("at")
-        is_lost = isinstance(at, int) and not self._engine.ctx.graph.graph.has_node(at)
-        if is_lost:
-            del keywords["at"]
-        if known is not None and known.type is kind:
-            KINDS[kind].change(known, keywords)
-        else:
-            if known is not None:
-                self._engine.delete_sensor(name)
-            self._engine.create_sensor(name, kind, **keywords)
-        if is_lost:  # its node was removed, which it says when it looks
-            self._engine._sensors[name]._at = at  # type: ignore[attr-defined] # of a sensor on the ground
+        if known is not None and known.type is not kind:
+            self._engine.delete_sensor(name)
+            known = None
+        made = known or self._engine.create_sensor(name, kind)
+        KINDS[kind].change(made, described["keywords"])
 
     @refused_while_deciding
     def snapshot(self) -> SensorsSnapshot:
