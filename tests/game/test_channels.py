@@ -515,6 +515,27 @@ def test_an_eavesdropper_hears_exactly_what_reaches_it():
         assert inboxes(ctx, "bob") == {1: ["hello", 2]}
 
 
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 10**9))
+def test_an_eavesdropper_hears_what_it_would_hear_if_all_were_meant_for_it(seed):
+    draw = Random(seed)
+    places = {name: draw.randrange(40) for name in ("ann", "bob", "cat", "spy")}
+    teams = {"ann": "red", "bob": "red", "cat": "red", "spy": "blue"}
+    kind = {"range_m": draw.choice([10, 20, 40]), "loss": draw.choice([0, 0.5]), "relay": draw.random() < 0.5}
+    kind["jammers"] = [{"at": draw.randrange(40), "radius_m": 15}]
+    heard = []
+    for to, more in (("bob", {"teams": "red", "eavesdroppers": "spy"}), (None, {"teams": None})):
+        plan = lambda name, turn, to=to: [send(to, [name, turn])] * 2 if name in ("ann", "cat") else []
+        with world(places, teams=teams, seed=seed, plan=plan) as ctx:
+            # a blue agent on the channel would relay as well: of red alone in both
+            relay = ["red"] if kind["relay"] else False
+            ctx.game.add_channel("radio", **{**kind, **more, "relay": relay})
+            ctx.game.run(5)
+            heard.append(inboxes(ctx, "spy"))
+            assert all(one["overheard"] == (to == "bob") for _, who, got in ctx.heard if who == "spy" for one in got)
+    assert heard[0] == heard[1]
+
+
 # -- chance -------------------------------------------------------------------------------------------------------
 
 
