@@ -10,9 +10,27 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.rules import capture_flag, contacts, last_team, reach, tag, territory, time_limit
+from gamms.rules import Conflicts, capture_flag, contacts, last_team, reach, tag, territory, time_limit
 from gamms.sensor import SensorType
-from gamms.strategies import chase, first, flee, follow_path, goto, guard, mix, patrol, random_walk, stay
+from gamms.strategies import (
+    assign,
+    chase,
+    first,
+    flee,
+    follow_belief,
+    follow_path,
+    goto,
+    guard,
+    intercept,
+    mix,
+    patrol,
+    random_walk,
+    random_waypoints,
+    safest_exit,
+    stay,
+    sweep,
+    unblock,
+)
 from gamms.testing import check_rule, check_strategy
 
 AGENTS = {
@@ -168,6 +186,14 @@ SHIPPED = {
     "chase": chase,
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 4, 10.0),
+    "intercept": intercept,
+    "intercept with goals": lambda ctx: intercept(ctx, [0, 2]),
+    "assign": assign,
+    "safest_exit": lambda ctx: safest_exit(ctx, [0, 2]),
+    "sweep": lambda ctx: sweep(ctx, repeat=True),
+    "random_waypoints": lambda ctx: random_waypoints(ctx, pause=1),
+    "unblock": lambda ctx: unblock(chase(ctx)),
+    "follow_belief": follow_belief,
     "mixed": lambda ctx: first(chase(ctx, otherwise=None), mix(0.5, patrol(ctx, [0, 8]), random_walk)),
 }
 
@@ -177,6 +203,7 @@ def test_shipped_strategies_play_fair(name):
     def make():
         ctx = make_ctx()
         ctx.agent.get_agent("red0").register_strategy(SHIPPED[name](ctx))
+        ctx.game.conflicts = Conflicts() if name == "unblock" else None
         return ctx
 
     check_strategy(None, make, "red0")

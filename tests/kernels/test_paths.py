@@ -1,5 +1,6 @@
 """Distances equal those of networkx; SciPy's equal those of the heap bit for bit; steps keep the rule for ties."""
 
+import itertools
 import math
 
 import networkx as nx
@@ -136,3 +137,32 @@ def test_rounding_makes_no_detour_out_of_a_rest_that_could_be_shorter():
     tight = kernels.tight_arcs(arcs, kernels.shortest_distances(arcs, np.array([3])))
     steps = kernels.first_steps(tight, kernels.shortest_distances(tight, np.array([3])), np.arange(4))
     assert steps.tolist() == [1, 2, 3, -1]
+
+
+COSTS = st.integers(1, 5).flatmap(
+    lambda rows: st.integers(rows, 6).flatmap(
+        lambda columns: st.lists(
+            st.lists(st.integers(0, 9).map(float) | st.just(math.inf), min_size=columns, max_size=columns),
+            min_size=rows,
+            max_size=rows,
+        )
+    )
+)
+
+
+def bounded(costs):
+    """Infinite costs as ones that no sum of the others reaches."""
+    return [[min(cost, 1000.0) for cost in row] for row in costs]
+
+
+@given(costs=COSTS)
+@LAWS
+def test_a_matching_costs_as_little_as_the_best_of_all(costs):
+    columns = kernels.least_matching(tuple(map(tuple, costs)))
+    assert len(set(columns)) == len(costs)
+    table = bounded(costs)
+    best = min(
+        sum(row[column] for row, column in zip(table, chosen, strict=True))
+        for chosen in itertools.permutations(range(len(costs[0])), len(costs))
+    )
+    assert sum(row[column] for row, column in zip(table, columns, strict=True)) == best

@@ -42,6 +42,7 @@ from gamms.kernels.paths import (
     best_steps,
     first_steps,
     lacks_scipy,
+    least_matching,
     make_arcs,
     shortest_distances,
     tight_arcs,

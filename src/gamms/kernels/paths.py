@@ -1,9 +1,10 @@
 """Shortest paths: distances along edges, and the next step on the way; by SciPy where it is installed.
 
 Of the whole graph by Dijkstra's algorithm, in arrays; for two nodes that are near each other by A*, in Python values.
+Matchings of least cost are found by shortest augmenting paths.
 """
 
-from functools import cache
+from functools import cache, lru_cache
 from heapq import heapify, heappop, heappush
 from math import dist, inf
 from typing import Any, NamedTuple
@@ -275,6 +276,45 @@ def _least_slope(arcs: Arcs, xy: FloatArray) -> float:
         return 0.0
     slope = float((arcs.weights[is_line] / straight[is_line]).min())
     return slope if slope < inf else 0.0
+
+
+@lru_cache(maxsize=64)  # agents of a team ask for the same
+def least_matching(costs: tuple[tuple[float, ...], ...]) -> tuple[int, ...]:
+    """Return for each row a column of its own, so that the sum of the costs is least.
+
+    The Hungarian method by shortest augmenting paths (Jonker, Volgenant: A shortest augmenting path algorithm for
+    dense and sparse linear assignment problems, 1987). Of equally good matchings it gives always the same, unlike
+    different versions of SciPy.
+
+    Args:
+        costs: (rows, columns), with as many columns as rows at least; infinite where both must not be matched, which
+            is done all the same where nothing else is left.
+    """
+    if not costs:
+        return ()
+    table = np.array(costs)
+    table[np.isinf(table)] = 2.0 * table[np.isfinite(table)].sum() + 1.0
+    rows, columns = table.shape
+    row_of, prices, gains = np.full(columns, -1), np.zeros(columns), np.zeros(rows)
+    for start in range(rows):
+        row, distances, before = start, np.full(columns, inf), np.full(columns, -1)
+        column, is_done, passed = -1, np.zeros(columns, np.bool_), 0.0
+        while row >= 0:  # until a column is found that has no row yet
+            offers = np.where(is_done, inf, passed + table[row] - gains[row] - prices)
+            is_less = offers < distances
+            distances[is_less], before[is_less] = offers[is_less], column
+            column = int(np.argmin(np.where(is_done, inf, distances)))
+            passed, is_done[column], row = float(distances[column]), True, int(row_of[column])
+        tried = is_done & (row_of >= 0)
+        gains[row_of[tried]] += passed - distances[tried]
+        gains[start] += passed
+        prices[is_done] += distances[is_done] - passed
+        while column >= 0:
+            previous = int(before[column])
+            row_of[column] = start if previous < 0 else row_of[previous]
+            column = previous
+    found = {int(row): column for column, row in enumerate(row_of.tolist()) if row >= 0}
+    return tuple(found[row] for row in range(rows))
 
 
 def lacks_scipy(arcs: int) -> bool:

@@ -23,11 +23,42 @@ An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
 `travel.py` has those that need no enemies, `encounters.py` those that act on enemies; read `knowledge.py` first, which
-has what they know and how they go a step. May import: `context` and below. To add a
+has what they know and how they go a step. May import: `belief`, `context` and below. To add a
 strategy, write a function and name it below.
 """
 
-from gamms.strategies.encounters import chase, flee, guard
-from gamms.strategies.travel import first, follow_path, goto, human, mix, patrol, random_walk, stay
+from gamms.strategies.encounters import assign, chase, flee, follow_belief, guard, intercept, safest_exit
+from gamms.strategies.travel import (
+    first,
+    follow_path,
+    goto,
+    human,
+    mix,
+    patrol,
+    random_walk,
+    random_waypoints,
+    stay,
+    sweep,
+    unblock,
+)
 
-__all__ = ["chase", "first", "flee", "follow_path", "goto", "guard", "human", "mix", "patrol", "random_walk", "stay"]
+__all__ = [
+    "assign",
+    "chase",
+    "first",
+    "flee",
+    "follow_belief",
+    "follow_path",
+    "goto",
+    "guard",
+    "human",
+    "intercept",
+    "mix",
+    "patrol",
+    "random_walk",
+    "random_waypoints",
+    "safest_exit",
+    "stay",
+    "sweep",
+    "unblock",
+]

@@ -1,20 +1,33 @@
 """Strategies that act on the enemies in sight."""
 
+from collections.abc import Iterable, Sequence
 from math import inf
 
-from gamms.arguments import as_context, as_range
+import numpy as np
+
+from gamms import belief, kernels
+from gamms.arguments import as_context, as_count, as_items, as_range
+from gamms.context import Context
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
     enemies_in_sight,
+    is_living,
+    known_nodes,
     legal_on_map,
+    mates_in_sight,
     move_to,
     node_of,
+    pace_of,
+    required,
+    shared_memory,
     step_towards,
+    turns_from,
+    turns_to,
 )
 from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
-from gamms.typing import IContext
+from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
 
 
@@ -97,6 +110,234 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
             state["action"] = here if step is None else step
 
     return strategy
+
+
+@shown_as_called
+def intercept(
+    ctx: Context, goals: Iterable[NodeId] | None = None, otherwise: Strategy | None = random_walk
+) -> Strategy:
+    """Go where an enemy in sight can be cut off, instead of after it.
+
+    With goals, an enemy is expected to go to the nearest of them by the shortest path: the agent goes to the node on
+    it that it reaches no later than the enemy, and of these to the one that it reaches first. Where there is none, it
+    goes to the one for which it is late by least.
+
+    Without goals, it goes towards the nearest enemy, and of several shortest ways takes the one that leaves the enemy
+    the fewest nodes which it reaches before the agent and its teammates in sight: the smallest Voronoi cell (Huang,
+    Zhang, Ding, Stipanovic, Tomlin: Guaranteed decentralized pursuit-evasion in the plane with multiple pursuers, CDC
+    2011). To make the cell small alone would end in a standoff.
+
+    Args:
+        ctx: the context.
+        goals: ids of the nodes to which enemies go; None: they are not known.
+        otherwise: the strategy to use when no enemy is in sight; None sets no action then.
+
+    Raises:
+        UnknownName (KeyError), BadType, BadValue: a goal is not a node of the map, or there are none.
+    """
+    as_context(ctx, "intercept")
+    ends = None if goals is None else known_nodes(ctx, goals, "intercept", "goals")
+    fallback = as_otherwise(otherwise, "intercept")
+
+    def strategy(state: State) -> None:
+        node_of(state, "intercept")
+        enemies = enemies_in_sight(ctx, state, "intercept")
+        if enemies and ends is None:
+            state["action"] = _confining_node(ctx, state, enemies)
+        else:
+            meeting = _meeting_node(ctx, state, enemies, ends or ()) if enemies else None
+            move_to(ctx, state, meeting, fallback, "intercept")
+
+    return strategy
+
+
+@shown_as_called
+def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random_walk) -> Strategy:
+    """Go to the enemy that is the agent's by the matching of least total distance between its team and the enemies.
+
+    Agents tell their team where they are and which enemies they see, in `state["team_memory"]` under `"assign"`. In the
+    next turn all work out the same matching from it (Kuhn: The Hungarian method for the assignment problem, 1955).
+    Where agents outnumber enemies, an enemy gets several; agents without teammates go to the nearest.
+
+    Args:
+        ctx: the context.
+        patience: for how many turns an enemy is looked for where it was seen last.
+        otherwise: the strategy to use when no enemy is known, or there is no path; None sets no action then.
+
+    Raises:
+        BadType, BadValue: `patience` is no number of turns.
+    """
+    as_context(ctx, "assign")
+    turns, fallback = as_count(patience, "patience of assign", 0), as_otherwise(otherwise, "assign")
+
+    def strategy(state: State) -> None:
+        here, seen = node_of(state, "assign"), enemies_in_sight(ctx, state, "assign")
+        mates, enemies = _reported(ctx, state, turns)
+        _report(state, here, seen)
+        mine = _matched(ctx, mates, enemies).get(state["name"]) if enemies and mates else None
+        if mine is None:
+            target = _nearest(ctx, here, seen)
+        else:
+            target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
+        move_to(ctx, state, target, fallback, "assign")
+
+    return strategy
+
+
+@shown_as_called
+def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
+    """Go to the exit that the agent reaches by most turns before any enemy in sight could, and stay there.
+
+    In each turn it looks one step ahead: of the legal nodes that no enemy in sight can reach in this turn, it goes to
+    the one from which the lead at an exit is greatest, then the one nearest to that exit. Without enemies in sight it
+    goes to the nearest exit.
+
+    Args:
+        ctx: the context.
+        exits: ids.
+        otherwise: the strategy to use where no exit can be reached; None sets no action then.
+
+    Raises:
+        UnknownName (KeyError), BadType, BadValue: an exit is not a node of the map, or there are none.
+    """
+    as_context(ctx, "safest_exit")
+    ends, fallback = known_nodes(ctx, exits, "safest_exit", "exits"), as_otherwise(otherwise, "safest_exit")
+
+    def strategy(state: State) -> None:
+        here, enemies = node_of(state, "safest_exit"), enemies_in_sight(ctx, state, "safest_exit")
+        first = {end: min((turns_to(ctx, name, at, end) for name, at in enemies.items()), default=inf) for end in ends}
+
+        def lead(node: int) -> tuple[float, float, int]:
+            own = {end: turns_to(ctx, state.get("name"), node, end) for end in ends}
+            return max((first[end] - far if far < inf else -inf, -far, -node) for end, far in own.items())
+
+        if here in ends:
+            state["action"] = here
+        elif lead(here)[1] == -inf:
+            fallback(state)
+        else:
+            state["action"] = max(_out_of_reach(ctx, state, enemies), key=lead)
+
+    return strategy
+
+
+@shown_as_called
+def follow_belief(
+    ctx: Context,
+    targets: Iterable[str] | None = None,
+    motion: belief.Motion | None = None,
+    otherwise: Strategy | None = random_walk,
+) -> Strategy:
+    """Go where enemies most probably are, by what the agent and its team have seen, and looked at in vain.
+
+    It updates a belief by `gamms.belief.observe` in every turn, and goes to the node with the highest probability for
+    each turn that the way takes: the greedy search of Bourgault, Furukawa, Durrant-Whyte (Coordinated decentralized
+    search for a lost target in a Bayesian world, IROS 2003).
+
+    Args:
+        ctx: the context.
+        targets: names of agents on the ground; None: all living ones of other teams.
+        motion: how they move, as `gamms.belief.random_walk()`, which is used by default.
+        otherwise: the strategy to use where there is nobody to look for; None sets no action then.
+    """
+    as_context(ctx, "follow_belief")
+    wanted = None if targets is None else [str(name) for name in as_items(targets, "targets", "names")]
+    fallback = as_otherwise(otherwise, "follow_belief")
+
+    def strategy(state: State) -> None:
+        here, known = node_of(state, "follow_belief"), belief.observe(ctx, state)
+        names = _living_enemies(ctx, state) if wanted is None else wanted
+        chances = known.probabilities(names, motion).sum(axis=0) if names else np.zeros(1)
+        gains = chances / (1.0 + turns_from(ctx, state["name"], [here])[0])
+        row = int(np.argmax(gains))
+        node = int(ctx.graph.columns().node_ids[row]) if gains[row] > 0.0 else None
+        move_to(ctx, state, node, fallback, "follow_belief")
+
+    return strategy
+
+
+# -- where to ---------------------------------------------------------------------------------------------------------
+
+
+def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: Sequence[int]) -> int | None:
+    """Return the node on the likely path of an enemy where the agent is first that it reaches in time."""
+    ids = ctx.graph.columns().node_ids.tolist()
+    own = dict(zip(ids, turns_from(ctx, state.get("name"), [state["curr_pos"]])[0].tolist(), strict=True))
+    options = []
+    for name, at in enemies.items():
+        weight, _ = pace_of(ctx, name)
+        far, goal = min((turns_to(ctx, name, at, goal), goal) for goal in goals)
+        for node in ctx.graph.graph.shortest_path(at, goal, weight) if far < inf else [at]:
+            arrival = far - turns_to(ctx, name, node, goal) if far < inf else 0.0
+            options.append((max(0.0, own[node] - arrival), own[node], node))
+    late, _, node = min(options)
+    return node if late < inf else None
+
+
+def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
+    """Return the legal node nearest to the nearest enemy; of several, the one that leaves it the smallest cell."""
+    here, me = state["curr_pos"], state.get("name")
+    name = min(enemies, key=lambda one: turns_to(ctx, one, here, enemies[one]))  # they are in the order of the names
+    legal = sorted(legal_on_map(ctx, state))
+    own = 1.0 + turns_from(ctx, me, legal)
+    theirs = turns_from(ctx, name, [enemies[name]])[0]
+    for mate, node in mates_in_sight(ctx, state).items():
+        own = np.minimum(own, turns_from(ctx, mate, [node]))
+    sizes = (theirs < own).sum(axis=1).tolist()
+    far = [turns_to(ctx, me, node, enemies[name]) for node in legal]
+    return min(zip(far, sizes, legal, strict=True))[2]
+
+
+def _out_of_reach(ctx: Context, state: State, enemies: dict[str, int]) -> Sequence[int]:
+    """Return the legal nodes that no enemy can reach in this turn; all, if there are none."""
+    reached: set[int] = set()
+    for name, node in enemies.items():
+        weight, speed = pace_of(ctx, name)
+        reached.update(ctx.graph.graph.distances(node, weight=weight, cutoff=speed))
+    legal = legal_on_map(ctx, state)
+    return [node for node in legal if node not in reached] or legal
+
+
+# -- who goes to whom -------------------------------------------------------------------------------------------------
+
+
+def _report(state: State, here: int, seen: dict[str, int]) -> None:
+    """Tell the team where the agent is and which enemies it sees."""
+    board, turn = shared_memory(state, "assign"), required(state, "turn", "assign")
+    board.setdefault("mates", {})[required(state, "name", "assign")] = (turn, here)
+    board.setdefault("enemies", {}).update((name, (turn, node)) for name, node in seen.items())
+
+
+def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int], dict[str, int]]:
+    """Return where living teammates were in the last turn, and where living enemies were seen last, by name."""
+    board, now = shared_memory(state, "assign"), required(state, "turn", "assign")
+    found = []
+    for part, oldest in (("mates", now - 1), ("enemies", now - 1 - patience)):
+        known = sorted(board.get(part, {}).items())
+        found.append({name: node for name, (turn, node) in known if turn >= oldest and is_living(ctx, name)})
+    return found[0], found[1]
+
+
+def _matched(ctx: Context, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
+    """Return the enemy of each agent by the matching of least total distance, if it can be reached."""
+    graph, rounds = ctx.graph.graph, -(-len(mates) // len(enemies))
+    costs = tuple(tuple(graph.distance(at, to) for to in enemies.values()) * rounds for at in mates.values())
+    names = list(enemies) * rounds
+    pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
+    return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
+
+
+def _living_enemies(ctx: Context, state: State) -> list[str]:
+    agents = ((name, ctx.agent.get_agent(name)) for name in sorted(ctx.agent.agents))
+    team = state["team"]
+    return [
+        name
+        for name, one in agents
+        if is_living(ctx, name)
+        and one.type is not AgentType.AERIAL
+        and name != state["name"]
+        and (team is None or getattr(one, "team", None) != team)
+    ]
 
 
 def _nearest(ctx: IContext, here: int, enemies: dict[str, int]) -> int | None:

@@ -4,17 +4,20 @@ Strategies that act on enemies need `state["team"]`, and a sensor that shows age
 OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from inspect import iscoroutinefunction
 from itertools import takewhile
+from math import inf
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakKeyDictionary
 
-from gamms.arguments import as_int
-from gamms.errors import BadType, MissingKey, NoPath, UnknownName
+from gamms.arguments import as_int, as_items
+from gamms.context import Context
+from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
+from gamms.ir.graph import FloatArray
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.game import AerialState, State, Strategy
+from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
@@ -27,11 +30,16 @@ _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_AR
 
 _warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
 
+_LITTLE = 1e-9  # a speed: agents that do not move get to their own node in no time, and nowhere else in this game
+
 _WAYS_OUT = {
+    "blocked": "set it to why the agent's last action was not done, or None",
     "legal": "set it to the nodes it may move to, or give the agent a NEIGHBOR sensor",
     "memory": "set it to a dict that you keep for the agent",
+    "name": "set it to agent.name",
     "rng": "set it to a generator, such as ctx.rng",
     "team": "set it to agent.team",
+    "turn": "set it to the number of turns that were played",
 }
 
 
@@ -107,20 +115,49 @@ def has_speed(ctx: IContext, state: State) -> bool:
 def enemies_in_sight(ctx: IContext, state: State, caller: str) -> dict[str, int]:
     """Return the nodes of the enemies that the agent's sensors show, by name and in the order of the names."""
     team = required(state, "team", caller)
-    data_shown = [data for kind, data in state["sensor"].values() if kind in _SHOWING_AGENTS]
-    if not data_shown and caller not in (warned := _warned.setdefault(ctx, set())):
+    if caller not in (warned := _warned.setdefault(ctx, set())) and not _shows_agents(state):
         warned.add(caller)  # once in a context
         kinds = ", ".join(sorted(kind.name for kind in _SHOWING_AGENTS))
         who = f"agent {state['name']!r}" if "name" in state else "an agent"
         ctx.logger.warning(
             f"{caller}: {who} carries no sensor that shows agents, so it sees no enemy. Give it {kinds}."
         )
+    return {name: node for name, node, other in _in_sight(ctx, state) if team is None or other != team}
+
+
+def mates_in_sight(ctx: IContext, state: State) -> dict[str, int]:
+    """Return the nodes of the teammates that the agent's sensors show, likewise."""
+    team = state["team"]
+    return {name: node for name, node, other in _in_sight(ctx, state) if team is not None and other == team}
+
+
+def _shows_agents(state: State) -> bool:
+    return any(kind in _SHOWING_AGENTS for kind, _ in state["sensor"].values())
+
+
+def _in_sight(ctx: IContext, state: State) -> list[tuple[str, int, object]]:
+    """Return name, node and team of the agents that the sensors show, in the order of the names."""
     seen: dict[str, int] = {}
-    for data in data_shown:
-        seen.update(data)
+    for kind, data in state["sensor"].values():
+        if kind in _SHOWING_AGENTS:
+            seen.update(data)
     seen.pop(state.get("name", ""), None)  # a sensor at a fixed place shows its owner, too
-    teams = {name: getattr(ctx.agent.get_agent(name), "team", None) for name in sorted(seen)}
-    return {name: seen[name] for name, other in teams.items() if team is None or other != team}
+    return [(name, seen[name], getattr(ctx.agent.get_agent(name), "team", None)) for name in sorted(seen)]
+
+
+def nodes_in_view(ctx: IContext, state: State) -> set[int]:
+    """Return the nodes on which the agent's sensors would show agents with some probability."""
+    agent, found = ctx.agent.get_agent(state["name"]), set[int]()
+    for name, (kind, _) in state["sensor"].items():
+        if kind in _SHOWING_AGENTS:
+            covered = agent.sensors[name].coverage(state["curr_pos"], state["name"])
+            found.update(covered.node_ids[covered.detection > 0.0].tolist())
+    return found
+
+
+def is_living(ctx: IContext, name: str) -> bool:
+    """Whether an agent is there and alive."""
+    return name in ctx.agent.agents and bool(getattr(ctx.agent.get_agent(name), "alive", True))
 
 
 def as_known_node(ctx: IContext, value: object, name: str) -> int:
@@ -146,6 +183,52 @@ def as_strategy(value: F, name: str) -> F:
     if iscoroutinefunction(value):
         raise BadType(f"{name} must not be an async def: await it in an async def of your own.")
     return value
+
+
+def known_nodes(ctx: IContext, values: Iterable[NodeId], caller: str, kind: str) -> tuple[int, ...]:
+    """Check that values are ids of nodes of the map, one at least.
+
+    Raises:
+        BadType, BadValue, UnknownName (KeyError): they are not.
+    """
+    name = f"{kind} of {caller}"
+    nodes = tuple(as_known_node(ctx, node, f"Each of {name}") for node in as_items(values, name, "node ids"))
+    if not nodes:
+        raise BadValue(f"{caller} needs one node at least.")
+    return nodes
+
+
+def shared_memory(state: State, key: str) -> dict[Any, Any]:
+    """Return the dict under a key of the team's memory, to be written into; an agent that shares none has its own."""
+    is_shared = state.get("team") is not None and "team_memory" in state
+    memory: dict[Any, Any] = state["team_memory"] if is_shared else required(state, "memory", key)
+    found: dict[Any, Any] = memory.setdefault(key, {})
+    return found
+
+
+# -- times ----------------------------------------------------------------------------------------------------
+
+
+def pace_of(ctx: Context, name: str | None) -> tuple[str | None, float]:
+    """Return by which weight of edges an agent goes, and how much of it in a turn."""
+    speed = None if name is None else getattr(ctx.agent.get_agent(name), "speed", None)
+    if speed is None or ctx.current_game is None:
+        return None, 1.0
+    return ("length" if ctx.game.speed_unit == "metres" else None), speed
+
+
+def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
+    """Return how many turns an agent takes from one node to another; infinite where there is no path."""
+    weight, speed = pace_of(ctx, name)
+    metres = ctx.graph.graph.distance(source, target, weight)
+    return metres / speed if speed else (inf if metres else 0.0)
+
+
+def turns_from(ctx: Context, name: str | None, sources: Sequence[int]) -> FloatArray:
+    """Return how many turns an agent takes to every node, (sources, nodes) as in `ctx.graph.columns()`."""
+    weight, speed = pace_of(ctx, name)
+    ids = ctx.graph.columns().node_ids
+    return ctx.graph.graph.distance_matrix(sources, ids, weight) / max(speed, _LITTLE)
 
 
 # -- steps ----------------------------------------------------------------------------------------------------

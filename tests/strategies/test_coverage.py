@@ -1,0 +1,100 @@
+"""Covering a map: sweeping all nodes as a team, and waypoints drawn at random."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from gamms.strategies import random_walk, random_waypoints, stay, sweep
+
+LAWS = settings(max_examples=20, deadline=None, derandomize=True)
+
+
+def turns_to_visit_all(world, most=2000):
+    """Play until every node was visited; return the number of turns."""
+    seen = {agent.current_node_id for agent in world.agents.values()}
+    for turn in range(most):
+        if len(seen) == len(world.ctx.graph.columns().node_ids):
+            return turn
+        world.ctx.game.step()
+        seen |= {agent.current_node_id for agent in world.agents.values()}
+    return most
+
+
+def test_a_team_that_sweeps_visits_all_nodes_in_less_turns_than_one_agent_and_than_a_random_walk(open_world):
+    turns = {}
+    for label, number, make in (("one", 1, sweep), ("three", 3, sweep), ("walk", 3, lambda _: random_walk)):
+        with open_world() as world:
+            for i in range(number):
+                world.add(f"agent {i}", 0, make(world.ctx), team="red")
+            turns[label] = turns_to_visit_all(world)
+    assert turns["three"] <= 0.6 * turns["one"]
+    assert 35 <= turns["one"] < turns["walk"]
+
+
+@given(starts=st.lists(st.integers(0, 35), min_size=1, max_size=4), seed=st.integers(0, 99))
+@LAWS
+def test_all_nodes_that_can_be_reached_are_visited_wherever_the_team_starts(open_world, starts, seed):
+    with open_world(seed=seed) as world:
+        for i, start in enumerate(starts):
+            world.add(f"agent {i}", start, sweep(world.ctx), team="red")
+        assert turns_to_visit_all(world, 120) < 120
+
+
+def test_a_team_goes_on_with_the_part_of_a_member_that_is_dead(world):
+    for i in range(2):
+        world.add(f"agent {i}", 0, sweep(world.ctx), team="red")
+    world.ctx.game.run(3)
+    world.ctx.game.eliminate("agent 1")
+    world.ctx.game.run(60)
+    assert len(world.ctx.game.team_memories["red"]["sweep"]["visited"]) == 36
+
+
+def test_what_the_sensors_cover_counts_as_visited_by_sight(world):
+    agent = world.add("anna", 14, sweep(world.ctx, [14, 15, 20, 35], by_sight=True), sight=15.0, team="red")
+    world.ctx.game.step()
+    assert {14, 15, 20} <= world.ctx.game.team_memories["red"]["sweep"]["visited"]
+    world.ctx.game.run(6)
+    assert agent.current_node_id in (28, 29, 34, 35)
+
+
+def test_when_all_is_visited_another_strategy_is_asked_or_it_begins_again(world):
+    done = world.add("anna", 0, sweep(world.ctx, [0, 1], otherwise=stay), team="red")
+    again = world.add("bert", 35, sweep(world.ctx, [34, 35], repeat=True), team="blue")
+    been = []
+    for _ in range(6):
+        world.ctx.game.step()
+        been.append((done.current_node_id, again.current_node_id))
+    assert been == [(1, 34), (1, 35), (1, 34), (1, 35), (1, 34), (1, 35)]
+
+
+def test_a_waypoint_is_gone_to_and_stayed_at_before_the_next_is_drawn(world):
+    agent = world.add("anna", 0, random_waypoints(world.ctx, [5, 30, 35], pause=2))
+    been = [0]
+    for _ in range(60):
+        world.ctx.game.step()
+        been.append(agent.current_node_id)
+    stops = [at for at in range(1, 59) if been[at] in (5, 30, 35) and been[at - 1] != been[at] == been[at + 1]]
+    assert len({been[at] for at in stops}) >= 2
+    assert all(been[at : at + 3] == [been[at]] * 3 for at in stops)
+
+
+def test_waypoints_without_a_way_are_drawn_again(open_world):
+    places = dict.fromkeys(range(4), (0.0, 0.0))
+    with open_world(places, [(0, 1, 1.0), (1, 0, 1.0)]) as world:
+        agent = world.add("anna", 0, random_waypoints(world.ctx))
+        been = set()
+        for _ in range(30):
+            world.ctx.game.step()
+            been.add(agent.current_node_id)
+        assert been == {0, 1}
+
+
+def test_impossible_arguments_are_refused(world):
+    for make, error, said in (
+        (lambda: sweep(world.ctx, []), ValueError, "sweep needs one node"),
+        (lambda: sweep(world.ctx, repeat=1), TypeError, "repeat of sweep"),
+        (lambda: random_waypoints(world.ctx, [99]), KeyError, "99"),
+        (lambda: random_waypoints(world.ctx, pause=-1), ValueError, "pause of random_waypoints"),
+    ):
+        with pytest.raises(error, match=said):
+            make()
