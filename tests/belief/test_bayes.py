@@ -255,6 +255,14 @@ def test_errors_name_what_is_wrong(call, error, words):
         call(belief.Filter(ctx, belief.random_walk(), ["a"]))
 
 
+def test_a_goal_of_weight_0_is_never_gone_to():
+    with context(3, [(1, 0), (1, 2)]) as ctx:
+        filter = belief.Filter(ctx, belief.to_goals({0: 0, 6: 2}, wander=0.0), ["a"])
+        filter.update(found={"a": 3})
+        filter.predict()
+        assert filter.probability("a") == {6: 1.0}
+
+
 def test_a_goal_that_is_not_on_the_map_is_named():
     with context(2, [(0, 1)]) as ctx, pytest.raises(UnknownName, match="node 7"):
         belief.Filter(ctx, belief.to_goals([0, 7]), ["a"])

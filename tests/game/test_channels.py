@@ -318,6 +318,18 @@ def test_what_is_sent_and_heard_shares_nothing():
         assert result.messages[0]["body"] == {"list": [1]}
 
 
+@pytest.mark.parametrize(
+    "body", [None, b"ab", (1, [2]), [1, "a"], {"a": 1.5}, {"a": {"b": [1]}}, {1, 2}, frozenset({1}), [], {}]
+)
+def test_each_receiver_gets_a_body_of_any_plain_kind_as_it_was_sent(body):
+    with world(dict.fromkeys(ROAD, 0), plan=once([send(None, body)])) as ctx:
+        ctx.game.add_channel("radio", range_m=0)
+        ctx.game.run(2)
+        [[bob], [cat]] = inboxes(ctx, "bob").values(), inboxes(ctx, "cat").values()
+    assert bob == cat == [body]
+    assert type(bob[0]) is type(body)
+
+
 # -- declarations -------------------------------------------------------------------------------------------------
 
 
@@ -385,16 +397,27 @@ def test_what_is_under_way_on_a_channel_that_is_removed_does_not_arrive():
         assert inboxes(ctx, "bob") == {2: ["by pipe"]}
 
 
+JAMMERS = [("agent", "ann"), ("agent", "ane"), ("team", "red"), ("team", "rid"), ("at", 3), ("at", 99)]
+
+
 def test_names_that_nothing_has_are_warned_about_once(caplog):
     with world(ROAD, teams={"ann": "red"}) as ctx:
         ctx.logger.setLevel("WARNING")
         ctx.game.add_channel(
-            "radio", hops=1, teams=["red", "rad"], eavesdroppers=["bob", "bib"], jammers=[{"at": 99, "radius_m": 1}]
+            "radio",
+            hops=1,
+            teams=["red", "rad"],
+            relay=["cat", "cet"],
+            eavesdroppers=["bob", "bib"],
+            jammers=[{key: name, "radius_m": 1} for key, name in JAMMERS],
         )
         ctx.game.run(2)
     assert [record.getMessage().split(".")[0] for record in caplog.records] == [
+        "radio: Unknown agent or team 'ane'",
         "radio: Unknown agent or team 'bib'",
+        "radio: Unknown agent or team 'cet'",
         "radio: Unknown agent or team 'rad'",
+        "radio: Unknown agent or team 'rid'",
         "radio: Unknown node of a jammer: 99",
     ]
 
@@ -456,6 +479,15 @@ def test_buildings_block_sight_and_drones_see_over_them():
         )
         ctx.game.add_channel("radio", line_of_sight=True)
         assert reach_of(ctx) == {"cat": 2, "drone": 2}
+
+
+def test_only_agents_that_a_message_is_for_and_reaches_can_lose_it():
+    places = {"ann": 0, "bob": 1, "dan": 1, "eve": 5, "fay": 5}
+    jammers = [{"agent": "fay", "radius_m": 1}]
+    with world(places, teams={"bob": "red", "eve": "red", "fay": "red"}, plan=once([send("red")])) as ctx:
+        ctx.game.add_channel("radio", range_m=20, loss=1.0, jammers=jammers)
+        [message] = ctx.game.run(1).messages
+    assert (message["heard"], message["lost"], message["jammed"]) == ({}, ["bob"], [])
 
 
 def test_relays_pass_on_and_each_takes_the_delay():

@@ -217,6 +217,19 @@ def test_fields_are_checked_by_their_kinds(road, kind, good, bad):
     assert [error["agent"] for error in result.errors] == ["bob"]
 
 
+def test_a_choice_must_be_one_of_those_and_may_be_given_alone(road):
+    road.game.deeds = {"look": {"way": ["north", 3]}}
+    road.plans["ann"] = [{"do": {"look": given}} for given in ("north", "nort", "x", 3.0, {})]
+    result = road.game.run(5)
+    assert [deed["way"] for deed in result.deeds] == ["north"]
+    assert [error["message"].split(": ", 1)[1] for error in result.errors] == [
+        "'way' of the deed 'look' cannot be 'nort'. Did you mean 'north'?",
+        "'way' of the deed 'look' cannot be 'x'. Use one of: 'north', 3.",
+        "'way' of the deed 'look' cannot be 3.0. Use one of: 'north', 3.",
+        "There is no 'way' of the deed 'look'; it needs 'way'.",
+    ]
+
+
 def test_a_check_refuses_moves_and_deeds_before_they_are_done(road):
     road.plans = {"ann": [{"node_id": 1, "do": {"attack": "bob", "wait": None}}], "bob": [8]}
 

@@ -33,6 +33,7 @@ def test_a_place_that_is_contested_stops_the_count_and_one_that_is_left_begins_i
     #     turn: 1  2  3  4  5  6  7
     ctx = road(a=("red", 4, 4, 4, 4, 4, 3, 4, 4), b=("blue", 6, 6, 5, 4, 5, 5, 5, 5))
     ctx.game.add(hold(4, 9))
+    assert count(ctx) == (None, 0)
     seen = []
     for _ in range(7):
         ctx.game.step()
@@ -168,6 +169,14 @@ def test_without_sensors_an_agent_sees_its_own_node(road):
     ctx = road(a=("red", 0, 1, 2), nobodys=(None, 1))
     ctx.game.add(discover([1], teams="red"))
     assert [event["turn"] for event in ctx.game.run(2).events] == [1]
+
+
+def test_agents_of_no_team_and_of_other_teams_discover_nothing(road):
+    ctx = road(a=("red", 0, 1), b=("blue", 1), nobodys=(None, 1))
+    ctx.game.add(discover([1], teams="red"))
+    ctx.game.add(discover([1], key="seen by all"))
+    seen = ctx.game.run(1).events
+    assert [(event["agent"], event["first"]) for event in seen] == [("a", True), ("a", True), ("b", True)]
 
 
 def test_agents_on_the_ground_may_see_some_edges_ahead(road):
