@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, ContextTerminated, NoPath, NotOffered, UnknownName
-from gamms.graph import Graph, cache, routes
-from gamms.graph.cache import Cache
+from gamms.graph import Graph, routes, store
+from gamms.graph.store import Cache
 from gamms.typing import IGraph, graph_engine
 
 WITHOUT_SCIPY = """
@@ -363,7 +363,7 @@ def test_memory_is_bounded_and_the_oldest_goes_first():
     ask("a", revision=2)
     assert made[4:] == ["too large", "too large", "a"]
     assert kept.bytes == 40
-    assert cache._bytes(table(7)) == 7
+    assert store._bytes(table(7)) == 7
 
 
 def test_many_targets_stay_within_the_bound(monkeypatch):

@@ -15,7 +15,7 @@ from gamms.graph.store import GraphStore
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, IPackedGraph, ObsFace
+from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, IPackedGraph, ObsFace, RouteQueries
 from gamms.typing.memory_engine import StoreType
 from gamms.typing.obstacles import Faces, line_ends
 
@@ -291,6 +291,11 @@ class GraphEngine(Guarded, IGraphEngine):
             self._phase.refuse("call ctx.graph.place without rng=state['rng']")
             rng = self._storage.place_stream()
         return self.graph.place(n, near, radius, apart, rng)
+
+    @property
+    def routes(self) -> RouteQueries:
+        """Routing queries that ask of several paths or places: k shortest paths, isochrones, the nearest of many."""
+        return self.graph.routes
 
     @property
     def crs(self) -> str | None:

@@ -19,6 +19,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
 from gamms.typing.graph_engine import IGraph, IPackedGraph, Node, NodeColumns, NodeIds, Numbers, OSMEdge, Surroundings
+from gamms.typing.routes import RouteQueries
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -40,6 +41,7 @@ class Graph(Guarded, IGraph):
         self._phase = phase
         self._store = GraphStore() if store is None else store
         self._routes = CachedRoutes(self._store)
+        self._queries = RouteQueries(self._routes, self.columns)
         self._shown: GraphColumns | None = None  # read-only all the way down, for strategies
 
     @property
@@ -286,6 +288,11 @@ class Graph(Guarded, IGraph):
     def weights(self, weight: str | None = "length") -> FloatArray:
         """Return what each edge costs, (edges,) in insertion order."""
         return edge_weights(self._store.columns(), weight)
+
+    @property
+    def routes(self) -> RouteQueries:
+        """Routing queries that ask of several paths or places."""
+        return self._queries
 
     def shortest_path(
         self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None

@@ -17,12 +17,11 @@ from gamms import kernels
 from gamms.arguments import as_range
 from gamms.errors import BadType, UnknownName, nearest
 from gamms.graph import records
-from gamms.graph.cache import Cache
-from gamms.graph.store import GraphStore
+from gamms.graph.store import Cache, GraphStore
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
-from gamms.typing.graph_engine import RememberedT, Routes
 from gamms.typing.graph_values import NodeIds
+from gamms.typing.routes import RememberedT, Routes
 
 _SHARE = 16  # searches for one goal may expand one node in so many before its table is made
 _MOST_STEPS = 1 << 18  # on paths that were found, about 200 bytes each
@@ -58,7 +57,7 @@ class CachedRoutes(Routes):
         self._store = store
         self.cache = Cache(_MOST_BYTES)
         self._seconds = 0.0
-        self._searches: dict[str | None, kernels.LocalSearch] = {}  # by weight
+        self._searches: dict[tuple[str | None, bool], kernels.LocalSearch] = {}  # by weight; reversed or not
         self._goals: dict[tuple[str | None, int], Goal] = {}  # by weight and row
         self._searched_revision: int | None = None
         self._steps_kept = 0
@@ -94,17 +93,30 @@ class CachedRoutes(Routes):
         goal = None if self._has_table(("steps", weight, end)) else self._goal(row, end, weight)
         return super().next_rows(row, end, weight) if goal is None else goal.steps
 
-    def distance_between(self, row: int, end: int, weight: str | None) -> float:
-        """Return the distance from a row to row `end`."""
+    def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
+        """Return the distance from a row to row `end`; perhaps infinite, if it is greater than `within`."""
         check_weight(weight)
-        goal = None if self._has_table((weight, self.ids().item(end))) else self._goal(row, end, weight)
-        return super().distance_between(row, end, weight) if goal is None else goal.distances[row]
+        goal = None if self._has_table((weight, self.ids().item(end))) else self._goal(row, end, weight, within)
+        return super().distance_between(row, end, weight) if goal is None else goal.distances.get(row, inf)
+
+    def matrix_line(self, root: int, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
+        """Return the distances (others,) from a row to others, or to it where reversed."""
+        wanted = others.tolist()
+        found = self.search(weight, reverse=reverse).distances(root, set(wanted), len(self.ids()) // _SHARE)
+        if found is None:
+            return super().matrix_line(root, others, weight, reverse=reverse)
+        return np.array([found.get(one, inf) for one in wanted], np.float64)
+
+    def least_distances(self, row: int, ends: IntArray, weight: str | None) -> FloatArray:
+        """Return (ends,) what the ways from a row to others take at least."""
+        check_weight(weight)
+        return self.search(weight).least_distances(row, ends)
 
     def _has_table(self, key: Hashable) -> bool:
         return self.cache.revision == self._store.revision and key in self.cache.entries
 
-    def _goal(self, row: int, end: int, weight: str | None) -> Goal | None:
-        """Return what is known of a goal, this row among it; None: a table is cheaper."""
+    def _goal(self, row: int, end: int, weight: str | None, within: float = inf) -> Goal | None:
+        """Return what is known of a goal, this row among it unless it is farther away; None: a table is cheaper."""
         search = self.search(weight)
         goal = self._goals.get((weight, end))
         if goal is None:
@@ -112,19 +124,21 @@ class CachedRoutes(Routes):
         if row in goal.distances:
             return goal
         left = len(self.ids()) // _SHARE - goal.expanded
-        found = search.search(row, end, left)
+        found = search.search(row, end, left, within)
         if found is None:
             goal.expanded += left
             return None
         goal.expanded += found.expanded
-        steps = kernels.best_steps(row, end, found, self.ids().data)
-        goal.steps.update(steps or {row: -1})
-        goal.distances.update({one: found.distances[one] for one in steps} or {row: found.distances.get(row, inf)})
-        self._steps_kept += len(steps) + 1
+        far = found.distances.get(row, inf)
+        if far <= within:
+            steps = kernels.best_steps(row, end, found, self.ids().data)
+            goal.steps.update(steps or {row: -1})
+            goal.distances.update({one: found.distances[one] for one in steps} or {row: far})
+            self._steps_kept += len(steps) + 1
         return goal
 
-    def search(self, weight: str | None) -> kernels.LocalSearch:
-        """Return the search for single paths at this revision of the graph; what was found at another is discarded."""
+    def search(self, weight: str | None, *, reverse: bool = True) -> kernels.LocalSearch:
+        """Return the search for near nodes at this revision of the graph; what was found at another is discarded."""
         revision = self._store.revision
         if revision != self._searched_revision:
             self._searches.clear()
@@ -132,10 +146,10 @@ class CachedRoutes(Routes):
         if not self._searches or self._steps_kept > _MOST_STEPS:
             self._goals.clear()
             self._steps_kept = 0
-        found = self._searches.get(weight)
+        found = self._searches.get((weight, reverse))
         if found is None:
-            arcs = self._arcs(weight, reverse=True)
-            found = self._searches[weight] = kernels.LocalSearch(arcs, self._store.columns().xy)
+            arcs = self.arcs(weight, reverse=reverse)
+            found = self._searches[weight, reverse] = kernels.LocalSearch(arcs, self._store.columns().xy)
         return found
 
     def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:

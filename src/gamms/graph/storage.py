@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.graph.cache import Cache
 from gamms.graph.obstacles import Obstacles
-from gamms.graph.store import GraphStore
+from gamms.graph.store import Cache, GraphStore
 from gamms.ir.graph import GraphColumns
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.text import shown

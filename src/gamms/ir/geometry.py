@@ -82,6 +82,49 @@ def distances_to_lines(points: FloatArray, starts: FloatArray, ends: FloatArray)
     return distances
 
 
+class LineTree:
+    """Finds the nearest of many polylines by an R-tree, which takes a second for a million lines to build.
+
+    Args:
+        ends: (lines, 2, 2) first and last point of each.
+        polylines: line -> (points, 2), of those that are not straight.
+    """
+
+    def __init__(self, ends: FloatArray, polylines: Mapping[int, FloatArray]) -> None:
+        import shapely
+
+        lines = shapely.linestrings(ends)
+        if polylines:
+            shapes = list(polylines.values())
+            counts = [len(shape) for shape in shapes]
+            numbers = np.repeat(np.arange(len(shapes)), counts)
+            lines[list(polylines)] = shapely.linestrings(np.concatenate(shapes), indices=numbers)
+        self._tree, self._point = shapely.STRtree(lines), shapely.Point
+
+    def nearest(self, place: tuple[float, float]) -> int:
+        """Return the line nearest to a place; of several within a billionth of the distance, the first."""
+        point = self._point(place)
+        (line,), (distance,) = self._tree.query_nearest(point, return_distance=True, all_matches=False)
+        as_near = self._tree.query(point, predicate="dwithin", distance=distance * (1.0 + 1e-9))
+        return int(min([line, *as_near]))
+
+
+def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, float]:
+    """Return the point of a polyline (points, 2) that is nearest to a place.
+
+    Returns:
+        Its share of the way along the polyline, from 0 to 1, and its distance from the place.
+    """
+    steps = np.diff(points, axis=0)
+    lengths = np.hypot(*steps.T)
+    squares = np.where(lengths > 0.0, lengths**2, 1.0)
+    shares = np.clip(((np.array(place) - points[:-1]) * steps).sum(axis=1) / squares, 0.0, 1.0)
+    off = np.hypot(*(points[:-1] + shares[:, None] * steps - place).T)
+    at = int(off.argmin())
+    gone, whole = float(lengths[:at].sum() + shares[at] * lengths[at]), float(lengths.sum())
+    return (gone / whole if whole else 0.0), float(off[at])
+
+
 def line_string_class() -> "type[LineString]":
     """Return Shapely's LineString itself, which 1.0.0 could be asked for."""
     import shapely

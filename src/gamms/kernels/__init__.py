@@ -45,6 +45,7 @@ from gamms.kernels.paths import (
     least_matching,
     make_arcs,
     shortest_distances,
+    simple_paths,
     tight_arcs,
 )
 from gamms.kernels.rings import closed_rings

@@ -3,16 +3,15 @@
 
 import os
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from math import inf, pi
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_int, as_range
-from gamms.errors import BadValue, NoPath, NotOffered, UnknownName
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.errors import BadValue, NotOffered
+from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.text import shown
 from gamms.typing.graph_values import (
     Corner,
@@ -27,12 +26,11 @@ from gamms.typing.graph_values import (
 )
 from gamms.typing.map_storage import IMapStorage, IPackedGraph
 from gamms.typing.obstacles import IObstacles, IVisibility
+from gamms.typing.routes import EdgeRoutes, NearestEdge, RouteQueries, Routes
 
 if TYPE_CHECKING:
     import networkx as nx
     from numpy.random import Generator
-
-RememberedT = TypeVar("RememberedT", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 
 __all__ = [
     "Corner",
@@ -43,12 +41,14 @@ __all__ = [
     "IObstacles",
     "IPackedGraph",
     "IVisibility",
+    "NearestEdge",
     "Node",
     "NodeColumns",
     "NodeIds",
     "Numbers",
     "OSMEdge",
     "ObsFace",
+    "RouteQueries",
     "Routes",
     "Surroundings",
 ]
@@ -223,7 +223,7 @@ class IGraph(ABC):
             UnknownName (KeyError): there is no such node.
             NoPath (ValueError): there is no path.
         """
-        return _Routes(self).shortest_path(source, target, weight, most_edges)
+        return self._routes_now().shortest_path(source, target, weight, most_edges)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the distance from one node to another, summed from the target; infinite where there is no path.
@@ -231,7 +231,7 @@ class IGraph(ABC):
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        return _Routes(self).distance(source, target, weight)
+        return self._routes_now().distance(source, target, weight)
 
     def distances(
         self,
@@ -256,7 +256,7 @@ class IGraph(ABC):
             UnknownName (KeyError): there is no such node.
             BadValue (ValueError): both or neither of source and target, or a negative cutoff.
         """
-        return _Routes(self).distances(source, target, weight, cutoff)
+        return self._routes_now().distances(source, target, weight, cutoff)
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
         """Return the distances by path from each of some nodes to each of others.
@@ -268,7 +268,11 @@ class IGraph(ABC):
         Raises:
             UnknownName (KeyError): there is no such node.
         """
-        return _Routes(self).distance_matrix(sources, targets, weight)
+        return self._routes_now().distance_matrix(sources, targets, weight)
+
+    def _routes_now(self) -> Routes:
+        ends = [(edge.source, edge.target) for edge in map(self.get_edge, self.get_edges())]
+        return EdgeRoutes(list(self.get_nodes()), ends, self.weights)
 
     # -- places: may override -----------------------------------------------------------------------------------
 
@@ -339,153 +343,6 @@ class _Neighborhoods(dict[int, Sequence[int]]):
         return [node_id, *(other for other in self._graph.get_neighbors(node_id) if other != node_id)]
 
 
-class Routes(ABC):
-    """Answers routing queries of one graph; see `IGraph` for what each call promises."""
-
-    @abstractmethod
-    def ids(self) -> IntArray:
-        """Return the ids of all nodes (nodes,), by row; called before rows are asked for."""
-
-    @abstractmethod
-    def ends(self) -> tuple[IntArray, IntArray]:
-        """Return the rows of sources and targets, (edges,) each."""
-
-    @abstractmethod
-    def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
-
-    @abstractmethod
-    def rows(self, nodes: NodeIds, name: str) -> IntArray:
-        """Return the rows of one node or of several (KeyError)."""
-
-    def row(self, node_id: int) -> int:
-        """Return the row of a node (KeyError); override for speed."""
-        return int(self.rows(node_id, "a node")[0])
-
-    def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
-        """Return what `make` gives; override to make it once."""
-        return make()
-
-    def next_rows(self, row: int, end: int, weight: str | None) -> "Mapping[int, int] | memoryview":
-        """Return the row of the next node on the path to row `end`, -1 where there is none, by row.
-
-        Requires: only `row` and what follows it on the path are looked up. Override for speed.
-        """
-        (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
-        return steps.data
-
-    def distance_between(self, row: int, end: int, weight: str | None) -> float:
-        """Return the distance from a row to row `end`, infinite where there is no path; override for speed."""
-        found: float = self._distances_to(end, weight)[row]
-        return found
-
-    def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
-        """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
-        most = len(self.ids()) if most_edges is None else as_count(most_edges, "most_edges")
-        ids = self.ids().data
-        row, end = self.row(source), self.row(target)
-        next_of = self.next_rows(row, end, weight)
-        path = [ids[row]]
-        while row != end and len(path) <= most:
-            row = next_of[row]
-            if row < 0:
-                raise NoPath(source, target)
-            path.append(ids[row])
-        return path
-
-    def distance(self, source: int, target: int, weight: str | None) -> float:
-        """Return the distance from one node to another; infinite where there is no path."""
-        self.ids()
-        return self.distance_between(self.row(source), self.row(target), weight)
-
-    def distances(
-        self, source: NodeIds | None, target: NodeIds | None, weight: str | None, cutoff: float | None
-    ) -> dict[int, float]:
-        """Return the distances from the nearest source to each node, or from each node to the nearest target."""
-        given = [nodes for nodes in (source, target) if nodes is not None]
-        if len(given) != 1:
-            raise BadValue(
-                "Give distances either source= or target=, not both and not neither. "
-                "The way from one node to another is graph.distance(source, target)."
-            )
-        rows = self.rows(given[0], "target" if source is None else "source")
-        limit = inf if cutoff is None else as_range(cutoff, "cutoff")
-        found = self._distances(rows, weight, limit, reverse=source is None)
-        near = np.flatnonzero(np.isfinite(found))
-        return dict(zip(self.ids()[near].tolist(), found[near].tolist(), strict=True))
-
-    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
-        """Return the distances (sources, targets), searched from the side with fewer different nodes."""
-        starts, ends = self.rows(sources, "sources"), self.rows(targets, "targets")
-        (from_starts, start_of), (from_ends, end_of) = (np.unique(side, return_inverse=True) for side in (starts, ends))
-        reverse = len(from_ends) <= len(from_starts)
-        arcs = self._arcs(weight, reverse=reverse)
-        roots, others = (from_ends, starts) if reverse else (from_starts, ends)
-        found = np.empty((len(roots), len(others)))
-        for line, root in zip(found, roots, strict=True):
-            line[:] = kernels.shortest_distances(arcs, np.array([root]))[others]
-        return found[end_of].T.copy() if reverse else found[start_of]
-
-    def _steps(self, end: int, weight: str | None) -> tuple[IntArray]:
-        """Return for every node the row of the next one on the path to row `end`; -1 where there is none."""
-        distances = np.asarray(self._distances_to(end, weight))
-        tight = kernels.tight_arcs(self._arcs(weight, reverse=True), distances)
-        hops = kernels.shortest_distances(tight, np.array([end]))
-        return (kernels.first_steps(tight, hops, self.ids()).astype(np.int32),)
-
-    def _distances_to(self, end: int, weight: str | None) -> memoryview:
-        def make() -> tuple[memoryview]:
-            return (kernels.shortest_distances(self._arcs(weight, reverse=True), np.array([end])).data,)
-
-        return self.remember((weight, self.ids().item(end)), make)[0]
-
-    def _distances(self, rows: IntArray, weight: str | None, cutoff: float, *, reverse: bool) -> FloatArray:
-        if reverse and cutoff == inf and len(rows) == 1:
-            return np.asarray(self._distances_to(rows.item(), weight))
-
-        def make() -> tuple[FloatArray]:
-            return (kernels.shortest_distances(self._arcs(weight, reverse=reverse), rows, cutoff),)
-
-        return self.remember(("distances", weight, reverse, cutoff, np.unique(rows).tobytes()), make)[0]
-
-    def _arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
-        def make() -> kernels.Arcs:
-            ends = self.ends()[::-1] if reverse else self.ends()
-            return kernels.make_arcs(*ends, self.weights(weight), len(self.ids()))
-
-        return self.remember(("arcs", weight, reverse), make)
-
-
-class _Routes(Routes):
-    """The slow default of routing, which reads the whole graph for each query."""
-
-    def __init__(self, graph: IGraph) -> None:
-        self._graph = graph
-        self._row_of = {id: row for row, id in enumerate(graph.get_nodes())}
-        edges = [graph.get_edge(id) for id in graph.get_edges()]
-        self._ends = [self.rows([getattr(edge, end) for edge in edges], end) for end in ("source", "target")]
-
-    def ids(self) -> IntArray:
-        """Return the ids of all nodes (nodes,), by row."""
-        return np.array([*self._row_of], np.int64)
-
-    def ends(self) -> tuple[IntArray, IntArray]:
-        """Return the rows of sources and targets, (edges,) each."""
-        return self._ends[0], self._ends[1]
-
-    def weights(self, weight: str | None) -> FloatArray:
-        """Return what each edge costs, (edges,)."""
-        return self._graph.weights(weight)
-
-    def rows(self, nodes: NodeIds, name: str) -> IntArray:
-        """Return the rows of one node or of several (KeyError)."""
-        ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
-        for id in ids:
-            if id not in self._row_of:
-                raise UnknownName("node", id)
-        return np.array([self._row_of[id] for id in ids], np.int64)
-
-
 class IGraphEngine(IObstacles):
     """Owns the graph and its obstacles."""
 
@@ -513,6 +370,11 @@ class IGraphEngine(IObstacles):
         Raises:
             BadFile (ValueError): the file is damaged or foreign.
         """
+
+    @property
+    def routes(self) -> RouteQueries:
+        """Routing queries that ask of several paths or places: k shortest paths, isochrones, the nearest of many."""
+        return RouteQueries(self.graph._routes_now(), self.columns)
 
     def visibility(
         self,

@@ -1,0 +1,344 @@
+"""Routing queries of one graph, from what each implementation of a graph offers: ids, ends and weights of edges."""
+# ruff: noqa: ARG002 - a default reads no arguments that only faster ones need
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from itertools import islice
+from math import inf
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_count, as_float, as_int, as_range
+from gamms.errors import BadValue, NoPath, UnknownName
+from gamms.ir import geometry
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.typing.graph_values import NodeIds
+
+RememberedT = TypeVar("RememberedT", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
+
+
+class Routes(ABC):
+    """Answers routing queries of one graph; see `IGraph` for what each call promises."""
+
+    @abstractmethod
+    def ids(self) -> IntArray:
+        """Return the ids of all nodes (nodes,), by row; called before rows are asked for."""
+
+    @abstractmethod
+    def ends(self) -> tuple[IntArray, IntArray]:
+        """Return the rows of sources and targets, (edges,) each."""
+
+    @abstractmethod
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
+
+    @abstractmethod
+    def rows(self, nodes: NodeIds, name: str) -> IntArray:
+        """Return the rows of one node or of several (KeyError)."""
+
+    def row(self, node_id: int) -> int:
+        """Return the row of a node (KeyError); override for speed."""
+        return int(self.rows(node_id, "a node")[0])
+
+    def remember(self, key: Hashable, make: Callable[[], RememberedT]) -> RememberedT:
+        """Return what `make` gives; override to make it once."""
+        return make()
+
+    def next_rows(self, row: int, end: int, weight: str | None) -> "Mapping[int, int] | memoryview":
+        """Return the row of the next node on the path to row `end`, -1 where there is none, by row.
+
+        Requires: only `row` and what follows it on the path are looked up. Override for speed.
+        """
+        (steps,) = self.remember(("steps", weight, end), lambda: self._steps(end, weight))
+        return steps.data
+
+    def distance_between(self, row: int, end: int, weight: str | None, within: float = inf) -> float:
+        """Return the distance from a row to row `end`, infinite where there is no path; override for speed.
+
+        One that is greater than `within` may be infinite as well.
+        """
+        found: float = self.distances_to(end, weight)[row]
+        return found
+
+    def matrix_line(self, root: int, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
+        """Return the distances (others,) from a row to others, or to it where reversed; override for speed."""
+        found: FloatArray = kernels.shortest_distances(self.arcs(weight, reverse=reverse), np.array([root]))[others]
+        return found
+
+    def least_distances(self, row: int, ends: IntArray, weight: str | None) -> FloatArray:
+        """Return (ends,) what the ways from a row to others take at least; override for speed."""
+        return np.zeros(len(ends))
+
+    def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
+        """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
+        most = len(self.ids()) if most_edges is None else as_count(most_edges, "most_edges")
+        ids = self.ids().data
+        row, end = self.row(source), self.row(target)
+        next_of = self.next_rows(row, end, weight)
+        path = [ids[row]]
+        while row != end and len(path) <= most:
+            row = next_of[row]
+            if row < 0:
+                raise NoPath(source, target)
+            path.append(ids[row])
+        return path
+
+    def distance(self, source: int, target: int, weight: str | None) -> float:
+        """Return the distance from one node to another; infinite where there is no path."""
+        self.ids()
+        return self.distance_between(self.row(source), self.row(target), weight)
+
+    def distances(
+        self, source: NodeIds | None, target: NodeIds | None, weight: str | None, cutoff: float | None
+    ) -> dict[int, float]:
+        """Return the distances from the nearest source to each node, or from each node to the nearest target."""
+        given = [nodes for nodes in (source, target) if nodes is not None]
+        if len(given) != 1:
+            raise BadValue(
+                "Give distances either source= or target=, not both and not neither. "
+                "The way from one node to another is graph.distance(source, target)."
+            )
+        rows = self.rows(given[0], "target" if source is None else "source")
+        limit = inf if cutoff is None else as_range(cutoff, "cutoff")
+        found = self._distances(rows, weight, limit, reverse=source is None)
+        near = np.flatnonzero(np.isfinite(found))
+        return dict(zip(self.ids()[near].tolist(), found[near].tolist(), strict=True))
+
+    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
+        """Return the distances (sources, targets), searched from the side with fewer different nodes."""
+        starts, ends = self.rows(sources, "sources"), self.rows(targets, "targets")
+        (from_starts, start_of), (from_ends, end_of) = (np.unique(side, return_inverse=True) for side in (starts, ends))
+        reverse = len(from_ends) <= len(from_starts)
+        roots, others = (from_ends, starts) if reverse else (from_starts, ends)
+        found = np.empty((len(roots), len(others)))
+        for line, root in zip(found, roots.tolist(), strict=True):
+            line[:] = self.matrix_line(root, others, weight, reverse=reverse)
+        return found[end_of].T.copy() if reverse else found[start_of]
+
+    def _steps(self, end: int, weight: str | None) -> tuple[IntArray]:
+        """Return for every node the row of the next one on the path to row `end`; -1 where there is none."""
+        distances = np.asarray(self.distances_to(end, weight))
+        tight = kernels.tight_arcs(self.arcs(weight, reverse=True), distances)
+        hops = kernels.shortest_distances(tight, np.array([end]))
+        return (kernels.first_steps(tight, hops, self.ids()).astype(np.int32),)
+
+    def distances_to(self, end: int, weight: str | None) -> memoryview:
+        """Return the distances to row `end` from every row."""
+
+        def make() -> tuple[memoryview]:
+            return (kernels.shortest_distances(self.arcs(weight, reverse=True), np.array([end])).data,)
+
+        return self.remember((weight, self.ids().item(end)), make)[0]
+
+    def _distances(self, rows: IntArray, weight: str | None, cutoff: float, *, reverse: bool) -> FloatArray:
+        if reverse and cutoff == inf and len(rows) == 1:
+            return np.asarray(self.distances_to(rows.item(), weight))
+
+        def make() -> tuple[FloatArray]:
+            return (kernels.shortest_distances(self.arcs(weight, reverse=reverse), rows, cutoff),)
+
+        return self.remember(("distances", weight, reverse, cutoff, np.unique(rows).tobytes()), make)[0]
+
+    def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
+        """Return the edges, or the reversed ones, with their weights."""
+
+        def make() -> kernels.Arcs:
+            ends = self.ends()[::-1] if reverse else self.ends()
+            return kernels.make_arcs(*ends, self.weights(weight), len(self.ids()))
+
+        return self.remember(("arcs", weight, reverse), make)
+
+
+class EdgeRoutes(Routes):
+    """The slow default of routing, made of ids for each query.
+
+    Args:
+        ids: of the nodes.
+        ends: ids of source and target of each edge.
+        weights: returns what each edge costs, (edges,), by the name of a weight.
+    """
+
+    def __init__(
+        self, ids: list[int], ends: list[tuple[int, int]], weights: Callable[[str | None], FloatArray]
+    ) -> None:
+        self._row_of = {id: row for row, id in enumerate(ids)}
+        self._ends = self.rows([pair[0] for pair in ends], "source"), self.rows([pair[1] for pair in ends], "target")
+        self._weights = weights
+
+    def ids(self) -> IntArray:
+        """Return the ids of all nodes (nodes,), by row."""
+        return np.array([*self._row_of], np.int64)
+
+    def ends(self) -> tuple[IntArray, IntArray]:
+        """Return the rows of sources and targets, (edges,) each."""
+        return self._ends
+
+    def weights(self, weight: str | None) -> FloatArray:
+        """Return what each edge costs, (edges,)."""
+        return self._weights(weight)
+
+    def rows(self, nodes: NodeIds, name: str) -> IntArray:
+        """Return the rows of one node or of several (KeyError)."""
+        ids = [as_int(id, "The id of a node") for id in (nodes if isinstance(nodes, Iterable) else [nodes])]
+        for id in ids:
+            if id not in self._row_of:
+                raise UnknownName("node", id)
+        return np.array([self._row_of[id] for id in ids], np.int64)
+
+
+class NearestEdge(NamedTuple):
+    """The place on an edge that is nearest to another place.
+
+    Attributes:
+        edge_id: of the edge.
+        offset: how far from its source the place is, in the unit of its `length`, from 0 to `length`.
+        distance: from the other place in a straight line, map units.
+    """
+
+    edge_id: int
+    offset: float
+    distance: float
+
+
+class RouteQueries:
+    """Routing queries that ask of several paths or places: `ctx.graph.routes`.
+
+    What one path or distance is, and what a `weight` is, `IGraph` says.
+
+    Args:
+        routes: of the graph.
+        columns: returns the graph.
+    """
+
+    def __init__(self, routes: Routes, columns: Callable[[], GraphColumns]) -> None:
+        self._routes, self._columns = routes, columns
+        self._tree: tuple[int, geometry.LineTree] | None = None
+
+    def k_shortest_paths(self, source: int, target: int, k: int, weight: str | None = "length") -> list[list[int]]:
+        """Return up to `k` shortest paths without circles from one node to another, the shortest first.
+
+        Yen's algorithm (1971) with Lawler's improvement (1972); each detour is found by A* with the distances to the
+        target, a table that is made once for each target. Of parallel edges the cheapest counts.
+
+        Args:
+            source: id of the first node.
+            target: id of the last node.
+            k: how many, 1 at least.
+            weight: see above.
+
+        Returns:
+            Ids of the nodes on each path; fewer than `k` paths where there are no more, none where there is none. The
+            first is `shortest_path`. Equally long ones follow by the number of edges, as far as rounding lets them be
+            equal.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+            BadValue (ValueError): `k` is less than 1.
+        """
+        most, routes = as_count(k, "k"), self._routes
+        ids = routes.ids().data
+        row, end = routes.row(source), routes.row(target)
+        rests = routes.distances_to(end, weight)
+        if rests[row] == inf:
+            return []
+        next_of, first = routes.next_rows(row, end, weight), [row]
+        while first[-1] != end:
+            first.append(next_of[first[-1]])
+        found = kernels.simple_paths(routes.arcs(weight, reverse=False), rests, first)
+        return [[ids[one] for one in path] for path in islice(found, most)]
+
+    def isochrones(self, sources: NodeIds, limits: Sequence[float], weight: str | None = "length") -> list[IntArray]:
+        """Return which nodes are within each of several limits of the nearest of some nodes, by path from there.
+
+        Dijkstra's algorithm, once, up to the greatest limit.
+
+        Args:
+            sources: one node id, or several.
+            limits: in the unit of the weight, such as metres or seconds; in any order.
+            weight: see above.
+
+        Returns:
+            For each limit an array (nodes,) of the ids of the nodes whose distance is at most that, in insertion order.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+            BadValue (ValueError): a limit is negative or NaN.
+        """
+        reach = [as_range(limit, "A limit") for limit in limits]
+        found = self._routes.distances(sources, None, weight, max(reach)) if reach else {}
+        ids, far = np.array([*found], np.int64), np.array([*found.values()], np.float64)
+        return [ids[far <= limit] for limit in reach]
+
+    def nearest(
+        self, source: int, targets: Iterable[int], weight: str | None = "length", within: float = inf
+    ) -> int | None:
+        """Return which of several nodes is nearest by path from a node; None where no path leads to any.
+
+        It asks for the `distance` to one after the other, by what the straight line leaves possible, and stops once
+        no other can be nearer: so what is far costs nothing where something is near.
+
+        Args:
+            source: node id.
+            targets: node ids.
+            weight: see above.
+            within: greater distances count as no path.
+
+        Returns:
+            The id; of several that are equally near, by `distance`, the one that was given first.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+            BadValue (ValueError): `within` is negative or NaN.
+        """
+        routes, best, found = self._routes, as_range(within, "within"), None
+        ids = routes.ids()
+        row, ends = routes.row(source), routes.rows(targets, "targets")
+        least = routes.least_distances(row, ends, weight)
+        for at in np.argsort(least, kind="stable").tolist():
+            if least[at] > best:
+                break
+            far = routes.distance_between(row, ends.item(at), weight, best)
+            if far < best or (far == best < inf and (found is None or at < found)):
+                best, found = far, at
+        return None if found is None else ids.item(ends.item(found))
+
+    def nearest_edge(self, x: float, y: float, within: float | None = None) -> NearestEdge | None:
+        """Return the edge that is nearest to a place by the straight line, and where on it.
+
+        The polylines of the edges count. They are put into an R-tree (shapely's `STRtree`, packed as by Leutenegger,
+        Lopez and Edgington, 1997), once for each revision of the graph.
+
+        Args:
+            x: map units.
+            y: map units.
+            within: edges that are farther away do not count, map units; None: all do.
+
+        Returns:
+            Of several that are equally near up to rounding, such as both directions of a street, the first in insertion
+            order; None where there is none within the distance.
+
+        Raises:
+            BadValue (ValueError): the place or the distance is none, or there are no edges and no `within`.
+        """
+        place = as_float(x, "x"), as_float(y, "y")
+        limit = inf if within is None else as_range(within, "within")
+        columns = self._columns()
+        if not len(columns.edge_ids) and within is None:
+            raise BadValue("The graph has no edges, so none is nearest. Add edges first.")
+        if not len(columns.edge_ids):
+            return None
+        row = self._line_tree(columns).nearest(place)
+        ends = columns.xy[[columns.sources[row], columns.targets[row]]]
+        share, distance = geometry.nearest_on(columns.polylines.get(row, ends), place)
+        if distance > limit:
+            return None
+        return NearestEdge(columns.edge_ids.item(row), share * columns.lengths.item(row), distance)
+
+    def _line_tree(self, columns: GraphColumns) -> geometry.LineTree:
+        """Return the tree of the edges; built once for each revision of the graph."""
+        if self._tree is None or self._tree[0] != columns.revision:
+            ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
+            self._tree = columns.revision, geometry.LineTree(ends, columns.polylines)
+        return self._tree[1]
