@@ -278,14 +278,16 @@ def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
     """Return the legal node nearest to the nearest enemy; of several, the one that leaves it the smallest cell."""
     here, me = state["curr_pos"], state.get("name")
     name = min(enemies, key=lambda one: turns_to(ctx, one, here, enemies[one]))  # they are in the order of the names
-    legal = sorted(legal_on_map(ctx, state))
-    own = 1.0 + turns_from(ctx, me, legal)
+    far = {node: turns_to(ctx, me, node, enemies[name]) for node in sorted(legal_on_map(ctx, state))}
+    nearest = [node for node, turns in far.items() if turns == min(far.values())]
+    if len(nearest) == 1:
+        return nearest[0]
+    own = 1.0 + turns_from(ctx, me, nearest)
     theirs = turns_from(ctx, name, [enemies[name]])[0]
     for mate, node in mates_in_sight(ctx, state).items():
         own = np.minimum(own, turns_from(ctx, mate, [node]))
     sizes = (theirs < own).sum(axis=1).tolist()
-    far = [turns_to(ctx, me, node, enemies[name]) for node in legal]
-    return min(zip(far, sizes, legal, strict=True))[2]
+    return min(zip(sizes, nearest, strict=True))[1]
 
 
 def _out_of_reach(ctx: Context, state: State, enemies: dict[str, int]) -> Sequence[int]:
