@@ -47,7 +47,7 @@ def street_of(make_map, cross, tags):
         ({"highway": "service"}, "WALK BIKE"),
         ({"highway": "service", "service": "driveway"}, "WALK BIKE"),
         ({"highway": "residential", "access": "private"}, ""),
-        ({"highway": "residential", "access": "no"}, "WALK BIKE DRIVE"),
+        ({"highway": "residential", "access": "no"}, ""),
         ({"highway": "residential", "foot": "no"}, "BIKE DRIVE"),
         ({"highway": "residential", "bicycle": "no"}, "WALK DRIVE"),
         ({"highway": "residential", "motor_vehicle": "no"}, "WALK BIKE"),
@@ -58,7 +58,7 @@ def street_of(make_map, cross, tags):
 )
 def test_roads_are_open_to_some_and_closed_to_others(make_map, cross, tags, open_to):
     path = street_of(make_map, cross, tags)
-    found = [kind.name for kind in OSMType if "second" in names(graph_from_file(path, osm_type=kind))]
+    found = [kind.name for kind in OSMType if "second" in names(graph_from_file(path, osm_type=kind, strong=False))]
     assert found == open_to.split()
 
 
@@ -88,13 +88,14 @@ def test_every_way_of_moving_has_its_rules():
 )
 def test_who_rides_or_drives_keeps_to_one_way_streets_by_default(make_map, cross, osm_type, bidirectional, edges):
     path = make_map(cross, ([1, 2], {**ROAD, "oneway": "yes"}))
-    assert graph_from_file(path, NO_CUT, bidirectional, osm_type=osm_type).number_of_edges() == edges
+    graph = graph_from_file(path, NO_CUT, bidirectional, osm_type=osm_type, strong=False)
+    assert graph.number_of_edges() == edges
 
 
 def test_bicycles_may_have_a_rule_of_their_own(make_map, cross):
     path = make_map(cross, ([1, 2], {**ROAD, "oneway": "yes", "oneway:bicycle": "no"}))
     assert graph_from_file(path, NO_CUT, osm_type=OSMType.BIKE).number_of_edges() == 2
-    assert graph_from_file(path, NO_CUT, osm_type=OSMType.DRIVE).number_of_edges() == 1
+    assert graph_from_file(path, NO_CUT, osm_type=OSMType.DRIVE, strong=False).number_of_edges() == 1
 
 
 def test_the_largest_part_is_the_largest_of_the_roads_that_are_open(make_map, cross):
@@ -105,14 +106,14 @@ def test_the_largest_part_is_the_largest_of_the_roads_that_are_open(make_map, cr
 
 
 def test_a_map_without_open_roads_is_refused(make_map, cross):
-    with pytest.raises(BadFile, match=r"no roads for OSMType\.DRIVE"):
+    with pytest.raises(BadFile, match="no roads for the mode 'drive'"):
         graph_from_file(make_map(cross, ([1, 2], {"highway": "steps"})), osm_type=OSMType.DRIVE)
 
 
 def test_a_way_of_moving_may_be_given_by_its_name(make_map, cross):
     path = make_map(cross, ([1, 2], {**ROAD, "oneway": "yes", "oneway:bicycle": "no"}))
     assert graph_from_file(path, NO_CUT, osm_type="bike").number_of_edges() == 2
-    assert graph_from_file(path, NO_CUT, osm_type="OSMType.DRIVE").number_of_edges() == 1
+    assert graph_from_file(path, NO_CUT, osm_type="OSMType.DRIVE", strong=False).number_of_edges() == 1
 
 
 @pytest.mark.parametrize("osm_type", ["driv", 2, True])
@@ -141,7 +142,8 @@ def test_without_simplifying_it_is_the_graph_of_graph_from_xml(make_map, curve):
 def test_the_graph_says_how_it_was_made(make_map, cross):
     graph = graph_from_file(make_map(cross, ([1, 2, 3], ROAD)), 20.0, osm_type=OSMType.BIKE).graph
     assert (graph["resolution"], graph["tolerance"], graph["osm_type"]) == (20.0, 0.5, "BIKE")
-    assert (graph["bidirectional"], graph["retain_all"], graph["simplify"]) == (False, False, True)
+    assert (graph["bidirectional"], graph["retain_all"], graph["simplify"]) == (None, False, True)
+    assert (graph["mode"], graph["strong"]) == ("bike", True)
 
 
 def test_the_default_tolerance_merges_what_is_less_than_a_metre_apart(make_map, cross):

@@ -8,8 +8,9 @@ reads their answers, `servers.py` sends and caches them, and `settings.py` names
 `gamms.osm.helsinki(ctx)` does the same with the map that comes with the package, and needs no optional library.
 
 Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `network.py` holds roads as
-columns, `topology.py` simplifies, merges junctions and cuts, `networkx_bridge.py` makes the graph, `fidelity.py`
-compares it with the map. `buildings.py` makes obstacles of the same maps, by `footprints.py`.
+columns, `modes.py` says who may use them, `topology.py` simplifies, merges junctions and cuts, `networkx_bridge.py`
+makes the graph, `fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps, by
+`footprints.py`.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
@@ -34,12 +35,15 @@ from gamms.osm.load import (
     process_osm_graph,
     resample_columns,
 )
+from gamms.osm.modes import Access, Mode, modes
 from gamms.osm.network import OSMType, network_of_columns
 from gamms.osm.places import create_osm_graph, get_network_type, graph_from_bbox, graph_from_point, graph_from_polygon
 
 __all__ = [
     "HEIGHT_ESTIMATES_TYPES",
     "OSM_OBSTACLE_TAGS",
+    "Access",
+    "Mode",
     "OSMType",
     "Report",
     "consolidate",
@@ -55,6 +59,7 @@ __all__ = [
     "graph_from_xml",
     "helsinki",
     "is_geojson",
+    "modes",
     "network_of_columns",
     "obstacle_from_file",
     "obstacle_from_osm",

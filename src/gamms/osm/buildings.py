@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from gamms.arguments import as_range
-from gamms.errors import BadFile, BadType, BadValue, TooLarge
+from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
 from gamms.osm import footprints
@@ -186,12 +186,7 @@ def _records(faces: footprints.Faces) -> Iterator[Record]:
 
 def _crs_of_roads(file: Path) -> str | None:
     """Return the CRS that `graph_from_xml` gives a file that is known to be sound; None if it has no roads."""
-    try:
-        segments = segments_of(read_ways(file, lambda _: None))
-    except TooLarge:
-        raise
-    except BadFile:  # the buildings of the same file could be read, so it lacks nothing but roads
-        return None
+    segments = segments_of(read_ways(file, lambda _: None))
     return utm_crs(largest_part(segments).lonlat) if len(segments.sources) else None
 
 

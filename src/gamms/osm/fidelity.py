@@ -13,8 +13,18 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import distances_to_lines
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.osm.load import network_in_metres, read_network
-from gamms.osm.network import OSMType, RoadNetwork, along, chosen_roads, components, network_of_columns, segment_starts
+from gamms.osm.load import Selection, network_in_metres, read_network, recipe_of, selection_of
+from gamms.osm.modes import ModeFunction, as_mode, modes
+from gamms.osm.network import (
+    OSMType,
+    RoadNetwork,
+    along,
+    chosen_roads,
+    classic_rule,
+    components,
+    network_of_columns,
+    segment_starts,
+)
 from gamms.osm.networkx_bridge import network_of_graph
 from gamms.osm.osmium_reader import as_file
 from gamms.osm.topology import chains_of, degrees
@@ -46,6 +56,8 @@ class Report(NamedTuple):
     edges: int
     length_before: float  # of the source
     length_after: float  # of the graph
+    other_parts: float  # of open roads that the graph lacks: they are not joined to the part that is kept
+    no_way_back: float  # … or joined to it, but one-way streets do not lead there and back
     length_merged: float  # by how much merging junctions made the roads shorter; negative for longer
     deviation_max: float  # of a vertex of the source from the nearest road of the graph
     deviation_mean: float  # over all vertices of the source
@@ -95,6 +107,8 @@ class Report(NamedTuple):
             ("graph", f"{self.nodes:,} nodes, {self.edges:,} edges"),
             ("length before", f"{self.length_before:,.1f} m"),
             ("length after", f"{self.length_after:,.1f} m"),
+            ("other parts", f"{self.other_parts:,.1f} m left out"),
+            ("no way back", f"{self.no_way_back:,.1f} m left out"),
             ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
             ("deviation", f"{self.deviation_max:.2f} m at most, {self.deviation_mean:.4f} m on average"),
             ("off the map", f"{self.surplus_max:.2f} m at most"),
@@ -123,7 +137,7 @@ def report(
     *,
     resolution: float | None = None,
     retain_all: bool | None = None,
-    osm_type: OSMType | None = None,
+    osm_type: OSMType | str | ModeFunction | None = None,
 ) -> Report:
     """Compare a graph with the map that it was made of.
 
@@ -132,7 +146,7 @@ def report(
         source: the map file, or the uncut network: any graph that `process_osm_graph` takes, or columns.
         resolution: as it was asked for; needed where the graph does not say so itself.
         retain_all: whether all parts of a file are compared, or the largest one; by default as the graph says.
-        osm_type: whose roads of a file are compared; by default as the graph says.
+        osm_type: for which mode of travel roads of a file are compared; by default as the graph says.
 
     Raises:
         BadValue: the resolution is not known, or the two have different CRS.
@@ -144,8 +158,7 @@ def report(
     if not length > 0.0:
         raise BadValue("The graph does not say how it was cut. Give report(…, resolution=10.0), or what it was.")
     everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all
-    kind = osm_type if osm_type is not None or not about.get("osm_type") else OSMType[about["osm_type"]]
-    before = _source_network(source, everything, kind)
+    before = _source_network(source, _selection(about, everything, osm_type))
     if None not in (before.crs, edges.crs) and before.crs != edges.crs:
         raise BadValue(f"The source is in {before.crs} and the graph in {edges.crs}: they cannot be compared.")
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else type(source).__name__
@@ -172,6 +185,8 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         edges=len(edges.sources),
         length_before=float(before),
         length_after=float(after),
+        other_parts=source.left_out.other_parts_m,
+        no_way_back=source.left_out.no_way_back_m,
         length_merged=float(merged),
         deviation_max=float(away.max(initial=0.0)),
         deviation_mean=float(away.mean()) if len(away) else 0.0,
@@ -206,7 +221,23 @@ def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
     return edges, dict(graph.graph)
 
 
-def _source_network(source: Source, retain_all: bool, osm_type: OSMType | None) -> RoadNetwork:
+def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str | ModeFunction | None") -> Selection:
+    """Return which roads of a file are compared with a graph that was made as `about` says."""
+    name, classic = about.get("mode", ""), about.get("osm_type", "")
+    strong = bool(about.get("strong", osm_type is not None)) and not retain_all
+    recipe = recipe_of(1.0, 0.0, None, retain_all)._replace(
+        bidirectional=about.get("bidirectional"), mode=name, strong=strong
+    )
+    if osm_type is not None:
+        return selection_of(recipe, as_mode(osm_type))
+    if name and name not in modes():
+        raise BadValue(f"The graph is for the mode {name!r}, which is yours. Give report(…, osm_type=), as before.")
+    if name:
+        return selection_of(recipe, modes()[name])
+    return Selection(classic_rule(OSMType[classic] if classic else None), retain_all=retain_all, strong=strong)
+
+
+def _source_network(source: Source, selection: Selection) -> RoadNetwork:
     if isinstance(source, RoadNetwork):
         return source
     if isinstance(source, GraphColumns):
@@ -214,7 +245,7 @@ def _source_network(source: Source, retain_all: bool, osm_type: OSMType | None) 
     if not isinstance(source, (str, os.PathLike)):
         return network_in_metres(source)
     with progress() as show:
-        return read_network(as_file(source), show, osm_type, retain_all=retain_all)
+        return read_network(as_file(source), show, selection)
 
 
 def _parallel_roads(roads: RoadNetwork) -> int:

@@ -12,7 +12,7 @@ from msgspec import Meta
 
 from gamms.errors import BadFile
 from gamms.limits import refuse_above
-from gamms.osm.network import OSMType, Ways, is_against, is_one_way, offsets_of
+from gamms.osm.network import Rule, Ways, is_against, is_one_way, offsets_of
 from gamms.osm.osmium_reader import as_file
 from gamms.progress import Show
 
@@ -40,7 +40,7 @@ class _Object(msgspec.Struct):
     copyright: Any = None
 
 
-def read_lines(file: Path, show: Show, _osm_type: OSMType | None = None) -> Ways:
+def read_lines(file: Path, show: Show, _rule: Rule | None = None) -> Ways:
     """Return the lines of a GeoJSON file, in its order; points and polygons are passed over.
 
     Raises:

@@ -14,16 +14,17 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
 from gamms.osm.geojson import is_geojson, read_lines
+from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, name_of, rule_of
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
+    Rule,
     Ways,
-    as_osm_type,
     both_ways,
     connected,
     joined_directions,
-    largest_part,
     network_of_columns,
+    network_of_part,
     network_of_segments,
     projected,
     segments_of,
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 FilePath = str | os.PathLike[str]
-_Reader = Callable[[Path, Show, OSMType | None], Ways]
+_Reader = Callable[[Path, Show, Rule | None], Ways]
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
@@ -49,10 +50,21 @@ class Recipe(NamedTuple):
 
     resolution: float
     tolerance: float
-    bidirectional: bool
+    bidirectional: bool | None
     retain_all: bool
     simplify: bool
-    osm_type: OSMType | None = None
+    osm_type: str = ""  # "WALK", "BIKE", "DRIVE" or the name of another mode
+    mode: str = ""  # the mode whose rules chose the roads; empty for those of 1.0.0
+    strong: bool = False
+
+
+class Selection(NamedTuple):
+    """Which roads of a map are wanted."""
+
+    rule: Rule | None = None  # which ways are open, and in which direction; None: all roads
+    mode: str = ""  # its name, for errors
+    retain_all: bool = False
+    strong: bool = False
 
 
 def graph_from_xml(
@@ -86,7 +98,7 @@ def graph_from_xml(
         MissingExtra: osmium or pyproj is not installed.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all)
-    return _graph(filepath, recipe, read_ways)
+    return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
 def graph_from_file(
@@ -95,26 +107,45 @@ def graph_from_file(
     bidirectional: bool | None = None,
     retain_all: bool = False,
     tolerance: float = 0.5,
-    osm_type: OSMType | str | None = None,
+    osm_type: "OSMType | str | ModeFunction | None" = None,
     simplify: bool = True,
+    strong: bool | None = None,
 ) -> "nx.DiGraph[int]":
-    """Make a graph of the roads in an OpenStreetMap file for one way of moving, or for any.
+    """Make a graph of the roads in an OpenStreetMap file for one mode of travel, or of all.
 
     Args:
         filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
         resolution: metres between nodes, as for `graph_from_xml`; roads are cut from junction to junction.
-        bidirectional: let agents go against one-way streets; by default pedestrians may, and vehicles may not.
+        bidirectional: True: agents may go against one-way streets; False: they may not; None: as the mode says, and
+            without a mode they may.
         retain_all: keep every part of the map, not only the largest connected one.
         tolerance: metres; junctions that a road of at most twice this length joins become one node.
             0 merges nothing but vertices at one place.
-        osm_type: leave out the roads that are closed to this way of moving; None takes all.
+        osm_type: a mode of travel: an `OSMType`, one of the names in `gamms.osm.modes()`, a `Mode`, or a function from
+            the tags of a way to its `Access`. It says which roads are open, their directions and the travel times.
+            None takes all roads, with the speed of cars.
         simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
+        strong: keep the largest part in which every node can be reached from every other; by default with a mode.
 
     Returns, Raises: as `graph_from_xml`.
     """
-    kind = None if osm_type is None else as_osm_type(osm_type)
-    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify, kind)
-    return _graph(filepath, recipe, read_ways)
+    mode = None if osm_type is None else as_mode(osm_type)
+    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
+    strong = mode is not None if strong is None else as_bool(strong, "strong")
+    if mode is not None:
+        name = name_of(mode)
+        both = None if bidirectional is None else recipe.bidirectional
+        recipe = recipe._replace(bidirectional=both, osm_type=name.upper(), mode=name)
+    recipe = recipe._replace(strong=strong and not recipe.retain_all)
+    return _graph(filepath, recipe, read_ways, selection_of(recipe, mode))
+
+
+def selection_of(recipe: Recipe, mode: ModeFunction | None) -> Selection:
+    """Return which roads of a map a recipe is for; `mode` may be None where it names none."""
+    if mode is not None and recipe.bidirectional is False:
+        mode = honouring_traffic(mode)
+    rule = None if mode is None else rule_of(mode)
+    return Selection(rule, recipe.mode, recipe.retain_all, recipe.strong and not recipe.bidirectional)
 
 
 def graph_from_geojson(
@@ -140,7 +171,7 @@ def graph_from_geojson(
         MissingExtra: pyproj is not installed.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
-    return _graph(filepath, recipe, read_lines)
+    return _graph(filepath, recipe, read_lines, selection_of(recipe, None))
 
 
 def process_osm_graph(osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
@@ -193,11 +224,11 @@ def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectio
         return cut(network_of_columns(columns), recipe, show)
 
 
-def _graph(filepath: FilePath, recipe: Recipe, read: _Reader) -> "nx.DiGraph[int]":
+def _graph(filepath: FilePath, recipe: Recipe, read: _Reader, selection: Selection) -> "nx.DiGraph[int]":
     file = as_file(filepath)
     # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
     with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
-        network = read_network(file, show, recipe.osm_type, retain_all=recipe.retain_all, read=read)
+        network = read_network(file, show, selection, read)
         show(f"Joining {len(network.sources)} roads")
         network = topology.simplify(network) if recipe.simplify else network
         return cut(topology.consolidate(network, recipe.tolerance), recipe, show)
@@ -209,9 +240,8 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
     show(f"Making a graph of {len(pieces.sources)} pieces")
     graph = to_digraph(pieces)
-    kind = "" if recipe.osm_type is None else recipe.osm_type.name
     merged = {"merged_nodes": network.merged.nodes, "merged_length": network.merged.length_m}
-    graph.graph.update({**recipe._asdict(), "osm_type": kind, **merged})
+    graph.graph.update({**recipe._asdict(), **merged, **network.left_out._asdict()})
     return graph
 
 
@@ -246,7 +276,8 @@ def recipe_of(
         raise BadValue(f"resolution must be more than 0 metres, not {metres}. The default is 10.")
     both = osm_type in (None, OSMType.WALK) if bidirectional is None else as_bool(bidirectional, "bidirectional")
     retain_all, simplify = as_bool(retain_all, "retain_all"), as_bool(simplify, "simplify")
-    return Recipe(metres, _tolerance(tolerance), both, retain_all, simplify, osm_type)
+    name = "" if osm_type is None else osm_type.name
+    return Recipe(metres, _tolerance(tolerance), both, retain_all, simplify, name)
 
 
 def _tolerance(tolerance: float) -> float:
@@ -259,14 +290,22 @@ def _tolerance(tolerance: float) -> float:
     return number
 
 
-def read_network(
-    file: Path, show: Show, osm_type: OSMType | None, *, retain_all: bool, read: _Reader | None = None
-) -> RoadNetwork:
+def read_network(file: Path, show: Show, selection: Selection, read: _Reader | None = None) -> RoadNetwork:
     """Read the roads of a file, one per pair of consecutive vertices, in UTM metres.
 
     `read` is for files of one kind; by default the first byte tells whether it is OpenStreetMap or GeoJSON.
+
+    Raises:
+        BadFile: the file is of no use, or has no such roads.
+        MissingExtra: osmium or pyproj is not installed.
     """
-    ways = (read or (read_lines if is_geojson(file) else read_ways))(file, show, osm_type)
+    ways = (read or (read_lines if is_geojson(file) else read_ways))(file, show, selection.rule)
+    if not ways.tags:
+        whose = f" for the mode {selection.mode!r}" if selection.mode else ""
+        raise BadFile(
+            f"{str(file)!r} cannot be used: it has no roads{whose}, that is no such ways with a highway tag. "
+            "Export the area with its roads."
+        )
     segments = segments_of(ways)
     if not len(segments.sources):
         raise BadFile(
@@ -274,7 +313,15 @@ def read_network(
             "Export it with all nodes (in Overpass: (._;>;); out;)."
         )
     show(f"Projecting {len(segments.lonlat)} nodes")
-    network = network_of_segments(segments if retain_all else largest_part(segments), ways.tags)
+    if selection.retain_all:
+        network = network_of_segments(segments, ways.tags)
+    else:
+        network = network_of_part(segments, ways.tags, strong=selection.strong)
+    if not len(network.sources):
+        raise BadFile(
+            f"{str(file)!r} has no two places with a way there and back: its streets are one-way. "
+            "Take them with strong=False, or let agents go against the traffic by bidirectional=True."
+        )
     return replace(network, attribution=ways.attribution)
 
 

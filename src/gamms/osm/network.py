@@ -1,6 +1,6 @@
 """Road networks as columns: the ways of a map, which of them are roads for whom, and roads with a polyline."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple
@@ -118,6 +118,20 @@ def is_one_way(oneway: object, junction: object) -> bool:
     return oneway is True or oneway in _ONE_WAY or (oneway is None and junction == "roundabout")
 
 
+Rule = Callable[[int, Mapping[str, str]], tuple[dict[str, Any], bool] | None]
+"""From the number and tags of a way to its attributes and whether traffic runs against its vertices; None: closed."""
+
+
+def classic_rule(osm_type: OSMType | None) -> Rule:
+    """Return the rule of OSMnx's network type, or for None that of all roads, with the directions of traffic."""
+    return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if is_open_to(osm_type, tags) else None
+
+
+def attributes_of(osmid: int, tags: Mapping[str, str], names: Iterable[str] = KEPT_TAGS) -> dict[str, Any]:
+    """Return the number of a way and its kept tags."""
+    return {"osmid": osmid, **{name: tags[name] for name in names if name in tags}}
+
+
 def kept_tags(
     osmid: int, tags: Mapping[str, str], osm_type: OSMType | None = None, names: Iterable[str] = KEPT_TAGS
 ) -> tuple[dict[str, Any], bool]:
@@ -128,8 +142,8 @@ def kept_tags(
     rule = tags.get("oneway")
     if osm_type is OSMType.BIKE:
         rule = tags.get("oneway:bicycle", rule)
-    kept = {name: tags[name] for name in names if name in tags}
-    return {"osmid": osmid, **kept, "oneway": is_one_way(rule, tags.get("junction"))}, is_against(rule)
+    one_way = is_one_way(rule, tags.get("junction"))
+    return {**attributes_of(osmid, tags, names), "oneway": one_way}, is_against(rule)
 
 
 def segments_of(ways: Ways) -> Segments:
@@ -146,11 +160,30 @@ def segments_of(ways: Ways) -> Segments:
     return Segments(ways.lonlat[positions.ravel()[firsts]], sources, targets, way)
 
 
-def largest_part(segments: Segments) -> Segments:
-    """Return the connected part with the most nodes; of equals the one that the file names first."""
-    label = components(segments.sources, segments.targets, len(segments.lonlat))
-    inside = label == np.bincount(label).argmax()
-    kept = inside[segments.sources]
+def largest_part(segments: Segments, one_way: BoolArray | None = None) -> Segments:
+    """Return the connected part with the most nodes; of equals the one that the file names first.
+
+    Args:
+        segments: pieces of road.
+        one_way: (segments,) which of them lead from source to target only; then the part with the most nodes in which
+            every node can be reached from every other.
+    """
+    return _within(segments, _in_largest(segments, one_way))
+
+
+def _in_largest(segments: Segments, one_way: BoolArray | None) -> BoolArray:
+    count, sources, targets = len(segments.lonlat), segments.sources, segments.targets
+    if one_way is None:
+        label = components(sources, targets, count)
+    else:
+        back = ~one_way
+        ends = np.concatenate((sources, targets[back])), np.concatenate((targets, sources[back]))
+        label = strong_components(*ends, count)
+    return np.asarray(label == np.bincount(label).argmax())
+
+
+def _within(segments: Segments, inside: BoolArray) -> Segments:
+    kept = inside[segments.sources] & inside[segments.targets]
     row = np.cumsum(inside) - 1
     return Segments(
         segments.lonlat[inside], row[segments.sources[kept]], row[segments.targets[kept]], segments.ways[kept]
@@ -186,6 +219,49 @@ def components(a: IntArray, b: IntArray, count: int) -> IntArray:
         np.minimum.at(label, high, low)
         while not np.array_equal(further := label[label], label):
             label = further
+
+
+def strong_components(sources: IntArray, targets: IntArray, count: int) -> IntArray:
+    """Return the smallest of the rows that each of `count` rows can reach, and be reached from, by the given steps.
+
+    The algorithm of Kosaraju: in the reverse order in which a depth-first search leaves them, rows collect those that
+    lead to them.
+    """
+    begins, back = _neighbours(targets, sources, count)
+    label = [-1] * count
+    for start in reversed(_left_in_order(*_neighbours(sources, targets, count))):
+        waiting = [start] if label[start] < 0 else []
+        while waiting:
+            row = waiting.pop()
+            label[row] = start
+            waiting += [ahead for ahead in back[begins[row] : begins[row + 1]] if label[ahead] < 0]
+    smallest = np.full(count, count)
+    np.minimum.at(smallest, label, np.arange(count))
+    return smallest[label]
+
+
+def _neighbours(sources: IntArray, targets: IntArray, count: int) -> tuple[list[int], list[int]]:
+    """Return where the targets of each row begin in a list, and that list."""
+    offsets, steps = kernels.group_rows(sources, count)
+    return offsets.tolist(), targets[steps].tolist()
+
+
+def _left_in_order(begins: list[int], onward: list[int]) -> list[int]:
+    """Return all rows in the order in which a depth-first search leaves them."""
+    seen, cursor, order = bytearray(len(begins) - 1), begins[:-1], list[int]()
+    for start in range(len(seen)):
+        walk = [] if seen[start] else [start]
+        seen[start] = True
+        while walk:
+            row = walk[-1]
+            at = cursor[row]
+            cursor[row] += 1
+            if at == begins[row + 1]:
+                order.append(walk.pop())
+            elif not seen[onward[at]]:
+                seen[onward[at]] = True
+                walk.append(onward[at])
+    return order
 
 
 _SAME = 1e-6  # metres between vertices, and the relative difference of lengths
@@ -267,7 +343,14 @@ class Merged(NamedTuple):
     length_m: float = 0.0  # of the roads inside junctions
 
 
-_NOTHING = Merged()
+class LeftOut(NamedTuple):
+    """Metres of roads that are open and yet not in a graph."""
+
+    other_parts_m: float = 0.0  # not joined to the part that is kept
+    no_way_back_m: float = 0.0  # joined to it, but one-way streets do not lead there and back
+
+
+_NOTHING, _ALL_IN = Merged(), LeftOut()
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -285,7 +368,27 @@ class RoadNetwork:
     tags: Sequence[Mapping[str, Any]]  # (ways,)  attributes that the roads of a way share
     crs: str | None
     merged: Merged = _NOTHING
+    left_out: LeftOut = _ALL_IN
     attribution: str | None = ATTRIBUTION
+
+
+def network_of_part(segments: Segments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
+    """Project the largest part of a map to metres; `left_out` of the result says what else there was.
+
+    Args:
+        segments: pieces of road; at least one.
+        tags: (ways,) of the map.
+        strong: every node of the part is to be reached from every other, with the directions of the roads.
+    """
+    one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))[segments.ways]
+    inside = _in_largest(segments, one_way if strong else None)
+    out = ~(inside[segments.sources] & inside[segments.targets])
+    sources, targets = segments.sources[out], segments.targets[out]
+    metres = ellipsoid_lengths(segments.lonlat[sources], segments.lonlat[targets])
+    joined = components(segments.sources, segments.targets, len(segments.lonlat))
+    near = joined[sources] == joined[inside.argmax()]
+    left_out = LeftOut(float(metres[~near].sum()), float(metres[near].sum()))
+    return replace(network_of_segments(_within(segments, inside), tags), left_out=left_out)
 
 
 def network_of_segments(segments: Segments, tags: Sequence[Mapping[str, Any]]) -> RoadNetwork:

@@ -66,11 +66,17 @@ def speed_kph(tags: Mapping[str, Any]) -> float:
     given = tags.get("speed_kph")
     if is_number(given) and 0.0 < given < math.inf:
         return float(given)
-    signs = [speed for text in _texts(tags.get("maxspeed")) if (speed := _of_sign(text)) is not None]
-    if signs:
-        return sum(signs) / len(signs)
+    sign = signed_kph(tags)
+    if sign is not None:
+        return sign
     known = (SPEED_OF_HIGHWAY_KPH[name] for name in _texts(tags.get("highway")) if name in SPEED_OF_HIGHWAY_KPH)
     return next(known, UNKNOWN_SPEED_KPH)
+
+
+def signed_kph(tags: Mapping[str, Any]) -> float | None:
+    """Return the mean of the speeds on the signs of a road in km/h; None if it has none."""
+    signs = [speed for text in _texts(tags.get("maxspeed")) if (speed := _of_sign(text)) is not None]
+    return sum(signs) / len(signs) if signs else None
 
 
 def is_number(value: object) -> TypeGuard[float]:

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from gamms.arguments import as_path
-from gamms.errors import BadFile, MissingExtra
+from gamms.errors import BadFile, GammsError, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance
 from gamms.osm.footprints import RING_ROLES, Outlines, Wall, WallRules, outlines_of_ways
-from gamms.osm.network import OSMType, Ways, is_open_to, kept_tags
+from gamms.osm.network import Rule, Ways, classic_rule
 from gamms.progress import Show
 from gamms.text import shown
 
@@ -181,34 +181,33 @@ class _Lines:
         return lonlat
 
 
-def read_ways(file: Path, show: Show, osm_type: OSMType | None = None) -> Ways:
-    """Return the roads of a map file for one way of moving, or for any, in its order.
+def read_ways(file: Path, show: Show, rule: Rule | None = None) -> Ways:
+    """Return the ways of a map file that a rule takes, by default all roads, in its order; there may be none.
 
     Raises:
-        BadFile: it is not OpenStreetMap data, damaged, too large, or has no roads.
+        BadFile: it is not OpenStreetMap data, damaged, or too large.
         MissingExtra: osmium is not installed.
     """
-    source, lines = _source_of(file), _Lines(allowance_of(file))
+    source, lines, rule = _source_of(file), _Lines(allowance_of(file)), rule or classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
     show(f"Reading {file.name}")
     with _errors_of(file):
         for count, way in enumerate(_ways(source, "highway"), 1):
             given = {tag.k: tag.v for tag in way.tags}
-            if not way.deleted and way.id not in lines.row_of and is_open_to(osm_type, given):
+            found = None if way.deleted or way.id in lines.row_of else rule(way.id, given)
+            if found is not None:
                 lines.add(way)
-                kept.append(kept_tags(way.id, given, osm_type))
+                kept.append(found)
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {file.name}: {count} roads")
         lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
-    if not kept:
-        whose = "" if osm_type is None else f" for {osm_type}"
-        raise BadFile(
-            f"{str(file)!r} cannot be used: it has no roads{whose}, that is no such ways with a highway tag. "
-            "Export the area with its roads."
-        )
     refs, offsets = np.array(lines.refs, np.int64), np.array(lines.offsets, np.int64)
     return Ways(
-        offsets, refs, lines.lonlat(), np.array([is_against for _, is_against in kept]), [tags for tags, _ in kept]
+        offsets,
+        refs,
+        lines.lonlat(),
+        np.array([is_against for _, is_against in kept], np.bool_),
+        [tags for tags, _ in kept],
     )
 
 
@@ -233,7 +232,7 @@ def _errors_of(file: Path) -> Iterator[None]:
 
     try:
         yield
-    except BadFile:
+    except GammsError:
         raise
     except (RuntimeError, ValueError, MemoryError, OverflowError, InvalidLocationError) as error:
         raise BadFile(f"{str(file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error

@@ -1,0 +1,212 @@
+"""Modes of travel: which ways are open to walkers, bicycles, cars and robots, how fast, and in which direction.
+
+The rules are data, `gamms/data/modes.toml`, with their sources. A mode is a function from the tags of a way to its
+`Access`; any such function may take its place.
+"""
+
+import math
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, fields, replace
+from functools import cache
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+from msgspec import Meta
+
+from gamms.arguments import as_path
+from gamms.errors import BadFile, BadType, BadValue, nearest
+from gamms.osm.network import OSMType, Rule, attributes_of
+from gamms.osm.networkx_bridge import is_number, signed_kph
+from gamms.text import shown
+
+_FILE = Path(__file__).parent.parent / "data" / "modes.toml"
+_GENERAL = ("vehicle", "access")  # keys that close ways, and open none to a mode that its class is closed to
+_OPENING = ("yes", "designated", "permissive", "official")
+_AGAINST = ("-1", "reverse", "backward")
+_FASTEST_KPH = 300.0
+
+
+class Access(NamedTuple):
+    """How a mode may use a way that is open to it."""
+
+    speed_kph: float
+    forward: bool = True  # along the order of its vertices
+    backward: bool = True
+
+
+ModeFunction = Callable[[Mapping[str, str]], Access | None]
+"""From the tags of a way to how it may be used; None: it is closed."""
+
+_Speeds = Mapping[str, Annotated[float, Meta(gt=0.0, le=_FASTEST_KPH)]]
+_Values = Mapping[str, tuple[str, ...]]
+
+
+@dataclass(slots=True, frozen=True, kw_only=True)
+class Mode:
+    """The rules of one mode of travel; calling it with the tags of a way says how the way may be used."""
+
+    name: str
+    highways: _Speeds  # classes of ways that are open unless a tag closes them, with their usual km/h
+    by_permission: _Speeds  # classes that are open only where the mode's own key says so
+    access: tuple[str, ...]  # keys that open and close ways; the first one that a way has decides
+    refused: tuple[str, ...]  # their values that close a way
+    closed: _Values  # tag -> values that close a way unless the mode's own key opens it
+    never: _Values  # tag -> values that close a way in any case
+    oneway: _Values  # key -> values for one-way traffic along the vertices; the first key that a way has decides
+    implied_oneway: _Values  # tag -> values that mean one-way where no key says anything
+    contraflow: _Values  # tag -> values that allow the other direction where the general `oneway` closes it
+    maxspeed: Literal["ignored", "limit", "speed"]  # what a sign is: nothing, an upper bound, or the speed itself
+
+    def __call__(self, tags: Mapping[str, str]) -> Access | None:
+        """Return how a way with these tags may be used; None: it is closed."""
+        if self.why_closed(tags):
+            return None
+        highway = tags["highway"]
+        usual = self.highways[highway] if highway in self.highways else self.by_permission[highway]
+        forward, backward = self._directions(tags)
+        return Access(self._speed(usual, tags), forward, backward)
+
+    def why_closed(self, tags: Mapping[str, str]) -> str:
+        """Return the tag that closes a way to this mode, such as "access=private"; empty where it is open."""
+        highway, never = tags.get("highway", "no"), _match(self.never, tags)
+        if never or (highway not in self.highways and highway not in self.by_permission):
+            return never or f"highway={highway}"
+        key = next((key for key in self.access if tags.get(key, "unknown") != "unknown"), None)
+        if key is not None and tags[key] in self.refused:
+            return f"{key}={tags[key]}"
+        if key is not None and key not in _GENERAL and tags[key] in _OPENING:
+            return ""
+        return f"highway={highway}" if highway not in self.highways else _match(self.closed, tags)
+
+    def _speed(self, usual: float, tags: Mapping[str, str]) -> float:
+        sign = None if self.maxspeed == "ignored" else signed_kph(tags)
+        if sign is None:
+            return usual
+        return min(usual, sign) if self.maxspeed == "limit" else sign
+
+    def _directions(self, tags: Mapping[str, str]) -> tuple[bool, bool]:
+        key = next((key for key in self.oneway if key in tags), None)
+        if key is None:
+            along, against = bool(_match(self.implied_oneway, tags)), False
+        else:
+            along, against = tags[key] in self.oneway[key], tags[key] in _AGAINST
+        if key in (None, "oneway") and _match(self.contraflow, tags):
+            return True, True
+        return not against, not along
+
+
+def _match(rules: _Values, tags: Mapping[str, str]) -> str:
+    """Return the first tag of a way that is among the rules, as "key=value"; empty if none is."""
+    return next((f"{key}={tags[key]}" for key, values in rules.items() if tags.get(key) in values), "")
+
+
+def modes(filepath: object = None) -> dict[str, Mode]:
+    """Return the modes of travel of a TOML file by name; by default those that come with GAMMS.
+
+    A table of the file is a mode; `extends = "drive"` takes what it does not say from that mode, of the file or of
+    GAMMS. docs/maps.md explains the fields.
+
+    Raises:
+        FileNotFoundError: there is no such file.
+        BadFile: it is no TOML, or a field is missing, unknown or impossible.
+    """
+    if filepath is None:
+        return dict(_shipped())
+    file = as_path(filepath, "filepath")
+    return _read(file, {name: _fields_of(mode) for name, mode in _shipped().items()})
+
+
+@cache
+def _shipped() -> dict[str, Mode]:
+    return _read(_FILE, {})
+
+
+def _fields_of(mode: Mode) -> dict[str, Any]:
+    return {field.name: getattr(mode, field.name) for field in fields(Mode) if field.name != "name"}
+
+
+def _read(file: Path, known: Mapping[str, dict[str, Any]]) -> dict[str, Mode]:
+    where, found = repr(str(file)), dict(known)
+    try:
+        tables = tomllib.loads(file.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        raise BadFile(f"{where} is no TOML file: {str(error)[:200]}.") from None
+    result = {}
+    for name, table in tables.items():
+        found[name] = _complete(table, found, f"{where}, mode {name!r}")
+        try:
+            result[name] = msgspec.convert({"name": name, **found[name]}, Mode)
+        except msgspec.ValidationError as error:
+            raise BadFile(f"{where}, mode {name!r}: {error}.") from None
+    return result
+
+
+def _complete(table: object, known: Mapping[str, dict[str, Any]], where: str) -> dict[str, Any]:
+    """Return the fields of a table of the file, with those of the mode that it extends."""
+    if not isinstance(table, dict):
+        raise BadFile(f"{where} must be a table of fields, not {shown(table)}.")
+    given, names = dict(table), [field.name for field in fields(Mode) if field.name != "name"]
+    base = given.pop("extends", None)
+    if base is not None and base not in known:
+        raise BadFile(f"{where} extends {shown(base)}, which is no mode above it.{nearest(base, known)}")
+    for field in given:
+        if field not in names:
+            raise BadFile(f"{where} has no field {field!r}.{nearest(field, names)}")
+    return {**(known[base] if base is not None else {}), **given}
+
+
+def as_mode(value: object) -> ModeFunction:
+    """Return a mode of travel, given as an `OSMType`, by its name, as a `Mode` or as a function.
+
+    Raises:
+        BadType: it is none.
+    """
+    if callable(value) and not isinstance(value, type):
+        return value
+    name = value.name if isinstance(value, OSMType) else value
+    mode = _shipped().get(name.rpartition(".")[2].lower()) if isinstance(name, str) else None
+    if mode is None:
+        raise BadType(
+            "osm_type must be OSMType.WALK, BIKE or DRIVE, one of the names "
+            f"{', '.join(_shipped())}, a Mode or a function, not {shown(value)}.{nearest(value, _shipped())}"
+        )
+    return mode
+
+
+def name_of(mode: ModeFunction) -> str:
+    """Return the name of a mode in a graph: "drive", or that of the function."""
+    return mode.name if isinstance(mode, Mode) else str(getattr(mode, "__name__", type(mode).__name__))
+
+
+def honouring_traffic(mode: ModeFunction) -> ModeFunction:
+    """Return the mode for agents that keep to the one-way streets of cars; a function is returned as it is."""
+    if not isinstance(mode, Mode) or "oneway" in mode.oneway:
+        return mode
+    cars = _shipped()["drive"]
+    oneway = {**mode.oneway, "oneway": cars.oneway["oneway"]}
+    return replace(mode, oneway=oneway, implied_oneway=cars.implied_oneway)
+
+
+def rule_of(mode: ModeFunction) -> Rule:
+    """Return the rule by which the ways of a map are read for a mode of travel."""
+
+    def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
+        try:
+            access = mode(tags)
+        except Exception as error:
+            raise BadValue(f"{name_of(mode)} failed for way {osmid}: {type(error).__name__}: {error}.") from error
+        if access is None:
+            return None
+        if not isinstance(access, Access):
+            raise BadType(f"{name_of(mode)} must return an Access or None, not {shown(access)}.")
+        speed, forward, backward = access
+        if not is_number(speed) or not 0.0 < speed < math.inf:
+            raise BadValue(f"{name_of(mode)} gives way {osmid} the speed {shown(speed)}: it must be more than 0 km/h.")
+        if not forward and not backward:
+            return None
+        one_way = not (forward and backward)
+        return {**attributes_of(osmid, tags), "oneway": one_way, "speed_kph": float(speed)}, not forward
+
+    return rule

@@ -1,0 +1,379 @@
+"""Modes of travel: who may use which ways, how fast and in which direction, as data and as functions."""
+
+import math
+from dataclasses import fields, replace
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.osm import Access, Mode, OSMType, graph_from_file, graph_from_xml, modes, report
+from gamms.osm.network import strong_components
+from gamms.osm.networkx_bridge import SPEED_OF_HIGHWAY_KPH
+
+NO_CUT = 1e6
+NAMES = ["walk", "robot", "bike", "drive", "drive_service"]
+
+
+def street(**tags):
+    return {"highway": "residential"} | {name.replace("__", ":"): value for name, value in tags.items()}
+
+
+@pytest.mark.parametrize(
+    ("tags", "open_to"),
+    [
+        ({"highway": "residential"}, NAMES),
+        ({"highway": "motorway"}, ["drive", "drive_service"]),
+        ({"highway": "trunk"}, ["walk", "bike", "drive", "drive_service"]),
+        ({"highway": "trunk", "motorroad": "yes"}, ["drive", "drive_service"]),
+        ({"highway": "trunk", "motorroad": "yes", "foot": "yes"}, ["walk", "drive", "drive_service"]),
+        ({"highway": "service"}, ["walk", "robot", "bike", "drive_service"]),
+        ({"highway": "service", "service": "alley"}, ["walk", "robot", "bike", "drive_service"]),
+        ({"highway": "service", "service": "parking_aisle"}, ["walk", "robot", "bike"]),
+        ({"highway": "footway"}, ["walk", "robot"]),
+        ({"highway": "footway", "bicycle": "designated"}, ["walk", "robot", "bike"]),
+        ({"highway": "steps"}, ["walk"]),
+        ({"highway": "steps", "bicycle": "yes"}, ["walk"]),
+        ({"highway": "platform"}, ["walk", "robot"]),
+        ({"highway": "cycleway"}, ["bike"]),
+        ({"highway": "cycleway", "foot": "yes"}, ["walk", "robot", "bike"]),
+        ({"highway": "cycleway", "access": "yes"}, ["bike"]),
+        ({"highway": "track"}, ["walk", "bike"]),
+        ({"highway": "track", "motor_vehicle": "permissive"}, ["walk", "bike", "drive", "drive_service"]),
+        ({"highway": "busway"}, []),
+        # access keys: the more specific one wins
+        (street(access="no"), []),
+        (street(access="private"), []),
+        (street(access="private", foot="yes"), ["walk", "robot"]),
+        (street(access="no", motorcar="yes"), ["drive", "drive_service"]),
+        (street(access="destination"), NAMES),
+        (street(vehicle="no"), ["walk", "robot"]),
+        (street(vehicle="no", bicycle="yes"), ["walk", "robot", "bike"]),
+        (street(motor_vehicle="no"), ["walk", "robot", "bike"]),
+        (street(motor_vehicle="no", motorcar="yes"), NAMES),
+        (street(motor_vehicle="private"), ["walk", "robot", "bike"]),
+        (street(motorcar="no"), ["walk", "robot", "bike"]),
+        (street(bicycle="no"), ["walk", "robot", "drive", "drive_service"]),
+        (street(bicycle="use_sidepath"), ["walk", "robot", "drive", "drive_service"]),
+        (street(bicycle="dismount"), ["walk", "robot", "drive", "drive_service"]),
+        (street(foot="no"), ["bike", "drive", "drive_service"]),
+        (street(foot="use_sidepath"), ["bike", "drive", "drive_service"]),
+        (street(foot="unknown", access="no"), []),
+        # what is no way any more, or not yet
+        (street(disused="yes"), []),
+        (street(abandoned="yes", foot="yes"), []),
+        (street(construction="yes"), []),
+        (street(construction="minor"), NAMES),
+        (street(area="yes"), []),
+        ({"highway": "construction", "construction": "primary"}, []),
+        ({"highway": "proposed"}, []),
+        ({"highway": "disused"}, []),
+        ({"highway": "raceway"}, []),
+        ({"highway": "bus_stop"}, []),
+        ({"highway": "via_ferrata"}, []),
+        ({}, []),
+        # wheels
+        (street(smoothness="impassable"), ["walk"]),
+        ({"highway": "footway", "wheelchair": "no"}, ["walk"]),
+    ],
+)
+def test_ways_are_open_to_some_modes_and_closed_to_others(tags, open_to):
+    assert [name for name in NAMES if modes()[name](tags) is not None] == open_to
+    assert [name for name in NAMES if not modes()[name].why_closed(tags)] == open_to
+
+
+@pytest.mark.parametrize(
+    ("mode", "tags", "tag"),
+    [
+        ("drive", {"highway": "footway"}, "highway=footway"),
+        ("walk", street(access="private"), "access=private"),
+        ("bike", street(bicycle="use_sidepath"), "bicycle=use_sidepath"),
+        ("walk", {"highway": "trunk", "motorroad": "yes"}, "motorroad=yes"),
+        ("walk", street(area="yes", foot="no"), "area=yes"),
+    ],
+)
+def test_a_mode_names_the_tag_that_closes_a_way(mode, tags, tag):
+    assert modes()[mode].why_closed(tags) == tag
+
+
+BOTH, ALONG, AGAINST = (True, True), (True, False), (False, True)
+
+
+@pytest.mark.parametrize(
+    ("tags", "walk", "bike", "drive"),
+    [
+        (street(), BOTH, BOTH, BOTH),
+        (street(oneway="yes"), BOTH, ALONG, ALONG),
+        (street(oneway="-1"), BOTH, AGAINST, AGAINST),
+        (street(oneway="no", junction="roundabout"), BOTH, BOTH, BOTH),
+        (street(oneway="reversible"), BOTH, BOTH, BOTH),
+        (street(junction="roundabout"), BOTH, ALONG, ALONG),
+        (street(junction="circular"), BOTH, ALONG, ALONG),
+        (street(oneway="yes", oneway__bicycle="no"), BOTH, BOTH, ALONG),
+        (street(oneway__bicycle="yes"), BOTH, ALONG, BOTH),
+        (street(oneway="yes", cycleway="opposite"), BOTH, BOTH, ALONG),
+        (street(oneway="-1", cycleway="opposite_lane"), BOTH, BOTH, AGAINST),
+        (street(oneway="yes", cycleway__left="opposite_track"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", cycleway__left="lane", cycleway__left__oneway="-1"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", oneway__bicycle="yes", cycleway="opposite"), BOTH, ALONG, ALONG),
+        (street(oneway="yes", oneway__motor_vehicle="no"), BOTH, ALONG, BOTH),
+        (street(oneway__foot="yes"), ALONG, BOTH, BOTH),
+        (street(oneway__foot="-1"), AGAINST, BOTH, BOTH),
+    ],
+)
+def test_each_mode_has_its_own_one_way_streets(tags, walk, bike, drive):
+    assert [modes()[name](tags)[1:] for name in ("walk", "bike", "drive")] == [walk, bike, drive]
+
+
+@pytest.mark.parametrize(
+    ("conveying", "directions"), [("forward", ALONG), ("backward", AGAINST), ("reversible", BOTH), ("yes", BOTH)]
+)
+def test_an_escalator_leads_where_it_runs(conveying, directions):
+    assert modes()["walk"]({"highway": "steps", "conveying": conveying})[1:] == directions
+
+
+def test_motorways_are_one_way_unless_they_say_otherwise():
+    assert modes()["drive"]({"highway": "motorway"})[1:] == ALONG
+    assert modes()["drive"]({"highway": "motorway", "oneway": "no"})[1:] == BOTH
+    assert modes()["drive"]({"highway": "motorway_link"})[1:] == BOTH
+
+
+@pytest.mark.parametrize(
+    ("tags", "speeds"),
+    [
+        ({"highway": "primary"}, (5, None, 15, 60, 60)),
+        ({"highway": "primary", "maxspeed": "80"}, (5, None, 15, 80, 80)),
+        (street(maxspeed="10"), (5, 6, 10, 10, 10)),
+        (street(maxspeed="DE:urban"), (5, 6, 15, 50, 50)),
+        ({"highway": "steps"}, (2, None, None, None, None)),
+        ({"highway": "service"}, (5, 6, 15, None, 20)),
+    ],
+)
+def test_each_mode_has_its_own_speed(tags, speeds):
+    found = [mode(tags) for mode in (modes()[name] for name in NAMES)]
+    assert [None if access is None else access.speed_kph for access in found] == [*speeds]
+
+
+def test_cars_have_the_usual_speeds_of_all_roads():
+    assert {name: SPEED_OF_HIGHWAY_KPH[name] for name in modes()["drive"].highways} == modes()["drive"].highways
+    service = modes()["drive_service"].highways
+    assert service == {**modes()["drive"].highways, "service": SPEED_OF_HIGHWAY_KPH["service"]}
+
+
+@pytest.mark.parametrize(("name", "kph"), [("walk", 5.0), ("bike", 15.0), ("drive", 50.0), ("robot", 6.0)])
+def test_travel_time_is_that_of_the_mode(make_map, cross, name, kph):
+    path = make_map(cross, ([1, 2, 3], street(maxspeed="50")))
+    graph = graph_from_file(path, NO_CUT, osm_type=name)
+    for _, _, data in graph.edges(data=True):
+        assert (data["speed_kph"], data["maxspeed"]) == (kph, "50")
+        assert data["travel_time"] == pytest.approx(data["length"] / (kph / 3.6))
+
+
+def test_without_a_mode_the_speed_is_that_of_cars(make_map, cross):
+    path = make_map(cross, ([1, 2], street(maxspeed="50")))
+    for graph in (graph_from_file(path, NO_CUT), graph_from_xml(path, NO_CUT)):
+        assert {data["speed_kph"] for *_, data in graph.edges(data=True)} == {50.0}
+
+
+# -- one's own modes ----------------------------------------------------------------------------------------------
+
+
+def test_a_function_is_a_mode(make_map, cross):
+    def quiet(tags):
+        return Access(20.0, backward=tags.get("lanes") != "1") if tags.get("maxspeed") == "30" else None
+
+    path = make_map(
+        cross, ([1, 2], street(maxspeed="30", lanes="1")), ([2, 4, 1], street(maxspeed="30")), ([2, 3], street())
+    )
+    graph = graph_from_file(path, NO_CUT, osm_type=quiet)
+    assert (graph.number_of_nodes(), graph.number_of_edges()) == (3, 5)
+    assert (graph.graph["mode"], graph.graph["osm_type"]) == ("quiet", "QUIET")
+    assert {data["speed_kph"] for *_, data in graph.edges(data=True)} == {20.0}
+
+
+def test_a_changed_mode_is_a_mode(make_map, cross):
+    walk = modes()["walk"]
+    runner = replace(walk, name="runner", highways=dict.fromkeys(walk.highways, 12.0))
+    graph = graph_from_file(make_map(cross, ([1, 2], street())), NO_CUT, osm_type=runner)
+    assert graph.edges[0, 1]["speed_kph"] == 12.0
+
+
+@pytest.mark.parametrize(
+    ("answer", "error", "words"),
+    [
+        (5.0, BadType, "my_rule must return an Access or None, not 5.0"),
+        (Access(0.0), BadValue, "my_rule gives way 100 the speed 0.0"),
+        (Access(math.inf), BadValue, "the speed inf"),
+        (Access("fast"), BadValue, "the speed 'fast'"),
+    ],
+)
+def test_a_function_with_an_impossible_answer_is_refused(make_map, cross, answer, error, words):
+    def my_rule(tags):
+        return answer
+
+    with pytest.raises(error, match=words):
+        graph_from_file(make_map(cross, ([1, 2], street())), osm_type=my_rule)
+
+
+def test_an_error_in_a_function_is_not_blamed_on_the_file(make_map, cross):
+    def my_rule(tags):
+        return Access(float(tags["width"]))
+
+    with pytest.raises(BadValue, match="my_rule failed for way 100: KeyError: 'width'"):
+        graph_from_file(make_map(cross, ([1, 2], street())), osm_type=my_rule)
+
+
+def test_a_function_that_closes_both_directions_closes_the_way(make_map, cross):
+    with pytest.raises(BadFile, match="no roads for the mode 'shut'"):
+
+        def shut(tags):
+            return Access(5.0, forward=False, backward=False)
+
+        graph_from_file(make_map(cross, ([1, 2], street())), osm_type=shut)
+
+
+def test_a_file_has_modes_of_ones_own(tmp_path, make_map, cross):
+    mine = tmp_path / "mine.toml"
+    mine.write_text('[cart]\nextends = "drive"\nhighways = { residential = 20, footway = 6 }\nmaxspeed = "limit"\n')
+    cart = modes(mine)["cart"]
+    assert [*modes(mine)] == ["cart"]
+    assert cart.name == "cart"
+    assert cart.access == modes()["drive"].access
+    assert cart({"highway": "footway"}) == Access(6.0)
+    assert cart({"highway": "primary"}) is None
+    graph = graph_from_file(make_map(cross, ([1, 2], street(maxspeed="50"))), NO_CUT, osm_type=cart)
+    assert graph.edges[0, 1]["speed_kph"] == 20.0
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[cart", "is no TOML file"),
+        ("cart = 5", "mode 'cart' must be a table"),
+        ('[cart]\nextends = "drve"', "extends 'drve', which is no mode above it.*'drive'"),
+        ('[cart]\nextends = "drive"\nhighway = {}', "has no field 'highway'.*'highways'"),
+        ("[cart]\nrefused = []", "missing required field"),
+        ('[cart]\nextends = "drive"\nhighways = { residential = "fast" }', "Expected `float`, got `str`"),
+        ('[cart]\nextends = "drive"\nhighways = { residential = 0 }', r"\$.highways"),
+        ('[cart]\nextends = "drive"\nmaxspeed = "often"', "Invalid enum value 'often'"),
+    ],
+)
+def test_a_faulty_file_of_modes_is_refused(tmp_path, text, words):
+    mine = tmp_path / "mine.toml"
+    mine.write_text(text)
+    with pytest.raises(BadFile, match=words):
+        modes(mine)
+
+
+def test_a_file_of_modes_has_to_be_there(tmp_path):
+    with pytest.raises(FileNotFoundError):
+        modes(tmp_path / "none.toml")
+
+
+def test_all_shipped_modes_are_complete():
+    assert sorted(modes()) == sorted(NAMES)
+    for name, mode in modes().items():
+        assert mode.name == name
+        assert not set(mode.highways) & set(mode.by_permission)
+        assert {field.name for field in fields(Mode)} <= set(dir(mode))
+
+
+# -- strongly connected parts ---------------------------------------------------------------------------------------
+
+
+def trap(make_map, cross):
+    """A two-way street 1-2-3 with a one-way street 2-4 into a dead end, and a street elsewhere."""
+    cross |= {11: (60.18, 24.94), 12: (60.181, 24.94)}
+    return make_map(cross, ([1, 2, 3], street()), ([2, 4], street(oneway="yes")), ([11, 12], street()))
+
+
+@pytest.mark.parametrize("kind", ["bike", "drive", OSMType.DRIVE])
+def test_agents_cannot_be_trapped(make_map, cross, kind):
+    graph = graph_from_file(trap(make_map, cross), NO_CUT, osm_type=kind)
+    assert nx.is_strongly_connected(graph)
+    assert graph.number_of_nodes() == 2
+    assert graph.graph["no_way_back_m"] == pytest.approx(55.71, abs=0.01)
+    assert graph.graph["other_parts_m"] == pytest.approx(111.42, abs=0.01)
+
+
+def test_traps_stay_on_request_and_where_all_parts_are_kept(make_map, cross):
+    path = trap(make_map, cross)
+    for options in ({"strong": False}, {"retain_all": True}):
+        graph = graph_from_file(path, NO_CUT, osm_type="drive", **options)
+        assert not nx.is_strongly_connected(graph)
+        assert graph.graph["no_way_back_m"] == 0.0
+
+
+def test_against_the_traffic_there_are_no_traps(make_map, cross):
+    graph = graph_from_file(trap(make_map, cross), NO_CUT, True, osm_type="drive")
+    assert graph.number_of_nodes() == 4
+    assert nx.is_strongly_connected(graph)
+
+
+def test_without_a_mode_only_strong_looks_at_directions(make_map, cross):
+    path = trap(make_map, cross)
+    assert graph_from_file(path, NO_CUT, False).number_of_nodes() == 4
+    assert graph_from_file(path, NO_CUT, False, strong=True).number_of_nodes() == 2
+
+
+def test_streets_without_a_way_back_are_refused(make_map, cross):
+    path = make_map(cross, ([1, 2, 3], street(oneway="yes")))
+    with pytest.raises(BadFile, match=r"no two places with a way there and back.*strong=False"):
+        graph_from_file(path, osm_type="drive")
+
+
+def test_the_report_says_what_was_left_out(make_map, cross):
+    path = trap(make_map, cross)
+    found = report(graph_from_file(path, 10.0, osm_type="drive"), path)
+    assert found.is_faithful
+    assert dict(found.rows())["other parts"] == "111.4 m left out"
+    assert dict(found.rows())["no way back"] == "55.7 m left out"
+    assert found.length_before == pytest.approx(111.0, abs=0.2)
+
+
+def test_the_report_of_ones_own_mode_needs_the_mode(make_map, cross):
+    def mine(tags):
+        return Access(5.0)
+
+    path = trap(make_map, cross)
+    graph = graph_from_file(path, 10.0, osm_type=mine)
+    with pytest.raises(BadValue, match="for the mode 'mine', which is yours"):
+        report(graph, path)
+    assert report(graph, path, osm_type=mine).is_faithful
+
+
+steps = st.lists(st.tuples(st.integers(0, 9), st.integers(0, 9)), max_size=30)
+
+
+@given(steps)
+def test_strong_components_are_those_of_networkx(pairs):
+    graph = nx.DiGraph(pairs)
+    graph.add_nodes_from(range(10))
+    label = strong_components(*np.array(pairs, np.int64).reshape(-1, 2).T, 10)
+    expected = {row: min(part) for part in nx.strongly_connected_components(graph) for row in part}
+    assert label.tolist() == [expected[row] for row in range(10)]
+
+
+@given(st.lists(st.tuples(st.integers(0, 8), st.integers(0, 8), st.booleans()), min_size=1, max_size=16))
+def test_every_node_has_an_exit_and_can_be_reached(tmp_path_factory, roads):
+    nodes = {k + 1: (60.17 + 0.001 * (k // 3), 24.94 + 0.002 * (k % 3)) for k in range(9)}
+    text = ['<osm version="0.6">']
+    text += [f'<node id="{id}" lat="{lat}" lon="{lon}"/>' for id, (lat, lon) in nodes.items()]
+    for number, (a, b, one_way) in enumerate(roads, 1):
+        tag = '<tag k="oneway" v="yes"/>' if one_way else ""
+        refs = f'<nd ref="{a + 1}"/><nd ref="{b + 1}"/>'
+        text.append(f'<way id="{number}">{refs}<tag k="highway" v="residential"/>{tag}</way>')
+    path = tmp_path_factory.mktemp("roads") / "roads.osm"
+    path.write_text("\n".join([*text, "</osm>"]))
+    try:
+        graph = graph_from_file(path, 50.0, osm_type="drive", tolerance=0.0)
+    except BadFile:  # nothing but loops, or streets without a way back
+        there = nx.DiGraph((a, b) for a, b, _ in roads)
+        there.add_edges_from((b, a) for a, b, one_way in roads if not one_way)
+        assert all(len(part) == 1 for part in nx.strongly_connected_components(there))
+        return
+    assert nx.is_strongly_connected(graph)
+    assert all(graph.out_degree(node) and graph.in_degree(node) for node in graph)
