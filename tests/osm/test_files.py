@@ -141,7 +141,7 @@ def test_without_simplifying_it_is_the_graph_of_graph_from_xml(make_map, curve):
 
 def test_the_graph_says_how_it_was_made(make_map, cross):
     graph = graph_from_file(make_map(cross, ([1, 2, 3], ROAD)), 20.0, osm_type=OSMType.BIKE).graph
-    assert (graph["resolution"], graph["tolerance"], graph["osm_type"]) == (20.0, 0.5, "BIKE")
+    assert (graph["resolution"], graph["tolerance"], graph["osm_type"]) == (20.0, 2.0, "BIKE")
     assert (graph["bidirectional"], graph["retain_all"], graph["simplify"]) == (None, False, True)
     assert (graph["mode"], graph["strong"]) == ("bike", True)
 

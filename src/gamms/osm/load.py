@@ -14,7 +14,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
 from gamms.osm.geojson import is_geojson, read_lines
-from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, name_of, rule_of
+from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, name_of, rule_of, tolerance_of
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
@@ -106,7 +106,7 @@ def graph_from_file(
     resolution: float = 10.0,
     bidirectional: bool | None = None,
     retain_all: bool = False,
-    tolerance: float = 0.5,
+    tolerance: float | None = None,
     osm_type: "OSMType | str | ModeFunction | None" = None,
     simplify: bool = True,
     strong: bool | None = None,
@@ -120,7 +120,7 @@ def graph_from_file(
             without a mode they may.
         retain_all: keep every part of the map, not only the largest connected one.
         tolerance: metres; junctions that a road of at most twice this length joins become one node.
-            0 merges nothing but vertices at one place.
+            0 merges nothing but vertices at one place; None: as the mode says, and 0.5 without one.
         osm_type: a mode of travel: an `OSMType`, one of the names in `gamms.osm.modes()`, a `Mode`, or a function from
             the tags of a way to its `Access`. It says which roads are open, their directions and the travel times.
             None takes all roads, with the speed of cars.
@@ -130,14 +130,19 @@ def graph_from_file(
     Returns, Raises: as `graph_from_xml`.
     """
     mode = None if osm_type is None else as_mode(osm_type)
+    tolerance = tolerance_of(mode) if tolerance is None else tolerance
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
-    strong = mode is not None if strong is None else as_bool(strong, "strong")
-    if mode is not None:
-        name = name_of(mode)
-        both = None if bidirectional is None else recipe.bidirectional
-        recipe = recipe._replace(bidirectional=both, osm_type=name.upper(), mode=name)
-    recipe = recipe._replace(strong=strong and not recipe.retain_all)
+    recipe = for_mode(recipe, mode, bidirectional, strong)
     return _graph(filepath, recipe, read_ways, selection_of(recipe, mode))
+
+
+def for_mode(recipe: Recipe, mode: ModeFunction | None, bidirectional: bool | None, strong: bool | None) -> Recipe:
+    """Return the recipe for a mode of travel, which has directions of its own and keeps what is strongly connected."""
+    if mode is not None:
+        both = None if bidirectional is None else recipe.bidirectional
+        recipe = recipe._replace(bidirectional=both, osm_type=name_of(mode).upper(), mode=name_of(mode))
+    strong = mode is not None if strong is None else as_bool(strong, "strong")
+    return recipe._replace(strong=strong and not recipe.retain_all)
 
 
 def selection_of(recipe: Recipe, mode: ModeFunction | None) -> Selection:

@@ -6,7 +6,7 @@ The rules are data, `gamms/data/modes.toml`, with their sources. A mode is a fun
 
 import math
 import tomllib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
@@ -17,7 +17,7 @@ from msgspec import Meta
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue, nearest
-from gamms.osm.network import OSMType, Rule, attributes_of
+from gamms.osm.network import KEPT_TAGS, OSMType, Rule, attributes_of
 from gamms.osm.networkx_bridge import is_number, signed_kph
 from gamms.text import shown
 
@@ -26,6 +26,7 @@ _GENERAL = ("vehicle", "access")  # keys that close ways, and open none to a mod
 _OPENING = ("yes", "designated", "permissive", "official")
 _AGAINST = ("-1", "reverse", "backward")
 _FASTEST_KPH = 300.0
+_TOLERANCE_M = 0.5  # where no mode says how wide its junctions are
 
 
 class Access(NamedTuple):
@@ -58,6 +59,7 @@ class Mode:
     implied_oneway: _Values  # tag -> values that mean one-way where no key says anything
     contraflow: _Values  # tag -> values that allow the other direction where the general `oneway` closes it
     maxspeed: Literal["ignored", "limit", "speed"]  # what a sign is: nothing, an upper bound, or the speed itself
+    tolerance: Annotated[float, Meta(ge=0.0)]  # metres: the default of loaders for merging junctions
 
     def __call__(self, tags: Mapping[str, str]) -> Access | None:
         """Return how a way with these tags may be used; None: it is closed."""
@@ -180,6 +182,11 @@ def name_of(mode: ModeFunction) -> str:
     return mode.name if isinstance(mode, Mode) else str(getattr(mode, "__name__", type(mode).__name__))
 
 
+def tolerance_of(mode: ModeFunction | None) -> float:
+    """Return the default tolerance of loaders, in metres."""
+    return mode.tolerance if isinstance(mode, Mode) else _TOLERANCE_M
+
+
 def honouring_traffic(mode: ModeFunction) -> ModeFunction:
     """Return the mode for agents that keep to the one-way streets of cars; a function is returned as it is."""
     if not isinstance(mode, Mode) or "oneway" in mode.oneway:
@@ -189,8 +196,8 @@ def honouring_traffic(mode: ModeFunction) -> ModeFunction:
     return replace(mode, oneway=oneway, implied_oneway=cars.implied_oneway)
 
 
-def rule_of(mode: ModeFunction) -> Rule:
-    """Return the rule by which the ways of a map are read for a mode of travel."""
+def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
+    """Return the rule by which the ways of a map are read for a mode of travel; of their tags these are kept."""
 
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
         try:
@@ -207,6 +214,6 @@ def rule_of(mode: ModeFunction) -> Rule:
         if not forward and not backward:
             return None
         one_way = not (forward and backward)
-        return {**attributes_of(osmid, tags), "oneway": one_way, "speed_kph": float(speed)}, not forward
+        return {**attributes_of(osmid, tags, names), "oneway": one_way, "speed_kph": float(speed)}, not forward
 
     return rule

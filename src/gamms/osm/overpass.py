@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import groupby
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
@@ -16,9 +17,11 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
+from gamms.osm.modes import ModeFunction, name_of, rule_of
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
+    LeftOut,
     OSMType,
     RoadNetwork,
     Segments,
@@ -61,6 +64,8 @@ class StreetOptions(NamedTuple):
     tolerance: float = 10.0
     bidirectional: bool | None = None
     offline: bool = False
+    mode: ModeFunction | None = None  # whose ways and directions are taken, not those of OSMnx's network type
+    strong: bool = False
 
 
 def streets_of_place(location: Location, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
@@ -149,20 +154,23 @@ def _streets(
 ) -> RoadNetwork:
     show(f"Downloading the streets of {name}")
     surroundings = footprints.widened(polygon, _MARGIN_M)
-    filters = options.custom_filter or _filter_of(options.osm_type)
+    filters = options.custom_filter or ('["highway"]' if options.mode else _filter_of(options.osm_type))
     queries = [([f"way{one}"], "(._;>;);out;") for one in ([filters] if isinstance(filters, str) else filters)]
-    ways = _ways(_download(servers, surroundings, queries, read_streets), options.osm_type)
+    ways = _ways(_download(servers, surroundings, queries, read_streets), options)
     segments = _part(segments_of(ways), surroundings, options)
     if len(segments.sources):
         network = network_of_segments(segments, ways.tags)
         network = simplify(network) if options.simplify else network
         lonlat = project(network.xy, str(network.crs), WGS84)
         roads = Segments(lonlat, network.sources, network.targets, np.arange(len(network.sources)))
-        chosen = _part(roads, polygon, options).ways
-        if len(chosen):
+        inside = _part(roads, polygon, options)
+        there = largest_part(inside, ~network.two_way[inside.ways]) if options.strong and len(inside.ways) else inside
+        if len(there.ways):
             servers.save_rest()
-            return without_unused_nodes(chosen_roads(network, chosen))
-    kind = options.custom_filter or options.osm_type.name.lower()
+            lost = float(network.lengths[inside.ways].sum() - network.lengths[there.ways].sum())
+            network = replace(network, left_out=LeftOut(no_way_back_m=lost))
+            return without_unused_nodes(chosen_roads(network, there.ways))
+    kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
     raise PlaceError(
         f"There are no streets of the type {shown(kind)} in {name}. "
         "Try a larger area, or another osm_type or custom_filter."
@@ -182,15 +190,24 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
     return part if options.retain_all or not inside.any() else largest_part(part)
 
 
-def _ways(found: "_Elements", osm_type: OSMType) -> Ways:
-    """Return the ways as columns; walkers have no one-way streets."""
+def _ways(found: "_Elements", options: StreetOptions) -> Ways:
+    """Return the ways as columns; without a rule, walkers have no one-way streets."""
     useful = [str(name) for name in setting("useful_tags_way") if name != "oneway"]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
-    read = [kept_tags(way.id, way.tags, osm_type, names) for way in found.ways.values()]
+    rule = None if options.mode is None else rule_of(options.mode, names)
+    read: list[tuple[dict[str, Any], bool]] = []
+    lines: list[list[int]] = []
+    for way in found.ways.values():
+        of_way = rule(way.id, way.tags) if rule is not None else None
+        if of_way is None and (rule is None or options.custom_filter):
+            of_way = kept_tags(way.id, way.tags, options.osm_type, names)
+        if of_way is not None:
+            read.append(of_way)
+            lines.append([ref for ref, _ in groupby(way.nodes)])
     tags, against = [of_way for of_way, _ in read], np.array([is_against for _, is_against in read], np.bool_)
-    if osm_type is OSMType.WALK:
+    if rule is None and options.osm_type is OSMType.WALK:
         tags, against = [{**of_way, "oneway": False} for of_way in tags], np.zeros(len(tags), np.bool_)
-    offsets, lonlat, ids = _vertices(found, [[ref for ref, _ in groupby(way.nodes)] for way in found.ways.values()])
+    offsets, lonlat, ids = _vertices(found, lines)
     return Ways(offsets, ids, lonlat, against, tags)
 
 

@@ -14,7 +14,8 @@ from gamms.errors import BadType, BadValue, PlaceError, nearest
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import cut, recipe_of
+from gamms.osm.load import Recipe, cut, for_mode, recipe_of
+from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
 from gamms.osm.topology import consolidate
@@ -29,21 +30,29 @@ if TYPE_CHECKING:
 _MOST_RADIUS_M = 75_000.0
 _CORNERS = 64  # of a circle
 
+_DEFAULTS = {**StreetOptions()._asdict(), "tolerance": None, "strong": None}  # of areas; None: as the mode says
+
 Made = TypeVar("Made", bound=Callable[..., Any])
 
 
 class PlaceOptions(TypedDict, total=False):
-    """Options of the functions that make graphs of areas; `create_osm_graph` says what each means."""
+    """Options of the functions that make graphs of areas.
 
-    osm_type: OSMType | str
+    `osm_type`, `tolerance`, `bidirectional` and `strong` mean what they mean to `graph_from_file`, with "walk" as the
+    default mode of travel; `custom_filter` takes ways that are closed to the mode, too. The others are those of
+    `create_osm_graph`.
+    """
+
+    osm_type: OSMType | str | ModeFunction
     resolution: float
     simplify: bool
     retain_all: bool
     truncate_by_edge: bool
     custom_filter: str | list[str] | None
-    tolerance: float
+    tolerance: float | None
     bidirectional: bool | None
     offline: bool
+    strong: bool | None
 
 
 def create_osm_graph(
@@ -83,15 +92,18 @@ def create_osm_graph(
         MissingExtra: requests or pyproj is not installed.
     """
     rest = (resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline)
-    return _graph(streets_of_place, location, shown(location), StreetOptions(as_osm_type(osm_type), *rest))
+    options = StreetOptions(as_osm_type(osm_type), *rest)
+    return _graph(streets_of_place, location, shown(location), options, _recipe(options))
 
 
 def _with_place_options(make: Made) -> Made:
-    """Show the options of `create_osm_graph`, with their defaults, in the signature of a function of areas."""
+    """Show the options of areas, with their defaults, in the signature of a function of areas."""
     signature = inspect.signature(make)
     places = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
-    options = [one for one in inspect.signature(create_osm_graph).parameters.values() if one.default is not one.empty]
-    options = [one.replace(kind=inspect.Parameter.KEYWORD_ONLY) for one in options]
+    options = [
+        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=_DEFAULTS[name], annotation=annotation)
+        for name, annotation in PlaceOptions.__annotations__.items()
+    ]
     make.__signature__ = signature.replace(parameters=[*places, *options])  # type: ignore[attr-defined] # as inspect says
     return make
 
@@ -102,30 +114,30 @@ def graph_from_bbox(
 ) -> "nx.DiGraph[int]":
     """Make a graph of the streets between two longitudes, `left` and `right`, and two latitudes, `bottom` and `top`.
 
-    The other arguments, the result and the errors are those of `create_osm_graph`.
+    `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
     """
     box, name = _box(left, bottom, right, top), f"the box {(left, bottom, right, top)}"
-    return _graph(streets_of_polygon, polygon_of(box), name, _options("graph_from_bbox", options))
+    return _graph_of_area(polygon_of(box), name, "graph_from_bbox", options)
 
 
 @_with_place_options
 def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets within `radius_m` metres of a position in degrees, as the crow flies.
 
-    The other arguments, the result and the errors are those of `create_osm_graph`.
+    `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
     """
     circle, name = _circle(lat, lon, radius_m), f"the circle of {radius_m} m around lat={lat}, lon={lon}"
-    return _graph(streets_of_polygon, polygon_of(circle), name, _options("graph_from_point", options))
+    return _graph_of_area(polygon_of(circle), name, "graph_from_point", options)
 
 
 @_with_place_options
 def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
     """Make a graph of the streets inside a shapely Polygon or MultiPolygon of degrees (longitude, latitude).
 
-    The other arguments, the result and the errors are those of `create_osm_graph`.
+    `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
     """
     name = f"the polygon {str(polygon)[:60]}"
-    return _graph(streets_of_polygon, polygon, name, _options("graph_from_polygon", options))
+    return _graph_of_area(polygon, name, "graph_from_polygon", options)
 
 
 def get_network_type(osm_type: OSMType | str) -> str:
@@ -137,22 +149,37 @@ def get_network_type(osm_type: OSMType | str) -> str:
     return as_osm_type(osm_type).name.lower()
 
 
-def _options(call: str, given: PlaceOptions) -> StreetOptions:
-    for name in given:
-        if name not in StreetOptions._fields:
-            raise BadType(f"{call}() has no argument {name!r}.{nearest(name, StreetOptions._fields)}")
-    rest: dict[str, Any] = {**given}
-    return StreetOptions(as_osm_type(rest.pop("osm_type", OSMType.WALK)), **rest)
+def _graph_of_area(area: "BaseGeometry", name: str, call: str, given: PlaceOptions) -> "nx.DiGraph[int]":
+    for option in given:
+        if option not in PlaceOptions.__annotations__:
+            raise BadType(f"{call}() has no argument {option!r}.{nearest(option, PlaceOptions.__annotations__)}")
+    rest: dict[str, Any] = {**_DEFAULTS, **given}
+    mode, bidirectional, strong = as_mode(rest.pop("osm_type")), rest["bidirectional"], rest.pop("strong")
+    if rest["tolerance"] is None:
+        rest["tolerance"] = tolerance_of(mode)
+    options = StreetOptions(**{**rest, "mode": mode})
+    recipe = for_mode(_recipe(options), mode, bidirectional, strong)
+    if recipe.bidirectional is False:
+        mode = honouring_traffic(mode)
+    options = options._replace(mode=mode, strong=recipe.strong and not recipe.bidirectional)
+    return _graph(streets_of_polygon, area, name, options, recipe)
 
 
-def _graph(
-    streets_of: Callable[..., RoadNetwork], place: "Location | BaseGeometry", name: str, options: StreetOptions
-) -> "nx.DiGraph[int]":
-    _check_filter(options.custom_filter)
-    recipe = recipe_of(
+def _recipe(options: StreetOptions) -> Recipe:
+    return recipe_of(
         *(options.resolution, options.tolerance, options.bidirectional),
         *(options.retain_all, options.simplify, options.osm_type),
     )
+
+
+def _graph(
+    streets_of: Callable[..., RoadNetwork],
+    place: "Location | BaseGeometry",
+    name: str,
+    options: StreetOptions,
+    recipe: Recipe,
+) -> "nx.DiGraph[int]":
+    _check_filter(options.custom_filter)
     # Servers take their time before they answer: show at once what is asked.
     with progress(1.0 if options.offline else 0.0) as show:
         network = streets_of(place, name, options, show)
