@@ -65,6 +65,15 @@ def test_a_tagger_reaches_as_far_as_the_rule_says(road):
         assert len(tags(ctx)) == tagged
 
 
+def test_aerial_agents_take_part_only_where_the_rule_says_so(road):
+    for air in ({}, {"air": True}):
+        ctx = road(r=("red", 4))
+        ctx.agent.create_agent("drone", type="AERIAL", start_node_id=4, team="blue", speed=1.0)
+        ctx.game.add(tag("red", "blue", **air))
+        ctx.game.step()
+        assert tags(ctx) == [("r", "drone", 4)] * len(air)
+
+
 def test_a_tagger_tags_one_the_nearest(road):
     ctx = road(r=("red", 2), b3=("blue", 3), b4=("blue", 4))
     ctx.game.add(tag("red", "blue", hops=5))

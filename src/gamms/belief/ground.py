@@ -61,7 +61,7 @@ class Ground:
         """Rows of both ends (ways,) of which node leads to which other, each pair once, by start and then by end."""
         sources, targets = self.columns.sources, self.columns.targets
         pairs = np.unique((sources * self.size + targets)[sources != targets])
-        return pairs // max(1, self.size), pairs % max(1, self.size)
+        return pairs // self.size, pairs % self.size
 
     def arcs(self) -> set[Arc]:
         """Return all edges by the ids of their ends and by their lengths."""
