@@ -165,7 +165,8 @@ class Belief:
         """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
         agents = [agent_on_ground(self._ctx, name) for name in targets]
         names, ground = tuple(targets), ground_of(self._ctx.graph.columns())
-        filter = Filter(self._ctx, random_walk() if motion is None else motion, names)
+        model = random_walk() if motion is None else motion
+        filter = Filter(self._ctx, model, names)
 
         def advance(masses: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
             filter.masses = masses
@@ -175,8 +176,7 @@ class Belief:
                 filter.weigh(likelihoods(ground, names, seen))
             return filter.masses
 
-        name = random_walk().name if motion is None else motion.name
-        key = ("probable", ground.digest, names, name, 1 if motion is None else motion.steps)
+        key = ("probable", ground.digest, names, model.name, model.steps)
         filter.masses = self._folded(key, filter.masses, advance)
         found = filter.probabilities()
         found[[not getattr(agent, "alive", True) for agent in agents]] = 0.0
