@@ -98,6 +98,21 @@ def test_a_respawned_agent_is_where_it_was_put(make_ctx, add):
     assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(3, 1, "a")}
 
 
+def test_only_respawns_of_others_tell_where_agents_are(make_ctx, add):
+    ctx = make_ctx(6)
+    add(ctx, "a", 0, "red", sight=0.0, strategy=noting(ctx))
+    add(ctx, "mate", 5, "red")
+    add(ctx, "prey", 5, "blue")
+    add(ctx, "gone", 5, "blue")
+    ctx.game.run(1)
+    ctx.game.respawn("mate", 3)
+    ctx.game.respawn("gone", 3)
+    ctx.agent.delete_agent("gone")
+    ctx.game.emit("noise", agent="prey", node=5)
+    ctx.game.run(1)
+    assert belief.belief_of(ctx, "a").last_seen == {}
+
+
 def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
     ctx = make_ctx(6)
 

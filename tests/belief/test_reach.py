@@ -175,6 +175,26 @@ def test_an_edge_that_was_closed_counts_for_the_time_when_it_was_open(make_ctx, 
     assert found == [{0}, {1}, {1, 2}, {1, 2}, {1, 2}]
 
 
+def test_an_edge_that_was_open_long_ago_is_not_forgotten_with_what_was_seen_then(make_ctx, add):
+    ctx, found = make_ctx(4), []
+
+    def watch(state):
+        found.append(belief.observe(ctx, state, horizon=4).reachable("prey"))
+        state["action"] = state["curr_pos"]
+
+    add(ctx, "spy", 0, "red", sight=0.0, strategy=watch)
+    add(ctx, "prey", 0, "blue", strategy=lambda state: state.update(action=min(3, state["curr_pos"] + 1)))
+
+    @ctx.game.add(phase="before")
+    def close(ctx):
+        if ctx.game.turn == 4:
+            for id in (4, 5):  # between nodes 2 and 3
+                ctx.graph.graph.remove_edge(id)
+
+    ctx.game.run(24)
+    assert found[-1] == {1, 2, 3}
+
+
 def test_a_map_that_changed_while_it_was_not_known_lets_a_target_be_anywhere(make_ctx, add):
     ctx, found = make_ctx(4), []
     add(ctx, "spy", 0, "red", sight=0.0, strategy=watching(ctx, found))

@@ -251,6 +251,22 @@ def test_the_sender_is_told_what_was_refused():
     assert "Unknown agent or team 'bop'" in told[1]
 
 
+def test_the_receiver_may_be_a_team_of_which_a_misspelt_name_is_told():
+    with world(ROAD, teams={"cat": "green"}, plan=once([send("gren")])) as ctx:
+        ctx.game.add_channel("radio", range_m=10)
+        assert "'gren'. Did you mean 'green'?" in ctx.game.run(1).errors[0]["message"]
+
+
+def test_a_body_may_have_all_the_bytes_of_a_turn():
+    def messages(most):
+        with world(ROAD, plan=once([send("bob")])) as ctx:
+            ctx.game.add_channel("radio", range_m=10, max_bytes_per_turn=most)
+            return ctx.game.run(1).messages
+
+    size = messages(None)[0]["size"]
+    assert [len(messages(most)) for most in (size, size - 1)] == [1, 0]
+
+
 def test_bytes_are_counted_per_agent_channel_and_turn():
     plan = lambda name, turn: [send("cat", "x" * 20), send("cat", "x" * 20), send("cat", "x"), send("cat", 1, "other")]
     with world(dict.fromkeys(ROAD, 0), plan=plan) as ctx:

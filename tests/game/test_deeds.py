@@ -177,6 +177,9 @@ def test_a_game_without_deeds_says_so(road):
     ("deeds", "error", "message"),
     [
         ({"two words": {}}, BadValue, "A deed is called by a name of letters"),
+        ({5: {}}, BadValue, "A deed is called by a name of letters"),
+        ({"a": {5: "agent"}}, BadValue, r"A field of ctx.game.deeds\['a'\] is called by a name of letters"),
+        ({"a": {"to-do": "agent"}}, BadValue, r"A field of ctx.game.deeds\['a'\] is called by a name of letters"),
         ({"a": {"agent": "agent"}}, BadValue, "cannot be called 'agent', which all deeds have"),
         ({"a": {"to": "agnt"}}, BadValue, r"\['to'\] cannot be 'agnt'. Did you mean 'agent'"),
         ({"a": {"to": []}}, BadType, "must be a kind of field"),
@@ -228,6 +231,13 @@ def test_a_choice_must_be_one_of_those_and_may_be_given_alone(road):
         "'way' of the deed 'look' cannot be 3.0. Use one of: 'north', 3.",
         "There is no 'way' of the deed 'look'; it needs 'way'.",
     ]
+
+
+@pytest.mark.parametrize(("given", "is_done"), [(None, True), (True, True), ({}, True), (False, False), (0, False)])
+def test_a_deed_without_fields_is_wanted_by_none_true_or_an_empty_dict(road, given, is_done):
+    road.plans["ann"] = [{"do": {"wait": given}}]
+    result = road.game.run(1)
+    assert (len(result.deeds), len(result.errors)) == (is_done, not is_done)
 
 
 def test_a_check_refuses_moves_and_deeds_before_they_are_done(road):

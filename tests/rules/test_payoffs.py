@@ -33,6 +33,15 @@ def test_the_others_pay_in_equal_parts(road):
     assert ctx.game.run(1).scores == {"blue": 5, "red": -4, "green": -1}
 
 
+def test_a_game_that_is_reset_pays_the_same_again(road):
+    ctx = road(a=("red", 3, 4), b=("blue", 4))
+    ctx.game.add(tag("blue", "red", score=0))
+    ctx.game.add(payoff({"tag": {"agent": 1}}))
+    first = ctx.game.run(1).scores
+    ctx.game.reset()
+    assert ctx.game.run(1).scores == first == {"blue": 1}
+
+
 def test_what_was_emitted_before_the_rule_came_is_not_paid_for_and_the_last_turn_is(road):
     ctx = road(a=("red", 3))
     ctx.game.emit("found", agent="a")
@@ -86,6 +95,13 @@ def test_an_agent_that_is_out_misses_some_turns_and_comes_back_so_often(road):
     assert [(event["turn"], event["kind"]) for event in events if event["kind"] != "tag"] == [
         *((1, "eliminated"), (3, "respawned"), (4, "eliminated"), (6, "respawned"), (7, "eliminated"))
     ]
+
+
+def test_an_agent_may_come_back_once(road):
+    ctx = road(a=("red", 3, 4, 4, 4, 4), b=("blue", 4))
+    ctx.game.add(respawn(times=1))
+    ctx.game.add(tag("blue", "red", then="eliminate"))
+    assert [event["turn"] for event in ctx.game.run(9).events if event["kind"] == "respawned"] == [2]
 
 
 def test_both_of_a_contact_may_be_eliminated_and_come_back(road):

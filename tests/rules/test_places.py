@@ -26,7 +26,8 @@ def test_a_team_that_holds_a_node_long_enough_wins(road):
 def test_agents_may_relieve_each_other_on_any_of_the_nodes(road):
     ctx = road(a=("red", 3, 4, 3), a2=("red", 6, 6, 5, 5))
     ctx.game.add(hold([4, 5], 3))
-    assert ctx.game.run(9).turns == 3
+    result = ctx.game.run(9)
+    assert (result.turns, result.scores) == (3, {})
 
 
 def test_a_place_that_is_contested_stops_the_count_and_one_that_is_left_begins_it_again(road):
@@ -147,7 +148,9 @@ def test_a_node_is_discovered_when_a_sensor_has_it_in_view(road, kind):
     ctx = with_eyes(road(a=("red", 0, 1, 2, 3)), kind)
     ctx.game.add(discover({5: "flag", 4: "decoy", 9: "flag"}))
     assert ctx.game.facts["discovered"] == {}
+    assert ctx.game.data["discovered"]["discovered"]["by"] == {}
     result = ctx.game.run(3)
+    assert result.scores == {}
     # with 20 m it sees two nodes ahead: 4 from node 2, and 5 from node 3
     assert [(event["turn"], event["node"]) for event in result.events] == [(2, 4), (3, 5)]
     assert result.events[0] == {"turn": 2, "kind": "discover", "agent": "a", "team": "red", "node": 4, "first": True}

@@ -42,6 +42,15 @@ def test_all_edges_of_a_turn_are_paid_for_and_half_an_edge_when_its_end_is_reach
     assert amounts(ctx) == {"a": 70, "b": 90}
 
 
+def test_a_deed_without_a_price_costs_nothing(road):
+    ctx = road(a=("red", 0))
+    ctx.game.deeds = {"shoot": None, "wait": None}
+    ctx.agent.get_agent("a").register_strategy(lambda state: state.update(action={"do": {"shoot": None, "wait": None}}))
+    ctx.game.add(resource("power", 9, per_deed={"shoot": 4}))
+    ctx.game.step()
+    assert amounts(ctx, "power") == {"a": 5}
+
+
 def test_a_move_that_needs_more_than_is_left_is_refused_and_costs_nothing(road):
     ctx = road(a=("red", 0, 1, 3, 2))
     ctx.agent.get_agent("a").speed = 2
