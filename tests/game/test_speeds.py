@@ -184,6 +184,15 @@ def test_an_agent_that_stays_or_turns_begins_its_edge_again(ctx, play, second):
     assert places(agent, ctx.game.run(4)) == [5, 5, 5, 5, 6]
 
 
+@pytest.mark.parametrize(("second", "end"), [(0, 0), (1, 1)])
+def test_half_an_edge_back_counts_and_half_a_wait_does_not(ctx, play, second, end):
+    agent = play("a", 0, [1, second], [0], speed=1.5)
+    assert places(agent, ctx.game.run(1)) == [0, 1]
+    assert (agent._block.progress == [None]) is (second == 1)
+    agent.speed = 0.5
+    assert places(agent, ctx.game.run(1))[-1] == end
+
+
 def test_an_agent_that_is_blocked_begins_its_edge_again(ctx, play):
     ctx.game.conflicts = gamms.rules.Conflicts(1)
     agent = play("a", 5, *[6] * 5, speed=0.75)

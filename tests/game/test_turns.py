@@ -489,3 +489,15 @@ def test_custom_sensors_are_all_asked_before_anybody_decides(ctx, play):
     assert a.seen[0]["sensor"]["board"] == b.seen[0]["sensor"]["board"] == (SensorType.CUSTOM, [])
     ctx.game.step()
     assert b.seen[1]["sensor"]["board"][1] == ["a", "b"]
+
+
+@pytest.mark.parametrize("change", [{"legal": "any"}, {"deeds": {"wave": None}}, {"team_memory": False}])
+def test_several_settings_count_from_the_next_turn_on_as_one_does(ctx, play, change):
+    agent = play("a", 0)
+    ctx.game.run(1)
+    ctx.game.configure(change)
+    ctx.game.run(1)
+    before, after = agent.seen
+    assert (len(before["legal"]), "deeds" in before, "team_memory" in before) == (3, False, True)
+    known = {"legal": len(after["legal"]) == 16, "deeds": "deeds" in after, "team_memory": "team_memory" not in after}
+    assert known == dict.fromkeys(known, False) | dict.fromkeys(change, True)

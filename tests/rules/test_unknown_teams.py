@@ -42,6 +42,13 @@ def test_a_rule_that_is_added_later_is_looked_at_when_it_begins(game, heard):
     assert heard == ["reach: Unknown team 'green'. There is: 'blue', 'red'. No agent plays for it."]
 
 
+def test_a_rule_that_was_removed_before_a_turn_is_not_looked_at(game, heard):
+    game.add(reach("green", 3))
+    game.remove("reach")
+    game.run(1)
+    assert heard == []
+
+
 def test_sides_that_are_functions_and_teams_that_are_there_are_not_warned_about(game, heard):
     game.add(tag(lambda agent: agent.name == "ann", "blue"))
     game.add(reach({"red": 7, "blue": 8}))
