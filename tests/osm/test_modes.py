@@ -332,6 +332,26 @@ def test_the_report_says_what_was_left_out(make_map, cross):
     assert dict(found.rows())["other parts"] == "111.4 m left out"
     assert dict(found.rows())["no way back"] == "55.7 m left out"
     assert found.length_before == pytest.approx(111.0, abs=0.2)
+    assert found.closed == {}
+
+
+def test_the_report_names_what_closed_ways(make_map, cross):
+    ways = ([2, 3], {"highway": "footway"}), ([2, 4], street(access="private")), ([4, 3], {"highway": "footway"})
+    path = make_map(cross, ([1, 2], street()), *ways)
+    found = report(graph_from_file(path, 10.0, osm_type="drive"), path)
+    assert [*found.closed] == ["highway=footway", "access=private"]
+    assert found.closed["access=private"] == pytest.approx(55.71, abs=0.01)
+    assert dict(found.rows())["closed"].startswith("189.9 m left out: highway=footway 134.2 m, access=private ")
+    everything = report(graph_from_file(path, 10.0), path).length_before
+    assert sum(found.closed.values()) + found.length_before == pytest.approx(everything, rel=1e-9)
+    assert found.to_dict()["closed"] == found.closed
+    assert report(graph_from_file(path, 10.0), path).closed == {}
+
+
+@pytest.mark.parametrize("load", [graph_from_file, graph_from_xml])
+def test_the_report_names_what_is_no_road_at_all(make_map, cross, load):
+    path = make_map(cross, ([1, 2], street()), ([2, 3], {"highway": "construction"}))
+    assert [*report(load(path), path).closed] == ["highway=construction"]
 
 
 def test_the_report_of_ones_own_mode_needs_the_mode(make_map, cross):

@@ -13,6 +13,8 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import distances_to_lines
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.projection import ellipsoid_lengths
+from gamms.osm.geojson import is_geojson
 from gamms.osm.load import Selection, network_in_metres, read_network, recipe_of, selection_of
 from gamms.osm.modes import ModeFunction, as_mode, modes
 from gamms.osm.network import (
@@ -20,13 +22,15 @@ from gamms.osm.network import (
     RoadNetwork,
     along,
     chosen_roads,
+    classic_closed_rule,
     classic_rule,
     components,
     network_of_columns,
     segment_starts,
+    segments_of,
 )
 from gamms.osm.networkx_bridge import network_of_graph
-from gamms.osm.osmium_reader import as_file
+from gamms.osm.osmium_reader import as_file, read_ways
 from gamms.osm.topology import chains_of, degrees
 from gamms.progress import progress
 from gamms.text import shown
@@ -40,6 +44,7 @@ Source = Union[str, os.PathLike[str], "nx.Graph[Any]", GraphColumns, RoadNetwork
 
 _LENGTH_ERROR = 0.001
 _SLACK = 1e-9
+_MOST_NAMED = 4  # tags that close ways, in the text of a report
 _SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 _Places = np.ndarray[Any, np.dtype[np.complex128]]
 _EXACT = 1e-6  # metres, and relative: what rounding may change
@@ -58,6 +63,7 @@ class Report(NamedTuple):
     length_after: float  # of the graph
     other_parts: float  # of open roads that the graph lacks: they are not joined to the part that is kept
     no_way_back: float  # … or joined to it, but one-way streets do not lead there and back
+    closed: dict[str, float]  # of the ways of a file that are no roads for the mode of travel, by what closes them
     length_merged: float  # by how much merging junctions made the roads shorter; negative for longer
     deviation_max: float  # of a vertex of the source from the nearest road of the graph
     deviation_mean: float  # over all vertices of the source
@@ -107,6 +113,7 @@ class Report(NamedTuple):
             ("graph", f"{self.nodes:,} nodes, {self.edges:,} edges"),
             ("length before", f"{self.length_before:,.1f} m"),
             ("length after", f"{self.length_after:,.1f} m"),
+            ("closed", self._closed_in_words()),
             ("other parts", f"{self.other_parts:,.1f} m left out"),
             ("no way back", f"{self.no_way_back:,.1f} m left out"),
             ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
@@ -124,6 +131,12 @@ class Report(NamedTuple):
             ("spacing kept", f"{yes[self.spacing_kept]}: pieces 0.75 to 1.25, whole roads below 1.5 resolutions"),
             ("true lengths", f"{yes[self.uncut_kept]}: {untrue}"),
         ]
+
+    def _closed_in_words(self) -> str:
+        parts = [f"{why} {metres:,.1f} m" for why, metres in self.closed.items()]
+        more = f", {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
+        total = f"{sum(self.closed.values()):,.1f} m left out"
+        return f"{total}: {', '.join(parts[:_MOST_NAMED])}{more}" if parts else total
 
     def __str__(self) -> str:
         rows = self.rows()
@@ -158,7 +171,9 @@ def report(
     if not length > 0.0:
         raise BadValue("The graph does not say how it was cut. Give report(…, resolution=10.0), or what it was.")
     everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all
-    before = _source_network(source, _selection(about, everything, osm_type))
+    selection = _selection(about, everything, osm_type)
+    before = _source_network(source, selection)
+    about["closed"] = _closed_lengths(source, selection)
     if None not in (before.crs, edges.crs) and before.crs != edges.crs:
         raise BadValue(f"The source is in {before.crs} and the graph in {edges.crs}: they cannot be compared.")
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else type(source).__name__
@@ -187,6 +202,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         length_after=float(after),
         other_parts=source.left_out.other_parts_m,
         no_way_back=source.left_out.no_way_back_m,
+        closed=about.get("closed", {}),
         length_merged=float(merged),
         deviation_max=float(away.max(initial=0.0)),
         deviation_mean=float(away.mean()) if len(away) else 0.0,
@@ -234,7 +250,8 @@ def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str
         raise BadValue(f"The graph is for the mode {name!r}, which is yours. Give report(…, osm_type=), as before.")
     if name:
         return selection_of(recipe, modes()[name])
-    return Selection(classic_rule(OSMType[classic] if classic else None), retain_all=retain_all, strong=strong)
+    kind = OSMType[classic] if classic else None
+    return Selection(classic_rule(kind), "", retain_all, strong, classic_closed_rule(kind))
 
 
 def _source_network(source: Source, selection: Selection) -> RoadNetwork:
@@ -246,6 +263,21 @@ def _source_network(source: Source, selection: Selection) -> RoadNetwork:
         return network_in_metres(source)
     with progress() as show:
         return read_network(as_file(source), show, selection)
+
+
+def _closed_lengths(source: Source, selection: Selection) -> dict[str, float]:
+    """Return how many metres of a file each tag closes to the mode of travel, the most first."""
+    if selection.closed is None or not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
+        return {}
+    with progress() as show:
+        ways = read_ways(as_file(source), show, selection.closed)
+    pieces = segments_of(ways)
+    metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
+    of_ways = np.bincount(pieces.ways, weights=metres, minlength=len(ways.tags)).tolist()
+    found: dict[str, float] = {}
+    for tags, length in zip(ways.tags, of_ways, strict=True):
+        found[tags["why"]] = found.get(tags["why"], 0.0) + length
+    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
 
 
 def _parallel_roads(roads: RoadNetwork) -> int:

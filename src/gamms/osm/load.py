@@ -14,13 +14,14 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
 from gamms.osm.geojson import is_geojson, read_lines
-from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, name_of, rule_of, tolerance_of
+from gamms.osm.modes import ModeFunction, as_mode, closed_rule, honouring_traffic, name_of, rule_of, tolerance_of
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
     Rule,
     Ways,
     both_ways,
+    classic_closed_rule,
     connected,
     joined_directions,
     network_of_columns,
@@ -65,6 +66,7 @@ class Selection(NamedTuple):
     mode: str = ""  # its name, for errors
     retain_all: bool = False
     strong: bool = False
+    closed: Rule | None = None  # which ways are left out
 
 
 def graph_from_xml(
@@ -149,8 +151,10 @@ def selection_of(recipe: Recipe, mode: ModeFunction | None) -> Selection:
     """Return which roads of a map a recipe is for; `mode` may be None where it names none."""
     if mode is not None and recipe.bidirectional is False:
         mode = honouring_traffic(mode)
-    rule = None if mode is None else rule_of(mode)
-    return Selection(rule, recipe.mode, recipe.retain_all, recipe.strong and not recipe.bidirectional)
+    strong = recipe.strong and not recipe.bidirectional
+    if mode is None:
+        return Selection(retain_all=recipe.retain_all, strong=strong, closed=classic_closed_rule(None))
+    return Selection(rule_of(mode), recipe.mode, recipe.retain_all, strong, closed_rule(mode))
 
 
 def graph_from_geojson(

@@ -196,6 +196,19 @@ def honouring_traffic(mode: ModeFunction) -> ModeFunction:
     return replace(mode, oneway=oneway, implied_oneway=cars.implied_oneway)
 
 
+def closed_rule(mode: ModeFunction) -> Rule:
+    """Return the rule by which the ways are read that are closed to a mode, with what closes them as `why`."""
+    rule = rule_of(mode)
+
+    def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
+        if rule(osmid, tags) is not None:
+            return None
+        why = mode.why_closed(tags) if isinstance(mode, Mode) else name_of(mode)
+        return {"osmid": osmid, "why": why, "oneway": False}, False
+
+    return closed
+
+
 def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
     """Return the rule by which the ways of a map are read for a mode of travel; of their tags these are kept."""
 

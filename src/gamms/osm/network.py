@@ -127,6 +127,17 @@ def classic_rule(osm_type: OSMType | None) -> Rule:
     return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if is_open_to(osm_type, tags) else None
 
 
+def classic_closed_rule(osm_type: OSMType | None) -> Rule:
+    """Return the rule of the ways that `classic_rule` leaves out, with the tag that closes them as `why`."""
+
+    def closed(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
+        rules = CLOSED_TO[osm_type].items()
+        why = next((f"{name}={tags[name]}" for name, values in rules if tags.get(name) in values), None)
+        return None if why is None else ({"osmid": osmid, "why": why, "oneway": False}, False)
+
+    return closed
+
+
 def attributes_of(osmid: int, tags: Mapping[str, str], names: Iterable[str] = KEPT_TAGS) -> dict[str, Any]:
     """Return the number of a way and its kept tags."""
     return {"osmid": osmid, **{name: tags[name] for name in names if name in tags}}
