@@ -335,7 +335,7 @@ def test_what_is_sent_and_heard_shares_nothing():
 
 
 @pytest.mark.parametrize(
-    "body", [None, b"ab", (1, [2]), [1, "a"], {"a": 1.5}, {"a": {"b": [1]}}, {1, 2}, frozenset({1}), [], {}]
+    "body", [None, b"ab", (1, 2), (1, [2]), [1, "a"], {"a": 1.5}, {"a": {"b": [1]}}, {1, 2}, frozenset({1}), [], {}]
 )
 def test_each_receiver_gets_a_body_of_any_plain_kind_as_it_was_sent(body):
     with world(dict.fromkeys(ROAD, 0), plan=once([send(None, body)])) as ctx:
