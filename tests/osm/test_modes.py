@@ -1,5 +1,6 @@
 """Modes of travel: who may use which ways, how fast and in which direction, as data and as functions."""
 
+import json
 import math
 from dataclasses import fields, replace
 
@@ -8,7 +9,9 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from typer.testing import CliRunner
 
+from gamms import cli
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Access, Mode, OSMType, graph_from_file, graph_from_xml, modes, report
 from gamms.osm.network import strong_components
@@ -397,3 +400,12 @@ def test_every_node_has_an_exit_and_can_be_reached(tmp_path_factory, roads):
         return
     assert nx.is_strongly_connected(graph)
     assert all(graph.out_degree(node) and graph.in_degree(node) for node in graph)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_command_line_reports_for_every_mode(make_map, cross, name):
+    path = make_map(cross, ([1, 2], street()), ([2, 3], {"highway": "platform"}))
+    printed = CliRunner().invoke(cli.app, ["osm", "report", str(path), "--network", name, "--json"])
+    assert printed.exit_code == 0, printed.output
+    is_closed = modes()[name]({"highway": "platform"}) is None
+    assert ("highway=platform" in json.loads(printed.stdout)["closed"]) == is_closed

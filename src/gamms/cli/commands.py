@@ -25,6 +25,8 @@ class _Network(StrEnum):
     WALK = "walk"
     BIKE = "bike"
     DRIVE = "drive"
+    DRIVE_SERVICE = "drive_service"
+    ROBOT = "robot"
 
 
 def about(version: Annotated[bool, typer.Option("--version", help="Show the version and exit.")] = False) -> None:
@@ -81,7 +83,7 @@ def report(
 def _fidelity(file: Path, network: _Network, *, resolution: float, tolerance: float, retain_all: bool) -> "Report":
     from gamms import osm
 
-    kind = None if network is _Network.ALL else osm.OSMType[network.name]
+    kind = None if network is _Network.ALL else network.value
     options: dict[str, Any] = {"resolution": resolution, "tolerance": tolerance, "retain_all": retain_all}
     if osm.is_geojson(file):
         graph = osm.graph_from_geojson(file, **options)
