@@ -184,6 +184,14 @@ def test_an_agent_that_stays_or_turns_begins_its_edge_again(ctx, play, second):
     assert places(agent, ctx.game.run(4)) == [5, 5, 5, 5, 6]
 
 
+def test_an_edge_that_is_made_longer_takes_longer(ctx, play):
+    ctx.game.speed_unit = "metres"
+    agent = play("a", 0, [1], [2], speed=10.0)
+    ctx.game.run(1)
+    ctx.graph.graph.update_edge({"id": edge_of(ctx, 1, 2), "source": 1, "target": 2, "length": 20.0})
+    assert places(agent, ctx.game.run(1)) == [0, 1, 1]
+
+
 @pytest.mark.parametrize(("second", "end"), [(0, 0), (1, 1)])
 def test_half_an_edge_back_counts_and_half_a_wait_does_not(ctx, play, second, end):
     agent = play("a", 0, [1, second], [0], speed=1.5)

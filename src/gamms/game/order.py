@@ -430,7 +430,7 @@ class Legality:
         """Return the length of the shortest edge from one node to another, map units."""
         revision, lengths = self._lengths
         graph = self._ctx.graph.graph
-        if revision is None or revision != graph.revision:
+        if revision != graph.revision:
             lengths = shortest_edges(self._ctx.graph.columns())
             self._lengths = graph.revision, lengths
         return as_float(lengths[source, target], "length")
