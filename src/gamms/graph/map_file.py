@@ -6,7 +6,7 @@ arrays and plain values, as `ir/packing.py` packs it. Nothing in a file is ever 
 
 import os
 import zlib
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from functools import lru_cache
@@ -40,6 +40,7 @@ _SCENERIES: dict[str | None, Path] = {"helsinki": Path(__file__).parent.parent /
 _HEAD = Struct("<8sIII")
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
+_SIMPLE = {str, int, bool, bytes, type(None)}  # values of one of them that are equal are the same
 _Attributes = dict[str, dict[int, Plain]]  # by name, by row
 
 
@@ -310,12 +311,30 @@ def _columns_of(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> dic
     columns: dict[str, list[Plain]] = {}
     for name, by_row in sorted(attributes.items()):
         rows = sorted(by_row)
-        written = [attribute_bytes(by_row[row], kind, name) for row in rows]
-        code_of = {one: code for code, one in enumerate(dict.fromkeys(written))}
-        value_of = dict(zip(written, (by_row[row] for row in rows), strict=True))
-        codes = np.array([code_of[one] for one in written], np.int64)
-        columns[name] = [np.array(rows, np.int64), codes, [value_of[one] for one in code_of]]
+        values = [by_row[row] for row in rows]
+        keys = _keys_of(values, kind, name)
+        value_of = dict(zip(keys, values, strict=True))
+        code_of = {key: code for code, key in enumerate(value_of)}
+        columns[name] = [
+            np.array(rows, np.int64),
+            np.array([code_of[key] for key in keys], np.int64),
+            [*value_of.values()],
+        ]
     return columns
+
+
+def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
+    """Return keys that are equal where the bytes of values are."""
+    # NOTE: a city has a million values of a few kinds, often one object for many edges (benchmarks/README.md, Files).
+    kinds = set(map(type, values))
+    if kinds == {float}:
+        bits: list[int] = np.array(values, np.float64).view(np.int64).tolist()  # 0.0 and -0.0 differ
+        return bits
+    if len(kinds) == 1 and kinds <= _SIMPLE:
+        return values
+    objects = {id(value): value for value in values}
+    written = {key: attribute_bytes(value, kind, name) for key, value in objects.items()}
+    return [written[id(value)] for value in values]
 
 
 def _attributes_of(columns: Plain) -> _Attributes:
