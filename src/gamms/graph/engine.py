@@ -15,7 +15,8 @@ from gamms.graph.store import GraphStore
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, IPackedGraph, ObsFace, RouteQueries
+from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, ObsFace, RouteQueries
+from gamms.typing.map_storage import IGraphSource
 from gamms.typing.memory_engine import StoreType
 from gamms.typing.obstacles import Faces, line_ends
 
@@ -165,7 +166,7 @@ class GraphEngine(Guarded, IGraphEngine):
     # -- in and out ---------------------------------------------------------------------------------------------
 
     @refused_while_deciding
-    def attach_networkx_graph(self, G: "nx.Graph[Any] | IPackedGraph") -> Graph:  # noqa: N803 - published name
+    def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> Graph:  # noqa: N803 - published name
         """Add any networkx graph, or the map of a recording, to what is there, all or nothing.
 
         Integer labels become ids; other labels get the next free integers (`networkx_labels` returns which). An
@@ -177,7 +178,7 @@ class GraphEngine(Guarded, IGraphEngine):
         """
         graph = self.graph.attach_networkx_graph(G)
         if (
-            not isinstance(G, IPackedGraph)
+            not isinstance(G, IGraphSource)
             and len(G) > 1
             and not any("x" in data or "y" in data for _, data in G.nodes(data=True))
         ):

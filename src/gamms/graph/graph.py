@@ -19,6 +19,7 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
 from gamms.typing.graph_engine import IGraph, IPackedGraph, Node, NodeColumns, NodeIds, Numbers, OSMEdge, Surroundings
+from gamms.typing.map_storage import IGraphSource
 from gamms.typing.routes import RouteQueries
 
 if TYPE_CHECKING:
@@ -416,17 +417,18 @@ class Graph(Guarded, IGraph):
         self._store.clear()
 
     @refused_while_deciding
-    def attach_networkx_graph(self, G: "nx.Graph[Any] | IPackedGraph") -> "Graph":  # noqa: N803 - published name
+    def attach_networkx_graph(self, G: "nx.Graph[Any] | IGraphSource") -> "Graph":  # noqa: N803 - published name
         """Add any networkx graph, or the map of a recording, to what is there, all or nothing."""
-        if not isinstance(G, IPackedGraph):
+        if not isinstance(G, IGraphSource):
             from gamms.graph.networkx_bridge import attach
 
             attach(self._store, G)
             return self
         try:
-            self._store.append(G.columns(), G.attribution)
+            self._store.append(*G.as_columns())
         except (ValueError, KeyError) as error:
-            raise BadValue(f"Failed to attach the graph: {error}") from error
+            kind = "the" if isinstance(G, IPackedGraph) else "NetworkX"
+            raise BadValue(f"Failed to attach {kind} graph: {error}") from error
         return self
 
     def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -30,11 +31,12 @@ from gamms.osm.network import (
     projected,
     segments_of,
 )
-from gamms.osm.networkx_bridge import network_of_graph, to_digraph, to_multidigraph
+from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.osmium_reader import as_file, read_ways
 from gamms.osm.topology import resample
 from gamms.progress import Show, progress
 from gamms.typing import IContext
+from gamms.typing.map_storage import IPackedGraph, packed_graphs
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -248,10 +250,13 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
     show(f"Cutting {len(network.sources)} roads")
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
     show(f"Making a graph of {len(pieces.sources)} pieces")
-    graph = to_digraph(pieces)
+    return to_digraph(pieces, _about(recipe, network))
+
+
+def _about(recipe: Recipe, network: RoadNetwork) -> dict[str, Any]:
+    """Return what `G.graph` says of how a graph was made of a network."""
     merged = {"merged_nodes": network.merged.nodes, "merged_length": network.merged.length_m}
-    graph.graph.update({**recipe._asdict(), **merged, **network.left_out._asdict()})
-    return graph
+    return {**recipe._asdict(), **merged, **network.left_out._asdict()}
 
 
 def network_in_metres(osmg: "nx.Graph[Any]") -> RoadNetwork:
@@ -353,17 +358,26 @@ def helsinki(
     graph = as_context(ctx, "helsinki").graph.graph
     if [*graph.get_nodes(), *ctx.graph.get_obstacle_faces()]:
         raise BadValue("The context has a graph or obstacles already. Load the map into a new context.")
-    try:
-        ctx.graph.load(_FILE)
-        walls = ctx.graph.obstacle_columns()
-        streets = resample_columns(ctx.graph.columns(), resolution, bidirectional)
-    finally:
-        graph.clear()
-        for face_id in ctx.graph.get_obstacle_faces():
-            ctx.graph.remove_obstacle_face(face_id)
+    recipe = recipe_of(resolution, 0.0, bidirectional)
+    pieces, columns = _pieces_of_helsinki(recipe.resolution, bidirectional=recipe.bidirectional)
+    streets = to_digraph(pieces, _about(recipe, pieces), columns)
     ctx.graph.attach_networkx_graph(streets)
     if buildings:
+        walls = _helsinki().obstacle_columns()
         ctx.graph.add_obstacles(walls.corners, walls.ids, walls.types)
     elif buildings is None:
         graph.scenery = "helsinki"
     return streets
+
+
+@cache
+def _helsinki() -> IPackedGraph:
+    return packed_graphs["gamms"](_FILE.read_bytes())
+
+
+@lru_cache(maxsize=4)
+def _pieces_of_helsinki(resolution: float, *, bidirectional: bool) -> tuple[RoadNetwork, GraphColumns]:
+    """Return the shipped streets, cut; contexts copy them, so they are cut once in a process."""
+    network = network_of_columns(_helsinki().columns())
+    pieces = resample(both_ways(network) if bidirectional else network, resolution)
+    return pieces, to_columns(pieces)

@@ -7,15 +7,20 @@ road without a sign gets a speed that depends on its class only: not on what els
 import math
 import re
 from collections.abc import Iterator, Mapping
+from copy import deepcopy
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.osm.network import RoadNetwork, first_seen, network_of_lines, reversed_points
 from gamms.text import shown
+from gamms.typing.map_storage import IGraphSource
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -117,36 +122,178 @@ def _of_sign(text: str) -> float | None:
 
 
 G = TypeVar("G", bound="nx.DiGraph[int]")
+_NOTHING = object()
+_RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names that a graph gives to what is no tag
 _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
 
 
-def to_digraph(network: RoadNetwork) -> "nx.DiGraph[int]":
+def to_digraph(
+    network: RoadNetwork, about: Mapping[str, Any] | None = None, columns: GraphColumns | None = None
+) -> "nx.DiGraph[int]":
     """Return one node per node and one edge per direction of each road, numbered in first-seen order.
 
     Nodes have `x` and `y`; edges have `id`, `linestring`, `length`, their tags, `speed_kph` and `travel_time`.
     The way back has the next id. Of roads from one node to another the last is kept.
+
+    The graph is filled when something in it is first looked at: most are only attached to a context, which takes the
+    columns and is ten times as fast.
+
+    Args:
+        network: the roads.
+        about: more for `G.graph`.
+        columns: what `to_columns` made of the network, if it is known.
     """
     import networkx as nx
 
-    return _filled(nx.DiGraph(), network)
+    given = about or {}
+    if not np.isfinite(network.lengths).all() or any(not _RESERVED.isdisjoint(of_way) for of_way in network.tags):
+        return _filled(nx.DiGraph(), network, given)
+    return _deferred_class()(network, given, columns)  # type: ignore[no-any-return] # a class that is made in a function
+
+
+@cache
+def _deferred_class() -> Any:
+    """Return the class of graphs that are filled when they are first looked at; networkx is slow to load."""
+    import networkx as nx
+
+    class Deferred(nx.DiGraph):  # type: ignore[type-arg] # it cannot be subscripted when it runs
+        """A graph of roads, which becomes an ordinary DiGraph at the first look."""
+
+        def __init__(self, network: Any = None, about: Any = None, columns: Any = None, **others: Any) -> None:
+            if isinstance(network, RoadNetwork):
+                object.__getattribute__(self, "__dict__")["pending"] = network, about, columns
+            else:  # as networkx makes an empty graph of the class of another
+                object.__setattr__(self, "__class__", nx.DiGraph)
+                nx.DiGraph.__init__(self, network, **others)
+
+        def __getattribute__(self, name: str) -> Any:
+            if name in ("__class__", "as_columns"):
+                return object.__getattribute__(self, name)
+            network, about, _ = object.__getattribute__(self, "__dict__").pop("pending")
+            object.__setattr__(self, "__class__", nx.DiGraph)
+            nx.DiGraph.__init__(self)
+            _filled(self, network, about)
+            return getattr(self, name)
+
+        def __setattr__(self, name: str, value: Any) -> None:
+            _ = self.graph  # which fills it
+            setattr(self, name, value)
+
+        def as_columns(self) -> tuple[GraphColumns, str | None]:
+            """Return what `attach_networkx_graph` makes of the filled graph."""
+            network, _, columns = object.__getattribute__(self, "__dict__")["pending"]
+            return to_columns(network) if columns is None else columns, network.attribution
+
+    Deferred.__name__ = Deferred.__qualname__ = "DiGraph"
+    IGraphSource.register(Deferred)
+    return Deferred
+
+
+def to_columns(network: RoadNetwork) -> GraphColumns:
+    """Return the graph that `to_digraph` makes, as columns.
+
+    Requires: lengths are finite, and no tag has a name of the format.
+    """
+    firsts, numbers = _numbered(network)
+    roads = np.repeat(np.arange(len(network.sources)), 1 + network.two_way)
+    is_back = np.zeros(len(roads), np.bool_)
+    is_back[1:] = roads[1:] == roads[:-1]
+    ends = numbers[np.stack((network.sources, network.targets))[:, roads]]
+    ends[:, is_back] = ends[::-1, is_back]
+    # As in networkx: by source, then by when the pair of nodes was first joined; what joined them last counts.
+    keys = ends[0] * len(firsts) + ends[1]
+    pairs, first, group = np.unique(keys, return_index=True, return_inverse=True)
+    last = np.zeros(len(pairs), np.int64)
+    np.maximum.at(last, group, np.arange(len(keys)))
+    order = np.lexsort((first, ends[0][first]))
+    chosen = last[order]
+    sources, targets = ends[:, chosen]
+    attributes = _attribute_columns(network, roads[chosen])
+    if len(pairs) < len(keys):
+        _keep_older_tags(network, attributes, roads, np.argsort(order)[group])
+    xy = network.xy[firsts]
+    offsets, out_edges = kernels.group_rows(sources, len(xy))
+    return GraphColumns(
+        node_ids=np.arange(len(xy)),
+        xy=xy,
+        edge_ids=chosen,
+        sources=sources,
+        targets=targets,
+        lengths=network.lengths[roads[chosen]],
+        offsets=offsets,
+        out_edges=out_edges,
+        polylines=_bent(network, roads[chosen], is_back[chosen]),
+        node_attributes={},
+        edge_attributes=attributes,
+        revision=0,
+        crs=network.crs,
+    )
+
+
+def _attribute_columns(network: RoadNetwork, roads: IntArray) -> dict[str, dict[int, Any]]:
+    """Return name -> row -> value of the edges of some roads."""
+    tags = [{**deepcopy(dict(of_way)), "speed_kph": speed_kph(of_way)} for of_way in network.tags]
+    ways = network.ways[roads]
+    columns: dict[str, dict[int, Any]] = {}
+    for name in dict.fromkeys(name for of_way in tags for name in of_way):
+        values = [of_way.get(name, _NOTHING) for of_way in tags]
+        rows = np.flatnonzero(np.array([value is not _NOTHING for value in values])[ways])
+        if len(rows):
+            columns[name] = dict(zip(rows.tolist(), (values[way] for way in ways[rows].tolist()), strict=True))
+    speeds = np.array([of_way["speed_kph"] for of_way in tags], np.float64)
+    times = travel_times(network, speeds)[roads].tolist()
+    return {**columns, "travel_time": dict(enumerate(times))} if times else columns
+
+
+def _keep_older_tags(network: RoadNetwork, columns: dict[str, dict[int, Any]], roads: IntArray, rows: IntArray) -> None:
+    """Add the tags of roads that another one replaced, unless it has them; edge `i` of `roads` became `rows[i]`."""
+    for row in np.flatnonzero(np.bincount(rows) > 1).tolist():
+        older: dict[str, Any] = {}
+        for edge in np.flatnonzero(rows == row).tolist():
+            older.update(network.tags[network.ways[roads[edge]]])
+        for name, value in older.items():
+            columns.setdefault(name, {}).setdefault(row, deepcopy(value))
+
+
+def _bent(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> dict[int, FloatArray]:
+    """Return row -> (points, 2) of the edges that are more than the straight line between their nodes."""
+    first, last = network.offsets[:-1], network.offsets[1:] - 1
+    is_straight = (last - first == 1) & np.all(
+        (network.points[first] == network.xy[network.sources]) & (network.points[last] == network.xy[network.targets]),
+        axis=1,
+    )
+    points = network.points.copy()
+    points.setflags(write=False)
+    found: dict[int, FloatArray] = {}
+    for row in np.flatnonzero(~is_straight[roads]).tolist():
+        road = roads[row]
+        shape = points[network.offsets[road] : network.offsets[road + 1]]
+        found[row] = shape[::-1] if is_back[row] else shape
+    return found
 
 
 def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     """Return the same with every road, also between the same two nodes."""
     import networkx as nx
 
-    return _filled(nx.MultiDiGraph(), network)
+    return _filled(nx.MultiDiGraph(), network, {})
 
 
-def _filled(graph: G, network: RoadNetwork) -> G:
-    about = {"attribution": network.attribution, "crs": network.crs}
-    graph.graph.update({name: text for name, text in about.items() if text is not None})
-    # Nodes without a road come last.
+def _numbered(network: RoadNetwork) -> tuple[IntArray, IntArray]:
+    """Return the rows of the nodes in first-seen order, and the number of each row; nodes without a road come last."""
     ends = np.column_stack((network.sources, network.targets)).ravel()
     rows = np.concatenate((ends, np.arange(len(network.xy))))
     firsts = rows[first_seen(rows)[1]]
     numbers = np.empty(len(firsts), np.int64)
     numbers[firsts] = np.arange(len(firsts))
+    return firsts, numbers
+
+
+def _filled(graph: G, network: RoadNetwork, more: Mapping[str, Any]) -> G:
+    about = {"attribution": network.attribution, "crs": network.crs}
+    graph.graph.update({name: text for name, text in about.items() if text is not None})
+    graph.graph.update(more)
+    firsts, numbers = _numbered(network)
     graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy[firsts].tolist()))
     graph.add_edges_from(_edges(network, numbers))
     return graph
@@ -158,7 +305,7 @@ def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, 
     line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets))
     there = line_strings(network.points, line)
     back = line_strings(network.points[reversed_points(network.offsets)], line)
-    tags = [{**of_way, "speed_kph": speed_kph(of_way)} for of_way in network.tags]
+    tags = [{**deepcopy(dict(of_way)), "speed_kph": speed_kph(of_way)} for of_way in network.tags]
     times = travel_times(network, np.array([of_way["speed_kph"] for of_way in tags], np.float64)).tolist()
     sources, targets = numbers[network.sources].tolist(), numbers[network.targets].tolist()
     lengths, two_way, ways = network.lengths.tolist(), network.two_way.tolist(), network.ways.tolist()

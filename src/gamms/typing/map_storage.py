@@ -11,7 +11,15 @@ if TYPE_CHECKING:
     import networkx as nx
 
 
-class IPackedGraph(ABC):
+class IGraphSource(ABC):
+    """A graph that has its columns at hand: `ctx.graph.attach_networkx_graph` takes these."""
+
+    @abstractmethod
+    def as_columns(self) -> tuple[GraphColumns, str | None]:
+        """Return the graph as read-only arrays, and whom the data is by."""
+
+
+class IPackedGraph(IGraphSource):
     """A map from its bytes, read-only, without a context.
 
     `ctx.graph.attach_networkx_graph` takes one, and keeps ids and order; `ctx.graph.storage.unpack(one.packed)` takes
@@ -26,6 +34,10 @@ class IPackedGraph(ABC):
     @abstractmethod
     def columns(self) -> GraphColumns:
         """Return the graph as read-only arrays."""
+
+    def as_columns(self) -> tuple[GraphColumns, str | None]:
+        """Return the graph as read-only arrays, and whom the data is by."""
+        return self.columns(), self.attribution
 
     @abstractmethod
     def obstacle_columns(self) -> ObstacleColumns:
