@@ -3,9 +3,11 @@
 Frequent: one call. Targeted: one behaviour. Scenario: a whole game.
 """
 
+import math
 import random
 import subprocess
 import sys
+from heapq import heappop, heappush
 from typing import NamedTuple
 
 from pictures import film, first_frame, zoom
@@ -296,6 +298,58 @@ def helsinki():
     return ours, floor
 
 
+def near_paths(side=300, pairs=100):
+    """Paths between nodes at most 300 m apart, new ones each round, against Dijkstra by hand on a dict."""
+    ctx = context()
+    fill(ctx.graph.graph, side)
+    nodes, edges = grid(side)
+    leaving = {id: [] for id, _, _ in nodes}
+    for _, u, v, length in edges:
+        leaving[u].append((v, length))
+    rng, batch = random.Random(3), []
+
+    def draw():
+        batch.clear()
+        for source in rng.sample(list(leaving), pairs):
+            x, y = ctx.graph.graph.get_node(source)[1:3]
+            batch.append((source, rng.choice(list(ctx.graph.graph.get_nodes(300.0, x, y)))))
+
+    draw()
+    ctx.graph.shortest_path(*batch[0])
+
+    def ours():
+        for source, target in batch:
+            ctx.graph.shortest_path(source, target)
+        return pairs
+
+    def floor():
+        for source, target in batch:
+            path_by_hand(leaving, source, target)
+        draw()
+        return pairs
+
+    return ours, floor
+
+
+def path_by_hand(leaving, source, target):
+    """Return the shortest path, by Dijkstra's algorithm as a textbook has it."""
+    far, before, heap = {source: 0.0}, {}, [(0.0, source)]
+    while heap:
+        gone, node = heappop(heap)
+        if node == target:
+            break
+        if gone > far[node]:
+            continue
+        for other, length in leaving[node]:
+            if gone + length < far.get(other, math.inf):
+                far[other], before[other] = gone + length, node
+                heappush(heap, (gone + length, other))
+    path = [target]
+    while path[-1] != source:
+        path.append(before[path[-1]])
+    return path[::-1]
+
+
 CASES = [
     Case("frequent: sense RANGE 50 m again", "sense", sense(ST.RANGE, 100, again=True)),
     Case("frequent: sense ARC 50 m again", "sense", sense(ST.ARC, 100, again=True)),
@@ -306,6 +360,7 @@ CASES = [
     Case("targeted: sense AGENT_RANGE among 1,000", "sense", sense(ST.AGENT_RANGE, 100, again=True, agents=1000)),
     Case("targeted: build a 100x100 grid one by one", "item", build),
     Case("targeted: import", "process", start_up),
+    Case("targeted: a path of up to 300 m among 90,000 nodes", "path", near_paths),
     Case("scenario: the paper's loop, 10 agents", "agent-step", loop(10)),
     Case("scenario: the paper's loop, 1,000 agents", "agent-step", loop(1000)),
     Case("scenario: the paper's loop, 10,000 agents", "agent-step", loop(10000)),

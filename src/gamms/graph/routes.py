@@ -99,13 +99,18 @@ class CachedRoutes(Routes):
         goal = None if self._has_table((weight, self.ids().item(end))) else self._goal(row, end, weight, within)
         return super().distance_between(row, end, weight) if goal is None else goal.distances.get(row, inf)
 
-    def matrix_line(self, root: int, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
-        """Return the distances (others,) from a row to others, or to it where reversed."""
-        wanted = others.tolist()
-        found = self.search(weight, reverse=reverse).distances(root, set(wanted), len(self.ids()) // _SHARE)
-        if found is None:
-            return super().matrix_line(root, others, weight, reverse=reverse)
-        return np.array([found.get(one, inf) for one in wanted], np.float64)
+    def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
+        """Return the distances (roots, others) from rows to others, or to them where reversed."""
+        check_weight(weight)
+        search, most, wanted = self.search(weight, reverse=reverse), len(self.ids()) // _SHARE, others.tolist()
+        found = np.empty((len(roots), len(others)))
+        for at, root in enumerate(roots.tolist()):
+            near = search.distances(root, set(wanted), most)
+            if near is None:  # nor will the rest be near
+                found[at:] = super().matrix_lines(roots[at:], others, weight, reverse=reverse)
+                break
+            found[at] = [near.get(one, inf) for one in wanted]
+        return found
 
     def least_distances(self, row: int, ends: IntArray, weight: str | None) -> FloatArray:
         """Return (ends,) what the ways from a row to others take at least."""

@@ -62,9 +62,11 @@ class Routes(ABC):
         found: float = self.distances_to(end, weight)[row]
         return found
 
-    def matrix_line(self, root: int, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
-        """Return the distances (others,) from a row to others, or to it where reversed; override for speed."""
-        found: FloatArray = kernels.shortest_distances(self.arcs(weight, reverse=reverse), np.array([root]))[others]
+    def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
+        """Return the distances (roots, others) from rows to others, or to them where reversed; override for speed."""
+        arcs, found = self.arcs(weight, reverse=reverse), np.empty((len(roots), len(others)))
+        for line, root in zip(found, roots, strict=True):
+            line[:] = kernels.shortest_distances(arcs, np.array([root]))[others]
         return found
 
     def least_distances(self, row: int, ends: IntArray, weight: str | None) -> FloatArray:
@@ -112,9 +114,7 @@ class Routes(ABC):
         (from_starts, start_of), (from_ends, end_of) = (np.unique(side, return_inverse=True) for side in (starts, ends))
         reverse = len(from_ends) <= len(from_starts)
         roots, others = (from_ends, starts) if reverse else (from_starts, ends)
-        found = np.empty((len(roots), len(others)))
-        for line, root in zip(found, roots.tolist(), strict=True):
-            line[:] = self.matrix_line(root, others, weight, reverse=reverse)
+        found = self.matrix_lines(roots, others, weight, reverse=reverse)
         return found[end_of].T.copy() if reverse else found[start_of]
 
     def _steps(self, end: int, weight: str | None) -> tuple[IntArray]:
