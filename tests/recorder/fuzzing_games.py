@@ -29,6 +29,10 @@ def explore(state):
     state["memory"].setdefault("path", []).append(state["curr_pos"])
     state["team_memory"]["seen"] = {state["curr_pos"]}
     random_walk(state)
+    if "deeds" in state:
+        lot = state["draw"].below(5)
+        state["action"] = {"node_id": 99 if lot == 4 else state["action"], "do": {"mark": lot} if lot else {"mork": 0}}
+        state["outbox"] += [{"channel": "radio", "to": None, "body": {"at": state["curr_pos"]}}] * (lot % 3)
 
 
 def fly(state):
@@ -53,6 +57,12 @@ def game():
             ctx.agent.create_agent(name, start_node_id=node, team=name[0], sensors=["eyes"], strategy=explore)
         ctx.agent.create_agent("kite", start_node_id=3, type=1, speed=2.0, strategy=fly)
         ctx.game.publish(wind=(1, 2))
+        ctx.game.publish(to="anna", word="fox")
+        ctx.game.deeds = {"mark": {"what": "integer"}}
+        ctx.game.order = [["a", None], ["b"]]
+        ctx.game.add_channel("radio", range_m=25.0, loss=0.2, delay_turns=2)
+        ctx.sensor.create_sensor("late eyes", SensorType.AGENT_RANGE, sensor_range=30.0, delay_turns=2)
+        ctx.agent.get_agent("anna").register_sensor("late eyes", ctx.sensor.get_sensor("late eyes"))
 
         def rule(ctx):
             battery.charge = float(ctx.rng.random())
@@ -60,6 +70,8 @@ def game():
             ctx.game.data.setdefault("turns", []).append(ctx.game.turn)
             ctx.game.emit("tick", n=ctx.game.turn)
             ctx.record.event("note", n=1)
+            ctx.game.publish(to="a", turn=ctx.game.turn)
+            ctx.sensor.get_sensor("late eyes").range = 20.0 + ctx.game.turn
             if ctx.game.turn == 3:
                 ctx.graph.graph.remove_node(15)
                 if "late" not in ctx.sensor.sensors:

@@ -82,6 +82,8 @@ def everything(ctx):
         "scores": dict(ctx.game.scores),
         "events": ctx.game.events,
         "over": ctx.game.over,
+        **{name: getattr(ctx.game.internals.state, name) for name in ("deeds", "messages", "blocked")},
+        "private": [dict(ctx.game.internals.state.agent_facts), dict(ctx.game.internals.state.team_facts)],
         "world": ctx.graph.storage.pack(),
         "sensors": ctx.sensor.storage.described(),
         "components": {

@@ -415,9 +415,27 @@ def _publish_privately(state: State, data: Mapping[str, Plain]) -> None:
             facts.update((name, published(name, facts[name])) for name in changes.get("set", ()))
 
 
+def as_looks(value: object) -> dict[int, dict[str, Any]]:
+    """Return what a sensor is still to report: turn -> what it saw then, by the names of agents.
+
+    Raises:
+        BadType: it is something else.
+    """
+    looks = value.items() if isinstance(value, Mapping) else [(None, None)]
+    if not all(type(turn) is int and isinstance(seen, dict) and all(map(_is_text, seen)) for turn, seen in looks):
+        raise BadType(f"What a sensor is still to report is a dict of turns, not {shown(value)}.")
+    return dict(looks)
+
+
+def _is_text(value: object) -> bool:
+    return isinstance(value, str)
+
+
 def _delay(state: State, data: Mapping[str, Plain]) -> None:
     for sensor, owner, changes in data["looks"]:
-        change(state.game.delayed_looks.setdefault((sensor, owner), {}), changes)
+        looks = state.game.delayed_looks.setdefault((sensor, owner), {})
+        change(looks, changes)
+        as_looks(looks)
 
 
 def _count(state: State, data: Mapping[str, Plain]) -> None:

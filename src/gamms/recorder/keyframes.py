@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
 from gamms.ir.agents import NUMBERS, Progress
-from gamms.ir.events import LOGGED, as_blocked, as_over, set_scores
+from gamms.ir.events import LOGGED, as_blocked, as_looks, as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray
 from gamms.plain import Plain, plain_subset, to_plain
@@ -154,7 +154,9 @@ GAME_FIELDS = {
     "team_memories": GameField(_captured_each, _setting("team_memories", lambda each: dict(deepcopy(list(each)))), ()),
     "delayed_looks": GameField(
         lambda looks: [[*key, to_plain(one)] for key, one in sorted(looks.items()) if one],
-        _setting("delayed_looks", lambda each: {(sensor, owner): deepcopy(one) for sensor, owner, one in each}),
+        _setting(
+            "delayed_looks", lambda each: {(sensor, owner): as_looks(deepcopy(one)) for sensor, owner, one in each}
+        ),
         (),
     ),
 }
