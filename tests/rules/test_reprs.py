@@ -31,6 +31,13 @@ CALLS = {  # exported name -> how it is called with `ctx`, and what is printed o
     "patrol": (lambda ctx: strategies.patrol(ctx=ctx, nodes=[1, 2]), "patrol(ctx=ctx, nodes=[1, 2])"),
     "chase": (lambda ctx: strategies.chase(ctx, otherwise=strategies.stay), "chase(ctx, otherwise=stay)"),
     "flee": (strategies.flee, "flee(ctx)"),
+    "intercept": (lambda ctx: strategies.intercept(ctx, [3]), "intercept(ctx, [3])"),
+    "assign": (lambda ctx: strategies.assign(ctx, patience=3), "assign(ctx, patience=3)"),
+    "safest_exit": (lambda ctx: strategies.safest_exit(ctx, [3]), "safest_exit(ctx, [3])"),
+    "follow_belief": (strategies.follow_belief, "follow_belief(ctx)"),
+    "random_waypoints": (lambda ctx: strategies.random_waypoints(ctx, pause=2), "random_waypoints(ctx, pause=2)"),
+    "sweep": (lambda ctx: strategies.sweep(ctx, repeat=True), "sweep(ctx, repeat=True)"),
+    "unblock": (lambda _: strategies.unblock(strategies.stay, after=3), "unblock(stay, after=3)"),
     "guard": (lambda ctx: strategies.guard(ctx, 1, 5.0), "guard(ctx, 1, 5.0)"),
     "first": (
         lambda ctx: strategies.first(strategies.chase(ctx, otherwise=None), strategies.patrol(ctx, [0, 2, 1])),

@@ -297,7 +297,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
     """
     goes_on, patience = as_strategy(strategy, "strategy of unblock"), as_count(after, "after of unblock")
 
-    def unblocked(state: State) -> None:
+    def unblock(state: State) -> None:
         here, memory = node_of(state, "unblock"), required(state, "memory", "unblock")
         known = memory.get("unblock", _AT_EASE)
         is_blocked = "in conflict" in (required(state, "blocked", "unblock") or "")
@@ -311,7 +311,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    return unblocked
+    return unblock
 
 
 # -- steps ---------------------------------------------------------------------------------------------------------
