@@ -531,6 +531,8 @@ READERS = {
 OWN = {"Components": {"begin", "abandon", "assign"}, "Recorder": {"component"}}  # of the program's own objects
 PARTS = {
     "NoEngine": {"drawing"},
+    "GraphEngine": {"routes"},  # which only answers
+    "Graph": {"routes"},
     "Game": {"conflicts"},
     "Agent": {"state"},
 }  # see docs/game.md
