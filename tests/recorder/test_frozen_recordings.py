@@ -11,6 +11,8 @@ import gamms
 
 SAMPLES = Path(__file__).parent / "samples/ours"
 FROZEN = sorted(SAMPLES.glob("version3*.ggr"))
+#: What games have had since the samples were frozen, and what a game that has none of it says of it.
+SINCE = {"deeds": [], "messages": [], "blocked": {}, "private": [{}, {}]}
 
 
 def everything_of_version_3(ctx):
@@ -102,6 +104,7 @@ def told(path):
             replayed |= {"turn": ctx.game.turn, "memories": ctx.game.memories, "facts": ctx.game.facts}
             replayed |= {"lot": ctx.rng.random(), "starts": ctx.game.internals.starts}
     del replayed["world"]
+    assert {name: replayed.pop(name) for name in SINCE} == SINCE
     return json.loads(json.dumps({**said, "replayed": replayed}, default=_sorted))
 
 
