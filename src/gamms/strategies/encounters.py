@@ -44,7 +44,8 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
 
     def strategy(state: State) -> None:
         here = node_of(state, "chase")
-        move_to(ctx, state, _nearest(ctx, here, enemies_in_sight(ctx, state, "chase")), fallback, "chase")
+        enemies = enemies_in_sight(ctx, state, "chase")
+        move_to(ctx, state, ctx.graph.routes.nearest(here, enemies.values()), fallback, "chase")
 
     return strategy
 
@@ -102,7 +103,7 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
     def strategy(state: State) -> None:
         here = node_of(state, "guard")
         enemies = {name: at for name, at in enemies_in_sight(ctx, state, "guard").items() if is_near(at)}
-        target = _nearest(ctx, here, enemies) if is_near(here) else None
+        target = ctx.graph.routes.nearest(here, enemies.values()) if is_near(here) else None
         if target is None:
             move_to(ctx, state, post, stay, "guard")
         else:
@@ -176,7 +177,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
         _report(state, here, seen)
         mine = _matched(ctx, mates, enemies).get(state["name"]) if enemies and mates else None
         if mine is None:
-            target = _nearest(ctx, here, seen)
+            target = ctx.graph.routes.nearest(here, seen.values())
         else:
             target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
         move_to(ctx, state, target, fallback, "assign")
@@ -238,7 +239,7 @@ def follow_belief(
         ctx: the context.
         targets: names of agents on the ground; None: all living ones of other teams.
         motion: how they move, as `gamms.belief.random_walk()`, which is used by default.
-        otherwise: the strategy to use where there is nobody to look for; None sets no action then.
+        otherwise: the strategy to use where there is no agent to look for; None sets no action then.
     """
     as_context(ctx, "follow_belief")
     wanted = None if targets is None else [str(name) for name in as_items(targets, "targets", "names")]
@@ -340,10 +341,3 @@ def _living_enemies(ctx: Context, state: State) -> list[str]:
         and name != state["name"]
         and (team is None or getattr(one, "team", None) != team)
     ]
-
-
-def _nearest(ctx: IContext, here: int, enemies: dict[str, int]) -> int | None:
-    """Return the node of the nearest by road; None where no path leads to any."""
-    metres = {name: ctx.graph.graph.distance(here, node) for name, node in enemies.items()}
-    name = min(metres, key=metres.__getitem__, default=None)  # they are in the order of their names
-    return None if name is None or metres[name] == inf else enemies[name]

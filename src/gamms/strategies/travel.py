@@ -348,17 +348,13 @@ def _first_node(action: object) -> int | None:
 def _next_to_visit(ctx: Context, state: State, ids: Sequence[int], visited: set[int]) -> int | None:
     """Return the nearest node that is left in the agent's part, else on the whole map; of several, the lowest id."""
     name, here = required(state, "name", "sweep"), state["curr_pos"]
-    left = [node for node in ids if node not in visited]
+    left = sorted(node for node in ids if node not in visited)
     team = required(state, "team", "sweep")
     members = [name] if team is None else sorted(one.name for one in ctx.agent.teams[team] if is_living(ctx, one.name))
     parts = _parts(ctx, tuple(ids), len(members))
     own = [node for node in left if node in parts[members.index(name)]]
-    for options in (own, left):
-        far = ctx.graph.graph.distance_matrix([here], options)[0].tolist() if options else []
-        nearest = min(zip(far, options, strict=True), default=(inf, None))
-        if nearest[0] < inf:
-            return nearest[1]
-    return None
+    nearest = ctx.graph.routes.nearest(here, own)
+    return ctx.graph.routes.nearest(here, left) if nearest is None else nearest
 
 
 _cut: WeakKeyDictionary[Context, dict[Any, list[set[int]]]] = WeakKeyDictionary()  # the last cut of a map
@@ -399,8 +395,8 @@ def _route(
     def strategy(state: State) -> None:
         memory, here = required(state, "memory", caller), node_of(state, caller)
         if key not in memory and is_nearest_first:
-            metres = [ctx.graph.graph.distance(here, stop) for stop in stops]
-            memory[key] = metres.index(min(metres))
+            nearest = ctx.graph.routes.nearest(here, stops)
+            memory[key] = 0 if nearest is None else stops.index(nearest)
         memory[key] = at = _advanced(stops, memory.get(key, 0), here, repeat=repeat)
         move_to(ctx, state, stops[at] if at < len(stops) else None, fallback, caller)
 
