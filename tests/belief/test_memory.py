@@ -116,7 +116,7 @@ def test_only_respawns_of_others_tell_where_agents_are(make_ctx, add):
 def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
     ctx = make_ctx(6)
 
-    def told(state):
+    def informed(state):
         belief.note(ctx, state, "prey", 4)
         known = belief.observe(ctx, state)
         assert known.reachable("prey") == {4}
@@ -126,7 +126,7 @@ def test_what_only_the_program_knows_can_be_noted(make_ctx, add):
                 belief.note(ctx, state, name, node)
         state["action"] = state["curr_pos"]
 
-    add(ctx, "a", 0, "red", sight=10.0, strategy=told)
+    add(ctx, "a", 0, "red", sight=10.0, strategy=informed)
     add(ctx, "prey", 5, "blue")
     ctx.game.run(1)
     assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(4, 0, "a")}
@@ -164,7 +164,7 @@ def test_memories_are_plain_and_short_and_forget_old_looks():
 def test_the_memory_of_a_team_has_few_entries(make_ctx):
     with hunt(turns=30) as ctx:
         shared = ctx.game.team_memories["red"]
-        assert len(shared) == 28 + 3 * 2  # one for each turn, and what was told in the last two
+        assert len(shared) == 28 + 3 * 2  # one for each turn, and what was shared in the last two
         assert is_plain(shared)
 
 

@@ -204,7 +204,7 @@ def test_a_map_that_changed_while_it_was_not_known_lets_a_target_be_anywhere(mak
     ctx.game.run(1)
     assert found == [{0}, {0}]
     add(ctx, "other", 1, "green")
-    ctx.agent.get_agent("prey").current_node_id = 3  # by a rule that tells nobody
+    ctx.agent.get_agent("prey").current_node_id = 3  # by a rule that publishes nothing
     ctx.game.memories["spy"]["belief map"] = "of another program"
     ctx.game.run(2)
     assert found[2:] == [{1, 2, 3}, {1, 2, 3}]

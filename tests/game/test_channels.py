@@ -240,15 +240,15 @@ def test_a_turn_that_an_illegal_message_ends_leaves_the_memory_of_the_team_as_it
 
 
 def test_the_sender_is_told_what_was_refused():
-    told = []
+    reasons = []
     with world(ROAD) as ctx:
         ctx.agent.get_agent("ann").register_strategy(
-            lambda state: told.append(state["blocked"]) or state.update(action=0, outbox=[send("bop")])
+            lambda state: reasons.append(state["blocked"]) or state.update(action=0, outbox=[send("bop")])
         )
         ctx.game.add_channel("radio", range_m=10)
         ctx.game.run(2)
-    assert told[0] is None
-    assert "Unknown agent or team 'bop'" in told[1]
+    assert reasons[0] is None
+    assert "Unknown agent or team 'bop'" in reasons[1]
 
 
 def test_the_receiver_may_be_a_team_of_which_a_misspelt_name_is_told():

@@ -11,7 +11,7 @@ from gamms.typing.game import Deed
 
 @pytest.fixture
 def road():
-    """Return a road of ten nodes with ann of red on 0 and bob of blue on 9, who do what they are told, turn by turn."""
+    """Return a road of ten nodes with ann of red on 0 and bob of blue on 9, each with a list of actions."""
     ctx = gamms.create_context(seed=3, logger_config={"level": "ERROR"})
     ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
     ctx.plans, ctx.seen = {"ann": [], "bob": []}, []

@@ -10,7 +10,7 @@ WEST = {node: "red" if node < 5 else "blue" for node in range(10)}
 FLAGS = {"red": 1, "blue": 8}
 
 
-def told(ctx):
+def flag_events(ctx):
     return [(event["turn"], event["kind"], event["agent"]) for event in ctx.game.events if "flag" in event]
 
 
@@ -22,7 +22,7 @@ def test_a_flag_is_taken_by_standing_on_it_and_captured_at_home(road):
     ctx = road(r=("red", 7, 8, 7, 6, 5, 4))
     ctx.game.add(capture_flag(FLAGS, territory=WEST))
     result = ctx.game.run(9)
-    assert told(ctx) == [(1, "take", "r"), (5, "capture", "r")]
+    assert flag_events(ctx) == [(1, "take", "r"), (5, "capture", "r")]
     assert result.events[0] == {"turn": 1, "kind": "take", "agent": "r", "flag": "blue", "node": 8}
     assert (result.winner, result.reason, result.scores) == ("red", "flags captured", {"red": 1})
 
@@ -47,7 +47,7 @@ def test_captures_count_up_to_the_goal_and_the_flag_is_back_at_once(road):
     ctx.game.add(capture_flag({"blue": 5}, territory=WEST, goal=2, score=10))
     result = ctx.game.run(9)
     assert result.turns == 3
-    assert told(ctx)[:3] == [(1, "take", "r"), (2, "capture", "r"), (2, "take", "second")]
+    assert flag_events(ctx)[:3] == [(1, "take", "r"), (2, "capture", "r"), (2, "take", "second")]
     assert result.scores == {"red": 20}
     assert ctx.game.data["flags"]["captures"] == {"red": 2}
 
@@ -73,7 +73,7 @@ def test_a_tagged_carrier_drops_its_flag(road, then, tag_comes_first):
     for rule in rules if tag_comes_first else reversed(rules):
         ctx.game.add(rule)
     ctx.game.run(3)
-    assert told(ctx) == [(1, "take", "r"), (2 if tag_comes_first else 3, "drop", "r")]
+    assert flag_events(ctx) == [(1, "take", "r"), (2 if tag_comes_first else 3, "drop", "r")]
     assert carriers(ctx) == {"red": None, "blue": None}
 
 
@@ -82,7 +82,7 @@ def test_who_is_tagged_before_it_is_home_captures_nothing(road):
     ctx.game.add(tag("blue", "red"))
     ctx.game.add(capture_flag({"blue": 5}, territory=WEST))
     ctx.game.run(4)
-    assert told(ctx) == [(1, "take", "r"), (2, "drop", "r")]
+    assert flag_events(ctx) == [(1, "take", "r"), (2, "drop", "r")]
 
 
 def test_a_carrier_that_is_deleted_drops_its_flag(road):
@@ -91,7 +91,7 @@ def test_a_carrier_that_is_deleted_drops_its_flag(road):
     ctx.game.step()
     ctx.agent.delete_agent("r")
     ctx.game.step()
-    assert told(ctx) == [(1, "take", "r"), (2, "drop", "r")]
+    assert flag_events(ctx) == [(1, "take", "r"), (2, "drop", "r")]
 
 
 def test_no_agent_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_for_no_team(road):
@@ -99,14 +99,14 @@ def test_no_agent_takes_its_own_flag_or_one_that_is_away_or_any_from_the_air_or_
     ctx.agent.create_agent("drone", type=AgentType.AERIAL, team="red", start_node_id=8, speed=1.0)
     ctx.game.add(capture_flag(FLAGS))
     ctx.game.run(4)
-    assert told(ctx) == [(2, "take", "r")]
+    assert flag_events(ctx) == [(2, "take", "r")]
 
 
 def test_no_agent_carries_two_flags(road):
     ctx = road(r=("red", 8), r2=("red", 7, 7, 8))
     ctx.game.add(capture_flag({"red": 0, "blue": 8, "green": 8}))
     ctx.game.run(3)
-    assert told(ctx) == [(1, "take", "r"), (2, "take", "r2")]
+    assert flag_events(ctx) == [(1, "take", "r"), (2, "take", "r2")]
     assert carriers(ctx) == {"blue": "r", "green": "r2", "red": None}
 
 

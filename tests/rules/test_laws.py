@@ -158,7 +158,7 @@ def test_a_game_that_is_restored_or_resumed_goes_on_as_it_did(game, tmp_path):
         ctx.game.run(5)
         here = ctx.game.fork(1)
         expected = ctx.game.run(7)
-        told = [ctx.game.facts_of(one) for one in (*ctx.agent.teams, *agents)]
+        facts = [ctx.game.facts_of(one) for one in (*ctx.agent.teams, *agents)]
         ctx.record.stop()
         before = here.snapshot()
         ahead = here.run(7)
@@ -169,7 +169,7 @@ def test_a_game_that_is_restored_or_resumed_goes_on_as_it_did(game, tmp_path):
             recording.resume(recording.turns // 2, ctx=again)
         result = again.game.run(12 - again.game.turn)
         assert (result.scores, result.events, result.deeds) == (expected.scores, expected.events, expected.deeds)
-        assert [again.game.facts_of(one) for one in (*again.agent.teams, *agents)] == told
+        assert [again.game.facts_of(one) for one in (*again.agent.teams, *agents)] == facts
 
 
 @pytest.mark.parametrize("game", ["places", "resources", "pay-offs"])

@@ -151,8 +151,8 @@ def played(names, agents, seed=2):
         result = ctx.game.run(15).to_dict()
         del result["timings"]
         result["events"].sort(key=lambda event: (event["turn"], repr(event)))
-        told = {one: ctx.game.facts_of(one) for one in (*ctx.agent.teams, *ctx.agent.agents)}
-        return result, {**ctx.game.data}, told
+        facts = {one: ctx.game.facts_of(one) for one in (*ctx.agent.teams, *ctx.agent.agents)}
+        return result, {**ctx.game.data}, facts
 
 
 @LAWS

@@ -11,9 +11,9 @@ from gamms.rules import Conflicts, cooldown, resource, tag
 
 
 def amounts(ctx, name="fuel"):
-    told = {agent: ctx.game.facts_of(one)[name] for agent, one in ctx.agent.agents.items() if ctx.game.facts_of(one)}
-    assert told == ctx.game.data["resources"][name]["amounts"]
-    return told
+    amounts = {agent: ctx.game.facts_of(one)[name] for agent, one in ctx.agent.agents.items() if ctx.game.facts_of(one)}
+    assert amounts == ctx.game.data["resources"][name]["amounts"]
+    return amounts
 
 
 def why(ctx, name):

@@ -380,7 +380,7 @@ def test_reset_snapshots_and_forks_have_the_reports_that_are_under_way():
         ctx.game.restore(snapshot)
         ctx.game.run(4)
         assert seen() == whole
-        fork.run(2)  # two reports are under way, and what follows is drawn anew
+        fork.run(2)  # two reports are under way, and what follows is drawn again
         assert fork.internals.state.memories["watcher"]["seen"] == whole[:5]
         ctx.game.reset()
         ctx.game.run(7)

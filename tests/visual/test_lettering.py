@@ -56,6 +56,6 @@ def test_letters_that_the_font_lacks_are_warned_about_once_where_they_are_boxes(
         ctx.graph.add_nodes([0, 1], x=[0, 9], y=[0, 0])
         for title in ("Zürich, Αθήνα, Москва", "東京", "北京"):
             ctx.visual.picture(suffix, 300, 200, title=title)
-    told = [record.getMessage() for record in caplog.records]
-    assert len(told) == (suffix != ".svg")
-    assert all("'東京' is written with boxes" in words and ".svg" in words for words in told)
+    logged = [record.getMessage() for record in caplog.records]
+    assert len(logged) == (suffix != ".svg")
+    assert all("'東京' is written with boxes" in words and ".svg" in words for words in logged)

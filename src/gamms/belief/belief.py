@@ -43,8 +43,8 @@ def observe(ctx: Context, state: State | AerialState, *, share: bool = True, hor
     Args:
         ctx: the context.
         state: of the agent, in its strategy.
-        share: whether the team is told, in `state["team_memory"]`: teammates know it in the next turn.
-        horizon: for at least how many turns it is remembered on which nodes nobody was. Where an agent was seen last is
+        share: whether it is written into `state["team_memory"]`, too: teammates know it in the next turn.
+        horizon: for at least how many turns it is remembered on which nodes no agent was. Where one was seen last is
             never forgotten.
 
     Raises:
@@ -149,7 +149,7 @@ class Belief:
         """Return node -> how probable it is that a target is there, without those where it cannot be.
 
         The probabilities are those of Bayes' rule with all that is remembered, for a target that was anywhere at turn
-        0. What the model of its motion rules out and is seen all the same begins the belief anew.
+        0. What the model of its motion rules out and is seen all the same begins the belief again.
 
         Args:
             target: the name of an agent on the ground; one that is dead is nowhere.
@@ -199,9 +199,8 @@ class Belief:
         for turn in range(begin + 1, self.turn + 1):
             seen = self._turns.get(turn)
             value = advance(value, turn, seen.observations if seen else [])
-            if turn == self.turn - 1 or (
-                turn % _MARK == 0 and turn < self.turn
-            ):  # of the present one more will be told
+            # The present turn is left out, because more will be observed in it.
+            if turn == self.turn - 1 or (turn % _MARK == 0 and turn < self.turn):
                 kept[digests[turn + 1]] = value
         while len(kept) > max(_MARK, _MOST_BYTES // max(1 << 10, value.nbytes)):
             kept.popitem(last=False)

@@ -193,7 +193,7 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
 
 
 def note(ctx: Context, state: State | AerialState, name: str, node: NodeId, *, share: bool = True) -> None:
-    """Remember that an agent is on a node now: what a sensor of your own, a message or a rule has told.
+    """Remember that an agent is on a node now: what a sensor of your own, a message or a rule reports.
 
     Raises:
         UnknownName (KeyError): there is no such agent or node.

@@ -61,7 +61,7 @@ class Filter:
 
         Returns:
             (targets,) how probable the observation was by what was believed before. Where it was 0, the belief was
-            wrong, and begins anew from this observation alone.
+            wrong, and begins again from this observation alone.
 
         Raises:
             UnknownName (KeyError): there is no such node or target.
@@ -100,16 +100,16 @@ class Filter:
         """
         rows, masses, totals = self._chain.rows, self.masses.copy(), np.ones(len(self.targets))
         for columns in column_blocks(masses):
-            told = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
-            by_state = likelihoods[:, told][rows]
-            weighed = masses[:, told] * by_state
+            changed = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
+            by_state = likelihoods[:, changed][rows]
+            weighed = masses[:, changed] * by_state
             sums = _totals(weighed)
-            totals[told] = sums
+            totals[changed] = sums
             for column in np.flatnonzero(sums == 0.0).tolist():
-                anew = self._chain.shares * by_state[:, column]
-                weighed[:, column] = anew if anew.any() else self._chain.shares  # or no node is possible
+                prior = self._chain.shares * by_state[:, column]
+                weighed[:, column] = prior if prior.any() else self._chain.shares  # or no node is possible
                 sums[column] = _totals(weighed[:, column : column + 1])[0]
-            masses[:, told] = weighed / sums
+            masses[:, changed] = weighed / sums
         self.masses = masses
         return totals
 

@@ -408,8 +408,8 @@ def _remember(state: State, data: Mapping[str, Plain]) -> None:
 
 
 def _publish_privately(state: State, data: Mapping[str, Plain]) -> None:
-    for known, told in ((state.game.agent_facts, data["agents"].items()), (state.game.team_facts, data["teams"])):
-        for to, changes in told:
+    for known, changed in ((state.game.agent_facts, data["agents"].items()), (state.game.team_facts, data["teams"])):
+        for to, changes in changed:
             facts = known.setdefault(to, {})
             change(facts, changes)
             facts.update((name, published(name, facts[name])) for name in changes.get("set", ()))

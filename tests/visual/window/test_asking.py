@@ -93,10 +93,10 @@ def test_a_click_beside_every_node_chooses_nothing(ctx, person):
 
 
 def test_a_wrong_key_says_which_are_possible(ctx, person):
-    told = []
+    hints = []
 
     def note():
-        told.append(ctx.visual.question.hint)
+        hints.append(ctx.visual.question.hint)
         return []
 
     act(
@@ -108,7 +108,7 @@ def test_a_wrong_key_says_which_are_possible(ctx, person):
         lambda: person.press("3") or [],
     )
     assert ask(ctx) == 3
-    assert told == ["X is no choice: there is 0 to 14"] * 2
+    assert hints == ["X is no choice: there is 0 to 14"] * 2
     drone = Flight("drone", (0.0, 0.0, 0.0))
     drone.type_digit(5)
     assert (drone.answer, drone.hint) == (None, "5 is no choice: there are the arrows up and down, and 0")

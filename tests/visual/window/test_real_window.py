@@ -306,8 +306,8 @@ def test_ctrl_c_ends_a_program_whose_window_stays_open(screen, find):
 )
 def test_a_program_with_a_window_ends_by_itself_after(screen, case):
     with a_game(screen, case) as player:
-        told, errors = player.communicate(timeout=20)
-    assert (player.returncode == 0) == (told != "") == (case != "an exception"), errors
+        printed, errors = player.communicate(timeout=20)
+    assert (player.returncode == 0) == (printed != "") == (case != "an exception"), errors
 
 
 @pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
@@ -355,8 +355,8 @@ def test_a_replay_opens_its_window_on_the_display_there_is_and_ends_when_it_is_c
     with subprocess.Popen(words, env=unnamed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as player:
         try:
             close(screen, find())
-            told, errors = player.communicate(timeout=20)
+            printed, errors = player.communicate(timeout=20)
         finally:
             player.kill()
     assert (player.returncode, "Traceback" in errors) == (0, False)
-    assert "1 turns" in told
+    assert "1 turns" in printed

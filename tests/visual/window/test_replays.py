@@ -271,23 +271,23 @@ def test_the_card_of_the_end_covers_no_panel_in_a_small_window(open_window, reco
 
 
 def test_after_a_jump_only_that_turn_is_told(ctx, recording):
-    told = {}
+    shown = {}
 
     def look():
-        told[ctx.visual.overlay.turns] = [line.words for line in ctx.visual.overlay.captions]
+        shown[ctx.visual.overlay.turns] = [line.words for line in ctx.visual.overlay.captions]
         return []
 
     ctx.visual.hud = lambda ctx: look()
     for _ in ctx.record.replay(recording):
         pass
-    assert told[3] == ["bert is out"]
-    assert told[2] == told[4] == []
+    assert shown[3] == ["bert is out"]
+    assert shown[2] == shown[4] == []
     ctx.visual.seek(3)
     ctx.visual.update()
-    assert told[3] == ["bert is out"]
+    assert shown[3] == ["bert is out"]
     ctx.visual.seek(4)
     ctx.visual.update()
-    assert told[4] == []
+    assert shown[4] == []
 
 
 def test_the_map_lies_above_the_line_of_turns(open_window, recording):
