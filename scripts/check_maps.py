@@ -23,8 +23,7 @@ import pyproj
 
 import gamms.osm
 
-NO_ROADS = {"abandoned", "construction", "no", "planned", "platform", "proposed", "raceway", "razed", "rest_area"}
-NO_ROADS |= {"services"}
+NO_ROADS = {"abandoned", "construction", "no", "planned", "proposed", "raceway", "razed", "rest_area", "services"}
 MAJOR, FLATTENING = 6_378_137.0, 1 / 298.257223563  # WGS 84
 ECCENTRICITY2 = FLATTENING * (2 - FLATTENING)
 
@@ -167,7 +166,7 @@ def osm_lines(file: Path) -> Iterator[list[tuple[Any, Place]]]:
     places = {item.id: (item.lon, item.lat) for item in osmium.FileProcessor(str(file), osmium.osm.NODE)}
     for way in osmium.FileProcessor(str(file), osmium.osm.WAY):
         tags = dict(way.tags)
-        if "highway" in tags and tags["highway"] not in NO_ROADS and tags.get("area") != "yes":
+        if "highway" in tags and tags["highway"] not in NO_ROADS:
             yield [(node.ref, places.get(node.ref)) for node in way.nodes]
 
 

@@ -8,7 +8,7 @@ import networkx as nx
 import numpy as np
 import pytest
 
-from gamms.osm import graph_from_xml
+from gamms.osm import graph_from_file, graph_from_xml, report
 
 ROAD = {"highway": "residential"}
 
@@ -189,16 +189,22 @@ def test_the_largest_part_is_kept_unless_all_are_asked_for(make_map, cross):
     assert graph_from_xml(path, resolution=1e6, retain_all=True).number_of_nodes() == 5
 
 
-def test_only_roads_are_read(make_map, cross):
-    path = make_map(
-        cross,
-        ([1, 2], ROAD),
-        ([2, 3], {"highway": "construction"}),
-        ([2, 3], {"highway": "platform"}),
-        ([2, 3, 4, 2], {"highway": "pedestrian", "area": "yes"}),
-        ([2, 4], {"building": "yes"}),
-    )
-    assert graph_from_xml(path, resolution=1e6).number_of_nodes() == 2
+@pytest.mark.parametrize(
+    ("tags", "taken_by"),
+    [
+        ({"highway": "platform"}, (graph_from_xml, graph_from_file)),
+        ({"highway": "pedestrian", "area": "yes"}, (graph_from_xml, graph_from_file)),
+        ({"highway": "construction"}, (graph_from_xml,)),
+        ({"highway": "proposed"}, (graph_from_xml,)),
+        ({"building": "yes"}, ()),
+    ],
+)
+def test_all_ways_with_a_highway_tag_are_read_as_1_0_0_does(make_map, cross, tags, taken_by):
+    path = make_map(cross, ([1, 2], ROAD), ([2, 3, 4, 2], tags))
+    for load in (graph_from_xml, graph_from_file):
+        graph = load(path, resolution=1e6)
+        assert (100, 101)[load in taken_by] == max(data["osmid"] for *_, data in graph.edges(data=True))
+        assert report(graph, path).is_faithful
 
 
 def test_nodes_may_follow_their_ways_and_have_negative_ids(make_map):

@@ -19,6 +19,7 @@ from gamms.osm import (
     get_network_type,
     graph_from_bbox,
     graph_from_file,
+    graph_from_place,
     graph_from_point,
     graph_from_polygon,
     graph_from_xml,
@@ -374,6 +375,22 @@ def test_an_area_and_a_file_of_it_give_the_same_streets_for_a_mode(server, mode)
     for name in ("tolerance", "bidirectional", "strong", "mode", "osm_type"):
         assert of_area.graph[name] == of_file.graph[name]
     assert of_area.graph["no_way_back_m"] == pytest.approx(of_file.graph["no_way_back_m"], abs=0.1)
+
+
+def test_a_place_by_name_is_the_area_inside_its_boundary(server):
+    box = shapely.box(WEST, SOUTH, EAST, NORTH)
+    for mode in ("walk", "drive"):
+        of_name = graph_from_place(PLACE, osm_type=mode)
+        assert nx.utils.graphs_equal(of_name, graph_from_polygon(box, osm_type=mode))
+
+
+@pytest.mark.parametrize(("kind", "fastest"), [("WALK", 5.0), ("BIKE", 15.0), ("DRIVE", 40.0)])
+def test_the_streets_of_a_place_have_the_speeds_of_the_mode(streets, kind, fastest):
+    edges = [data for *_, data in streets[kind].edges(data=True)]
+    assert max(data["speed_kph"] for data in edges) == fastest
+    assert all(data["travel_time"] == pytest.approx(data["length"] / (data["speed_kph"] / 3.6)) for data in edges)
+    if kind == "WALK":
+        assert {data["speed_kph"] for data in edges if data["highway"] == "steps"} == {2.0}
 
 
 def test_a_function_and_a_filter_choose_the_streets_of_an_area(server):

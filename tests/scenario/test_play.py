@@ -212,6 +212,47 @@ def test_a_map_strategy_that_gives_something_else_is_an_error(made, folder, code
     assert raised.value.path == "teams.red.strategy"
 
 
+STREETS = """<osm version="0.6">
+<node id="1" lat="60.170" lon="24.940"/><node id="2" lat="60.171" lon="24.940"/><node id="3" lat="60.171" lon="24.943"/>
+<way id="7"><nd ref="1"/><nd ref="2"/><tag k="highway" v="service"/><tag k="name" v="Yard"/></way>
+<way id="8"><nd ref="2"/><nd ref="3"/><tag k="highway" v="footway"/></way>
+</osm>"""
+
+
+def speeds_on(folder, **given):
+    town = {"path": "town.osm", "resolution": 1000.0, **given}
+    with scenario.Scenario(map={"file": town}, teams={"red": {"count": 1}}, folder=folder).build() as ctx:
+        return {ctx.graph.edge_attributes(edge)["speed_kph"] for edge in ctx.graph.graph.get_edges()}
+
+
+def test_a_map_is_for_any_mode_of_travel_of_gamms_or_of_a_file_in_the_folder(folder):
+    (folder / "town.osm").write_text(STREETS)
+    assert speeds_on(folder, osm_type="walk") == {5.0}
+    assert speeds_on(folder, osm_type="drive_service") == {20.0}
+    (folder / "mine.toml").write_text('[runner]\nextends = "walk"\nhighways = { service = 11, footway = 12 }\n')
+    assert speeds_on(folder, osm_type="runner", modes="mine.toml") == {11.0, 12.0}
+    assert speeds_on(folder, osm_type="robot", modes="mine.toml") == {6.0}
+
+
+@pytest.mark.parametrize(
+    ("given", "path", "words"),
+    [
+        ({"osm_type": "runer", "modes": "mine.toml"}, "map.file.osm_type", "Did you mean 'runner'"),
+        ({"modes": "mine.toml"}, "map.file.modes", "name one of its modes as osm_type"),
+        ({"osm_type": "runner", "modes": "none.toml"}, "map.file.modes", "none.toml"),
+        ({"osm_type": "runner", "modes": "../mine.toml"}, "map.file.modes", "leads out of the folder"),
+        ({"osm_type": "runner", "modes": "bad.toml"}, "map.file.modes", "no TOML file"),
+    ],
+)
+def test_a_mode_of_travel_that_is_none_is_refused_by_its_place(made, folder, given, path, words):
+    (folder / "town.osm").write_text(STREETS)
+    (folder / "mine.toml").write_text('[runner]\nextends = "walk"\n')
+    (folder / "bad.toml").write_text("[runner")
+    with pytest.raises(ScenarioError, match=words) as raised:
+        made(map={"file": {"path": "town.osm", **given}}).check()
+    assert raised.value.path == path
+
+
 def test_a_saved_map_is_a_map(made, folder):
     with made().build() as ctx:
         ctx.graph.save(folder / "town.gamms")

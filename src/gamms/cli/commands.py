@@ -66,8 +66,13 @@ def report(
     file: Annotated[Path, typer.Argument(help="An OpenStreetMap or GeoJSON file.", metavar="FILE", show_default=False)],
     resolution: Annotated[float, typer.Option(help="Metres between nodes.", metavar="METRES")] = 10.0,
     tolerance: Annotated[
-        float, typer.Option(help="Metres; junctions within twice this become one.", metavar="METRES")
-    ] = 0.0,
+        float | None,
+        typer.Option(
+            help="Metres; junctions within twice this become one. By default as the mode of travel says.",
+            metavar="METRES",
+            show_default=False,
+        ),
+    ] = None,
     network: Annotated[_Network, typer.Option(help="Leave out the roads that are closed to these.")] = _Network.ALL,
     retain_all: Annotated[bool, typer.Option("--retain-all", help="Take all parts, not only the largest.")] = False,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False,
@@ -80,15 +85,17 @@ def report(
     console().print(rich_table(("fidelity", ""), found.rows(), right=False))
 
 
-def _fidelity(file: Path, network: _Network, *, resolution: float, tolerance: float, retain_all: bool) -> "Report":
+def _fidelity(
+    file: Path, network: _Network, *, resolution: float, tolerance: float | None, retain_all: bool
+) -> "Report":
     from gamms import osm
 
     kind = None if network is _Network.ALL else network.value
-    options: dict[str, Any] = {"resolution": resolution, "tolerance": tolerance, "retain_all": retain_all}
+    options: dict[str, Any] = {"resolution": resolution, "retain_all": retain_all}
     if osm.is_geojson(file):
-        graph = osm.graph_from_geojson(file, **options)
+        graph = osm.graph_from_geojson(file, tolerance=tolerance or 0.0, **options)
     else:
-        graph = osm.graph_from_file(file, osm_type=kind, **options)
+        graph = osm.graph_from_file(file, osm_type=kind, tolerance=tolerance, **options)
     return osm.report(graph, file)
 
 

@@ -37,7 +37,14 @@ from gamms.osm.load import (
 )
 from gamms.osm.modes import Access, Mode, modes
 from gamms.osm.network import OSMType, network_of_columns
-from gamms.osm.places import create_osm_graph, get_network_type, graph_from_bbox, graph_from_point, graph_from_polygon
+from gamms.osm.places import (
+    create_osm_graph,
+    get_network_type,
+    graph_from_bbox,
+    graph_from_place,
+    graph_from_point,
+    graph_from_polygon,
+)
 
 __all__ = [
     "HEIGHT_ESTIMATES_TYPES",
@@ -54,6 +61,7 @@ __all__ = [
     "graph_from_bbox",
     "graph_from_file",
     "graph_from_geojson",
+    "graph_from_place",
     "graph_from_point",
     "graph_from_polygon",
     "graph_from_xml",

@@ -250,8 +250,9 @@ def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str
         raise BadValue(f"The graph is for the mode {name!r}, which is yours. Give report(…, osm_type=), as before.")
     if name:
         return selection_of(recipe, modes()[name])
-    kind = OSMType[classic] if classic else None
-    return Selection(classic_rule(kind), "", retain_all, strong, classic_closed_rule(kind))
+    kind, every_way = OSMType[classic] if classic else None, bool(about.get("every_way", False))
+    closed = None if every_way else classic_closed_rule(kind)
+    return Selection(classic_rule(kind, every_way=every_way), "", retain_all, strong, closed)
 
 
 def _source_network(source: Source, selection: Selection) -> RoadNetwork:

@@ -23,6 +23,7 @@ from gamms.osm.network import (
     Ways,
     both_ways,
     classic_closed_rule,
+    classic_rule,
     connected,
     joined_directions,
     network_of_columns,
@@ -59,6 +60,7 @@ class Recipe(NamedTuple):
     osm_type: str = ""  # "WALK", "BIKE", "DRIVE" or the name of another mode
     mode: str = ""  # the mode whose rules chose the roads; empty for those of 1.0.0
     strong: bool = False
+    every_way: bool = False  # also what is planned, being built or gone, as gamms 1.0.0 takes it from files
 
 
 class Selection(NamedTuple):
@@ -78,9 +80,10 @@ def graph_from_xml(
     retain_all: bool = False,
     tolerance: float = 1e-9,
 ) -> "nx.DiGraph[int]":
-    """Make a graph of the roads in an OpenStreetMap file, with a node at every vertex of the file.
+    """Make a graph of all ways with a `highway` tag in an OpenStreetMap file, with a node at every vertex of the file.
 
-    `graph_from_file` reads the same files, spaces the nodes of winding roads evenly, and knows ways of moving.
+    `graph_from_file` reads the same files, spaces the nodes of winding roads evenly, leaves out roads that are planned,
+    being built or gone, and knows modes of travel.
 
     Args:
         filepath: the map file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
@@ -101,7 +104,7 @@ def graph_from_xml(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium or pyproj is not installed.
     """
-    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all)
+    recipe = recipe_of(resolution, tolerance, bidirectional, retain_all)._replace(every_way=True)
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
@@ -155,7 +158,8 @@ def selection_of(recipe: Recipe, mode: ModeFunction | None) -> Selection:
         mode = honouring_traffic(mode)
     strong = recipe.strong and not recipe.bidirectional
     if mode is None:
-        return Selection(retain_all=recipe.retain_all, strong=strong, closed=classic_closed_rule(None))
+        closed = None if recipe.every_way else classic_closed_rule(None)
+        return Selection(classic_rule(None, every_way=recipe.every_way), "", recipe.retain_all, strong, closed)
     return Selection(rule_of(mode), recipe.mode, recipe.retain_all, strong, closed_rule(mode))
 
 

@@ -18,7 +18,7 @@ from msgspec import Meta
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue, nearest
 from gamms.osm.network import KEPT_TAGS, OSMType, Rule, attributes_of
-from gamms.osm.networkx_bridge import is_number, signed_kph
+from gamms.osm.networkx_bridge import is_number, signed_kph, speed_kph
 from gamms.text import shown
 
 _FILE = Path(__file__).parent.parent / "data" / "modes.toml"
@@ -65,10 +65,7 @@ class Mode:
         """Return how a way with these tags may be used; None: it is closed."""
         if self.why_closed(tags):
             return None
-        highway = tags["highway"]
-        usual = self.highways[highway] if highway in self.highways else self.by_permission[highway]
-        forward, backward = self._directions(tags)
-        return Access(self._speed(usual, tags), forward, backward)
+        return Access(self.speed_kph(tags), *self._directions(tags))
 
     def why_closed(self, tags: Mapping[str, str]) -> str:
         """Return the tag that closes a way to this mode, such as "access=private"; empty where it is open."""
@@ -81,6 +78,12 @@ class Mode:
         if key is not None and key not in _GENERAL and tags[key] in _OPENING:
             return ""
         return f"highway={highway}" if highway not in self.highways else _match(self.closed, tags)
+
+    def speed_kph(self, tags: Mapping[str, str]) -> float:
+        """Return the speed on a way, whether it is open or not; on a class that is not listed that of cars at most."""
+        highway = tags.get("highway", "no")
+        listed = self.highways.get(highway, self.by_permission.get(highway))
+        return self._speed(min(speed_kph(tags), max(self.highways.values())) if listed is None else listed, tags)
 
     def _speed(self, usual: float, tags: Mapping[str, str]) -> float:
         sign = None if self.maxspeed == "ignored" else signed_kph(tags)

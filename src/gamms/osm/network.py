@@ -58,8 +58,8 @@ def as_osm_type(value: object) -> OSMType:
 
 # What a way must not be, per way of moving: tag -> values. These are the rules of OSMnx's network types, with the
 # values written out; None stands for any way of moving, to which only what is no road is closed.
-_NO_ROADS = {"abandoned", "construction", "no", "planned", "platform", "proposed", "raceway", "razed"}
-_NO_ROADS |= {"rest_area", "services"}
+_NO_WAYS = {"abandoned", "construction", "no", "planned", "proposed", "raceway", "razed", "rest_area", "services"}
+_NO_ROADS = _NO_WAYS | {"platform"}
 _NOT_ON_FOOT = _NO_ROADS | {"bus_guideway", "cycleway", "motorway", "motorway_link"}
 _INDOORS = {"corridor", "elevator", "escalator", "footway", "steps"}
 _NO_STREETS = {"bridleway", "bus_guideway", "cycleway", "path", "pedestrian", "service", "track"}
@@ -67,7 +67,7 @@ _DRIVEWAYS = {"alley", "driveway", "emergency_access", "parking", "parking_aisle
 _PRIVATE = {"access": {"private"}, "service": {"private"}}
 _NO_AREA = {"area": {"yes"}}
 CLOSED_TO: dict[OSMType | None, dict[str, set[str]]] = {
-    None: {"highway": _NO_ROADS} | _NO_AREA,
+    None: {"highway": _NO_WAYS},
     OSMType.WALK: _PRIVATE | {"highway": _NOT_ON_FOOT, "foot": {"no"}} | _NO_AREA,
     OSMType.BIKE: _PRIVATE | {"highway": (_NOT_ON_FOOT - {"cycleway"}) | _INDOORS, "bicycle": {"no"}} | _NO_AREA,
     OSMType.DRIVE: {
@@ -122,9 +122,14 @@ Rule = Callable[[int, Mapping[str, str]], tuple[dict[str, Any], bool] | None]
 """From the number and tags of a way to its attributes and whether traffic runs against its vertices; None: closed."""
 
 
-def classic_rule(osm_type: OSMType | None) -> Rule:
-    """Return the rule of OSMnx's network type, or for None that of all roads, with the directions of traffic."""
-    return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if is_open_to(osm_type, tags) else None
+def classic_rule(osm_type: OSMType | None, *, every_way: bool = False) -> Rule:
+    """Return the rule of OSMnx's network type, with the directions of traffic.
+
+    Args:
+        osm_type: the network type; None for that of all roads.
+        every_way: take all ways with a `highway` tag, as gamms 1.0.0 does of files: planned roads, too.
+    """
+    return lambda osmid, tags: kept_tags(osmid, tags, osm_type) if every_way or is_open_to(osm_type, tags) else None
 
 
 def classic_closed_rule(osm_type: OSMType | None) -> Rule:

@@ -17,7 +17,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
-from gamms.osm.modes import ModeFunction, name_of, rule_of
+from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
@@ -191,16 +191,19 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
 
 
 def _ways(found: "_Elements", options: StreetOptions) -> Ways:
-    """Return the ways as columns; without a rule, walkers have no one-way streets."""
+    """Return the ways as columns, with the speeds of the mode; without a rule, walkers have no one-way streets."""
     useful = [str(name) for name in setting("useful_tags_way") if name != "oneway"]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
     rule = None if options.mode is None else rule_of(options.mode, names)
+    speeds = options.mode or modes()[options.osm_type.name.lower()]
     read: list[tuple[dict[str, Any], bool]] = []
     lines: list[list[int]] = []
     for way in found.ways.values():
         of_way = rule(way.id, way.tags) if rule is not None else None
         if of_way is None and (rule is None or options.custom_filter):
             of_way = kept_tags(way.id, way.tags, options.osm_type, names)
+            if isinstance(speeds, Mode):
+                of_way[0]["speed_kph"] = speeds.speed_kph(way.tags)
         if of_way is not None:
             read.append(of_way)
             lines.append([ref for ref, _ in groupby(way.nodes)])

@@ -67,7 +67,9 @@ def create_osm_graph(
     bidirectional: bool | None = None,
     offline: bool = False,
 ) -> "nx.DiGraph[int]":
-    """Make a graph of the streets of a place.
+    """Make a graph of the streets of a place, with the ways and defaults of gamms 1.0.0 and the speeds of the mode.
+
+    `graph_from_place` goes by the modes of travel, as `graph_from_file` does.
 
     Args:
         location: a name such as "Kluuvi, Helsinki", a dict such as `{"city": "Turku"}`, or a list of these.
@@ -109,6 +111,16 @@ def _with_place_options(make: Made) -> Made:
 
 
 @_with_place_options
+def graph_from_place(location: Location, **options: Unpack[PlaceOptions]) -> "nx.DiGraph[int]":
+    """Make a graph of the streets of a place for a mode of travel, as `graph_from_file` does of those of a file.
+
+    `location` is as for `create_osm_graph`, `PlaceOptions` says what the other arguments are; the result and the
+    errors are those of `create_osm_graph`.
+    """
+    return _graph_of_area(streets_of_place, location, shown(location), options)
+
+
+@_with_place_options
 def graph_from_bbox(
     left: float, bottom: float, right: float, top: float, **options: Unpack[PlaceOptions]
 ) -> "nx.DiGraph[int]":
@@ -117,7 +129,7 @@ def graph_from_bbox(
     `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
     """
     box, name = _box(left, bottom, right, top), f"the box {(left, bottom, right, top)}"
-    return _graph_of_area(polygon_of(box), name, "graph_from_bbox", options)
+    return _graph_of_area(streets_of_polygon, polygon_of(box), name, options)
 
 
 @_with_place_options
@@ -127,7 +139,7 @@ def graph_from_point(lat: float, lon: float, radius_m: float, **options: Unpack[
     `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
     """
     circle, name = _circle(lat, lon, radius_m), f"the circle of {radius_m} m around lat={lat}, lon={lon}"
-    return _graph_of_area(polygon_of(circle), name, "graph_from_point", options)
+    return _graph_of_area(streets_of_polygon, polygon_of(circle), name, options)
 
 
 @_with_place_options
@@ -137,7 +149,7 @@ def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[Plac
     `PlaceOptions` says what the other arguments are; the result and the errors are those of `create_osm_graph`.
     """
     name = f"the polygon {str(polygon)[:60]}"
-    return _graph_of_area(polygon, name, "graph_from_polygon", options)
+    return _graph_of_area(streets_of_polygon, polygon, name, options)
 
 
 def get_network_type(osm_type: OSMType | str) -> str:
@@ -149,10 +161,12 @@ def get_network_type(osm_type: OSMType | str) -> str:
     return as_osm_type(osm_type).name.lower()
 
 
-def _graph_of_area(area: "BaseGeometry", name: str, call: str, given: PlaceOptions) -> "nx.DiGraph[int]":
+def _graph_of_area(
+    streets_of: Callable[..., RoadNetwork], area: "Location | BaseGeometry", name: str, given: PlaceOptions
+) -> "nx.DiGraph[int]":
     for option in given:
         if option not in PlaceOptions.__annotations__:
-            raise BadType(f"{call}() has no argument {option!r}.{nearest(option, PlaceOptions.__annotations__)}")
+            raise BadType(f"There is no option {option!r} of areas.{nearest(option, PlaceOptions.__annotations__)}")
     rest: dict[str, Any] = {**_DEFAULTS, **given}
     mode, bidirectional, strong = as_mode(rest.pop("osm_type")), rest["bidirectional"], rest.pop("strong")
     if rest["tolerance"] is None:
@@ -162,7 +176,7 @@ def _graph_of_area(area: "BaseGeometry", name: str, call: str, given: PlaceOptio
     if recipe.bidirectional is False:
         mode = honouring_traffic(mode)
     options = options._replace(mode=mode, strong=recipe.strong and not recipe.bidirectional)
-    return _graph(streets_of_polygon, area, name, options, recipe)
+    return _graph(streets_of, area, name, options, recipe)
 
 
 def _recipe(options: StreetOptions) -> Recipe:

@@ -5,11 +5,12 @@ from pathlib import Path
 
 from gamms import osm
 from gamms.context import Context, create_context
+from gamms.errors import nearest
 from gamms.graph import grid
 from gamms.graph.storage import MapSnapshot
 from gamms.scenario.code import Library, called, inside
 from gamms.scenario.documents import ScenarioError, at
-from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Values, given_values, in_full
+from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Streets, Values, given_values, in_full
 from gamms.text import shown
 
 _KINDS = Map.__struct_fields__
@@ -56,6 +57,38 @@ def map_file(map: Map, folder: Path | None) -> Path | None:
     return file
 
 
+def check_names(map: Map) -> None:
+    """Check what can be said of a map without looking into files.
+
+    Raises:
+        ScenarioError: there is none or several, or no such mode of travel.
+    """
+    kind_of(map)
+    if getattr(map.file or map.place, "modes", None) is None:
+        mode_of(map, None)
+
+
+def mode_of(map: Map, folder: Path | None) -> osm.Mode | None:
+    """Return the mode of travel that streets of a file or place are for; None if the scenario names none.
+
+    Raises:
+        ScenarioError: there is no such mode, or its file is not there, not in the folder or no file of modes.
+    """
+    kind, given = kind_of(map), map.file if map.place is None else map.place
+    if not isinstance(given, Streets) or (given.osm_type is None and given.modes is None):
+        return None
+    path, known = f"map.{kind}.modes", osm.modes()
+    if given.modes is not None:
+        with at(path):
+            known |= osm.modes(inside(given.modes, folder, path, "file of modes"))
+        if given.osm_type is None:
+            raise ScenarioError(path, f"name one of its modes as osm_type.{nearest('', known)}")
+    if given.osm_type not in known:
+        hint = nearest(given.osm_type, known)
+        raise ScenarioError(f"map.{kind}.osm_type", f"there is no mode of travel {given.osm_type!r}.{hint}")
+    return known[given.osm_type]
+
+
 def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
     """Load graph and obstacles, to be copied into contexts.
 
@@ -69,18 +102,18 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
         elif map.helsinki is not None:
             osm.helsinki(ctx, **given_values(map.helsinki))
         elif map.place is not None:
-            _load_place(ctx, in_full(MapPlace, map.place))
+            _load_place(ctx, in_full(MapPlace, map.place), mode_of(map, folder))
         elif map.generator is not None:
             _generate(ctx, in_full(Code, map.generator), library)
         elif map.file is not None and (file := map_file(map, folder)) is not None:
-            _load_file(ctx, in_full(MapFile, map.file), file)
+            _load_file(ctx, in_full(MapFile, map.file), file, mode_of(map, folder))
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         return ctx.graph.storage.snapshot()
 
 
-def _load_file(ctx: Context, given: MapFile, file: Path) -> None:
-    options, is_saved, is_geojson = _options_of(given), file.suffix == ".gamms", osm.is_geojson(file)
+def _load_file(ctx: Context, given: MapFile, file: Path, mode: osm.Mode | None) -> None:
+    options, is_saved, is_geojson = _options_of(given, mode), file.suffix == ".gamms", osm.is_geojson(file)
     named = {*options, "buildings"} if given.buildings else set(options)
     for option in named if is_saved else {"osm_type", "buildings"} & named if is_geojson else ():
         raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
@@ -94,16 +127,17 @@ def _load_file(ctx: Context, given: MapFile, file: Path) -> None:
         ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs))
 
 
-def _load_place(ctx: Context, given: MapPlace) -> None:
-    ctx.graph.attach_networkx_graph(osm.create_osm_graph(given.location, **_options_of(given)))
+def _load_place(ctx: Context, given: MapPlace, mode: osm.Mode | None) -> None:
+    ctx.graph.attach_networkx_graph(osm.graph_from_place(given.location, **_options_of(given, mode)))
     if given.buildings:
         ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, offline=given.offline))
 
 
-def _options_of(given: MapFile | MapPlace) -> Values:
+def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None) -> Values:
     """Return what is set for the streets of a map, as functions of `gamms.osm` take it."""
-    options = {name: one for name, one in given_values(given).items() if name not in ("path", "location", "buildings")}
-    return options if given.osm_type is None else {**options, "osm_type": osm.OSMType[given.osm_type.upper()]}
+    ours = ("path", "location", "buildings", "modes")
+    options = {name: one for name, one in given_values(given).items() if name not in ours}
+    return options if mode is None else {**options, "osm_type": mode}
 
 
 def _generate(ctx: Context, given: Code, library: Library) -> None:

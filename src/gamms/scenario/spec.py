@@ -31,7 +31,10 @@ Reference = Annotated[
         description="module:function, in the folder of the file, of GAMMS or of a package that offers it.",
     ),
 ]
-Travel = Literal["walk", "bike", "drive"]
+Travel = Annotated[
+    str,
+    Meta(min_length=1, max_length=100, description="A mode of travel of GAMMS, such as walk or drive, or of `modes`."),
+]
 Values = dict[str, Any]
 _T = TypeVar("_T", bound=msgspec.Struct)
 
@@ -85,6 +88,7 @@ class Streets(_Mapping, frozen=True, kw_only=True):
     """The keys of every map of real streets."""
 
     osm_type: Travel | None = None
+    modes: Annotated[Location, Meta(description="A TOML file of modes of travel in the folder.")] | None = None
     resolution: float | None = None
     bidirectional: bool | None = None
     retain_all: bool | None = None

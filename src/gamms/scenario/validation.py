@@ -63,7 +63,7 @@ def check_sense(spec: Spec) -> None:
     Raises:
         ScenarioError: some do not.
     """
-    maps.kind_of(spec.map)
+    maps.check_names(spec.map)
     members(spec)
     for name, sensor in spec.sensors.items():
         _check_sensor(f"sensors.{name}", sensor, spec)
@@ -266,6 +266,7 @@ def check_code(spec: Spec, sources: Sources) -> list[Found]:
         if function is not None and (one.given or one.what in ("strategy", "plan", "rule")):
             check_parameters(function, one.given, int(first_of(function) in GIVEN_LATER), one.path)
     maps.map_file(spec.map, sources.folder)
+    maps.mode_of(spec.map, sources.folder)
     return found
 
 
