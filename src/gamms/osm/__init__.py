@@ -9,8 +9,8 @@ reads their answers, `servers.py` sends and caches them, and `settings.py` names
 
 Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `network.py` holds roads as
 columns, `modes.py` says who may use them, `topology.py` simplifies, merges junctions and cuts, `networkx_bridge.py`
-makes the graph, `fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps, by
-`footprints.py`.
+makes the graph, `fidelity.py` compares it with the map. `buildings.py` makes obstacles of the same maps;
+`footprints.py` says what is a wall and where, `walls.py` makes faces of that.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
@@ -23,7 +23,7 @@ from gamms.osm.buildings import (
     obstacle_from_osm,
     obstacle_from_xml,
 )
-from gamms.osm.constants import HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS, wall_estimates
+from gamms.osm.constants import BARRIER_HEIGHTS, HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS, wall_estimates
 from gamms.osm.fidelity import Report, report
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import (
@@ -47,6 +47,7 @@ from gamms.osm.places import (
 )
 
 __all__ = [
+    "BARRIER_HEIGHTS",
     "HEIGHT_ESTIMATES_TYPES",
     "OSM_OBSTACLE_TAGS",
     "Access",

@@ -4,20 +4,24 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_range
-from gamms.errors import BadType, BadValue
+import numpy as np
+
+from gamms.arguments import as_float, as_items, as_range
+from gamms.errors import BadType, BadValue, nearest
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
 from gamms.osm import footprints
-from gamms.osm.constants import OSM_OBSTACLE_TAGS, wall_estimates
-from gamms.osm.footprints import HeightEstimates, TagFilter
-from gamms.osm.network import largest_part, segments_of
-from gamms.osm.osmium_reader import as_file, read_footprints, read_ways
+from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
+from gamms.osm.footprints import HeightEstimates, TagFilter, Wall
+from gamms.osm.network import Segments, Ways, largest_part, segments_of
+from gamms.osm.osmium_reader import as_file, read_barriers, read_footprints, read_ways
 from gamms.osm.overpass import Location, features_of_place
+from gamms.osm.walls import Faces, Tolerance, faces_of
+from gamms.text import shown
 
+Barriers = bool | str | Iterable[str] | Mapping[str, float]  # which `barrier`s are walls
 Record = dict[str, Any]  # the arguments of `ctx.graph.add_obstacle_face`
 Projection = Callable[[FloatArray], FloatArray]  # points (points, 2) to points in metres
 
@@ -31,6 +35,7 @@ def obstacle_from_file(
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
     crs: object = None,
+    barriers: Barriers = False,
 ) -> Iterator[Record]:
     """Return the walls of the buildings in an OpenStreetMap file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
 
@@ -42,11 +47,14 @@ def obstacle_from_file(
         tags: only things with one of these tags.
         height_estimates: (key, value) -> (height in metres, type): what is a wall at all, and how high where neither
             `height` nor `building:levels` says so. None: `gamms.osm.wall_estimates()`, without land use.
-        min_tolerance: metres by which a footprint may be simplified.
-        relative_tolerance: the same as a part of its perimeter; the greater of both counts.
+        min_tolerance: metres by which a footprint may be simplified, but never so that it crosses a street of the file
+            that it did not cross before.
+        relative_tolerance: the same as a part of its perimeter, 0.5 m at most; the greater of both counts.
         crs: the CRS of the walls, in metres; give `ctx.graph.crs` if there are streets already. None: that of
             `graph_from_xml` with its defaults for the same file or, in a file without roads, the UTM zone of the
             mean point of the footprints.
+        barriers: which lines with `barrier` are walls, too: True for `gamms.osm.BARRIER_HEIGHTS`, some of its keys, or
+            a table of your own, value of the tag -> height in metres.
 
     Returns:
         An iterator over dicts for `ctx.graph.add_obstacle_face(**wall)`, or all of it for `ctx.graph.add_obstacles`:
@@ -58,17 +66,17 @@ def obstacle_from_file(
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium or pyproj is not installed.
     """
-    rules, tolerances = _checked(tags, height_estimates, min_tolerance, relative_tolerance)
-    projection = _projection(crs, lambda points: _crs_of_roads(file) or utm_crs(points))
+    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
+    projection = _projection(crs, lambda points: _crs_of(segments_of(roads)) or utm_crs(points))
     file = as_file(filepath)
-    outlines = read_footprints(file, rules)
-    if not len(outlines.owners):
+    outlines, fences = read_footprints(file, rules), read_barriers(file, rules)
+    if not len(outlines.owners) and not len(fences.owners):
         return iter(())
-    return _records(
-        footprints.faces_of(
-            footprints.footprints_of(outlines), outlines.about, projection(outlines.lonlat), *tolerances
-        )
-    )
+    roads = read_ways(file, lambda _: None)
+    shapes = np.concatenate((footprints.footprints_of(outlines), footprints.lines_of(fences)))
+    to_metres = projection(np.concatenate((outlines.lonlat, fences.lonlat)))
+    walls = [*outlines.about, *(fences.about[row] for row in fences.owners.tolist())]
+    return _records(faces_of(shapes, walls, to_metres, tolerance, _streets(roads)))
 
 
 obstacle_from_xml = obstacle_from_file  # the name that 1.0.0 gave it
@@ -81,6 +89,7 @@ def obstacle_from_osm(
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
     crs: object = None,
+    barriers: Barriers = False,
     *,
     offline: bool = False,
 ) -> Iterator[Record]:
@@ -95,9 +104,11 @@ def obstacle_from_osm(
         PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
         MissingExtra: requests or pyproj is not installed.
     """
-    rules, tolerances = _checked(tags, height_estimates, min_tolerance, relative_tolerance)
+    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
     projection = _projection(crs)
-    return _records_of_features(features_of_place(location, tags, offline=offline), rules, tolerances, projection)
+    lines = ("highway", "barrier") if rules.has_barriers else ("highway",)
+    features = features_of_place(location, tags, lines, offline=offline)
+    return _records_of_features(features, rules, tolerance, projection)
 
 
 def faces_of_features(
@@ -108,17 +119,19 @@ def faces_of_features(
     relative_tolerance: float = 0.01,
     *,
     tags: TagFilter | None = None,
+    barriers: Barriers = False,
 ) -> Iterator[Record]:
     """Return the walls of shapely polygons and multipolygons in longitude and latitude, each with its tags.
 
-    What is no polygon, and a tag that is no text, is passed over. Everything else is as for `obstacle_from_file`.
+    A LineString with `barrier` may be a wall, one with `highway` is a street. What is neither line nor polygon, and a
+    tag that is no text, is passed over. Everything else is as for `obstacle_from_file`.
 
     Raises:
         BadValue, BadType: an argument is impossible, or a polygon has no place in the CRS.
         MissingExtra: pyproj is not installed.
     """
-    rules, tolerances = _checked(tags, height_estimates, min_tolerance, relative_tolerance)
-    return _records_of_features(features, rules, tolerances, _projection(crs))
+    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
+    return _records_of_features(features, rules, tolerance, _projection(crs))
 
 
 def extract_osm_polygon_faces(
@@ -135,7 +148,7 @@ def extract_osm_polygon_faces(
         BadType: it is no GeoDataFrame.
         BadValue: its CRS is none, or another argument is impossible.
     """
-    rules, tolerances = _checked(None, height_estimates, min_tolerance, relative_tolerance)
+    rules, tolerance = _checked(None, height_estimates, (min_tolerance, relative_tolerance), False)
     try:
         name = gdf.geometry.name
         features = [(row[name], row) for row in gdf.to_dict("records")]
@@ -143,7 +156,7 @@ def extract_osm_polygon_faces(
         raise BadType(f"gdf must be a GeoDataFrame, not {type(gdf).__name__}.") from None
     in_degrees = gdf.crs is not None and crs_of(gdf.crs)[1]
     projection = _projection(None) if in_degrees else lambda _: lambda points: points
-    return _records_of_features(features, rules, tolerances, projection)
+    return _records_of_features(features, rules, tolerance, projection)
 
 
 # -- inside -----------------------------------------------------------------------------------------------------
@@ -152,16 +165,32 @@ def extract_osm_polygon_faces(
 def _records_of_features(
     features: Iterable[tuple[Any, Mapping[str, Any]]],
     rules: footprints.WallRules,
-    tolerances: tuple[float, float],
+    tolerance: Tolerance,
     projection: Callable[[FloatArray], Projection],
 ) -> Iterator[Record]:
     """Return the walls of shapes; `projection` says for all their points how these become metres."""
-    texts = ((shape, {key: text for key, text in tags.items() if isinstance(text, str)}) for shape, tags in features)
-    chosen = [(shape, wall) for shape, tags in texts if (wall := rules.wall_of(tags)) is not None]
-    shapes, points = footprints.shapes_of([shape for shape, _ in chosen])
+    walls, streets = list[tuple[Any, Wall]](), list[Any]()
+    for shape, given in features:
+        tags = {key: text for key, text in given.items() if isinstance(text, str)}
+        is_line = getattr(shape, "geom_type", None) == "LineString"
+        wall = rules.barrier_of(tags) if is_line else rules.wall_of(tags)
+        if wall is not None:
+            walls.append((shape, wall))
+        elif is_line and "highway" in tags:
+            streets.append(shape)
+    shapes = footprints.shapes_of([shape for shape, _ in walls])
+    points = footprints.points_of(shapes)
     if not len(points):
         return iter(())
-    return _records(footprints.faces_of(shapes, [wall for _, wall in chosen], projection(points), *tolerances))
+    roads = footprints.shapes_of(streets)
+    return _records(faces_of(shapes, [wall for _, wall in walls], projection(points), tolerance, roads))
+
+
+def _streets(roads: Ways) -> footprints.Shapes:
+    """Return the roads that the file holds whole."""
+    rows = {way: way for way in range(len(roads.tags))}
+    ways = [[way] for way in rows]
+    return footprints.lines_of(footprints.outlines_of_ways(roads.offsets, roads.lonlat, rows, ways, roads.tags))
 
 
 def _projection(crs: object, default: Callable[[FloatArray], str] = utm_crs) -> Callable[[FloatArray], Projection]:
@@ -175,7 +204,7 @@ def _projection(crs: object, default: Callable[[FloatArray], str] = utm_crs) -> 
     return lambda _: partial(project_back_and_forth, source=WGS84, target=name)
 
 
-def _records(faces: footprints.Faces) -> Iterator[Record]:
+def _records(faces: Faces) -> Iterator[Record]:
     for first in range(0, len(faces.types), _AT_ONCE):  # not all at once: a dict takes ten times its numbers
         corners = faces.corners[first : first + _AT_ONCE].tolist()
         types = faces.types[first : first + _AT_ONCE].tolist()
@@ -184,18 +213,36 @@ def _records(faces: footprints.Faces) -> Iterator[Record]:
             yield {"face_id": row, "tr": tr, "tl": tl, "br": br, "bl": bl, "type": type}
 
 
-def _crs_of_roads(file: Path) -> str | None:
-    """Return the CRS that `graph_from_xml` gives a file that is known to be sound; None if it has no roads."""
-    segments = segments_of(read_ways(file, lambda _: None))
+def _crs_of(segments: Segments) -> str | None:
+    """Return the CRS that `graph_from_xml` gives these roads; None if there are none."""
     return utm_crs(largest_part(segments).lonlat) if len(segments.sources) else None
 
 
 def _checked(
-    tags: TagFilter | None, estimates: HeightEstimates | None, min_tolerance: float, relative_tolerance: float
-) -> tuple[footprints.WallRules, tuple[float, float]]:
-    """Return what decides on the walls, and the tolerances of their simplification."""
-    rules = footprints.WallRules(tags, wall_estimates() if estimates is None else estimates)
-    tolerances = as_range(min_tolerance, "min_tolerance"), as_range(relative_tolerance, "relative_tolerance")
-    if math.inf in tolerances:
+    tags: TagFilter | None, estimates: HeightEstimates | None, tolerances: tuple[float, float], barriers: Barriers
+) -> tuple[footprints.WallRules, Tolerance]:
+    """Return what decides on the walls, and the tolerance of their simplification."""
+    heights = _barrier_heights(barriers)
+    rules = footprints.WallRules(tags, wall_estimates() if estimates is None else estimates, heights)
+    tolerance = Tolerance(as_range(tolerances[0], "min_tolerance"), as_range(tolerances[1], "relative_tolerance"))
+    if math.inf in tolerance:
         raise BadValue("min_tolerance and relative_tolerance must be finite.")
-    return rules, tolerances
+    return rules, tolerance
+
+
+def _barrier_heights(barriers: Barriers) -> dict[str, float]:
+    if isinstance(barriers, bool):
+        return BARRIER_HEIGHTS if barriers else {}
+    if isinstance(barriers, Mapping):
+        heights = {str(kind): as_float(height, f"barriers[{kind!r}]") for kind, height in barriers.items()}
+        if min(heights.values(), default=1.0) <= 0.0:
+            raise BadValue(f"The heights of barriers must be more than 0 metres, not {shown(barriers)}.")
+        return heights
+    kinds = [barriers] if isinstance(barriers, str) else as_items(barriers, "barriers", "values of `barrier`")
+    for kind in kinds:
+        if kind not in BARRIER_HEIGHTS:
+            raise BadValue(
+                f"barriers names {shown(kind)}, whose height is not known.{nearest(kind, BARRIER_HEIGHTS)} "
+                "Give a dict with heights in metres."
+            )
+    return {kind: BARRIER_HEIGHTS[kind] for kind in kinds}

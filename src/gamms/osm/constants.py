@@ -5,7 +5,7 @@ Tables that programs read and change by name; the loaders of buildings take them
 
 from gamms.ir.obstacles import COLOR_TYPES
 
-__all__ = ["COLOR_TYPES", "HEIGHT_ESTIMATES_TYPES", "OSM_OBSTACLE_TAGS", "wall_estimates"]
+__all__ = ["BARRIER_HEIGHTS", "COLOR_TYPES", "HEIGHT_ESTIMATES_TYPES", "OSM_OBSTACLE_TAGS", "wall_estimates"]
 
 OSM_OBSTACLE_TAGS: dict[str, bool | list[str]] = {
     "building": True,
@@ -61,13 +61,36 @@ HEIGHT_ESTIMATES_TYPES: dict[tuple[str, str], tuple[float, int]] = {  # (key, va
 }
 
 
-def wall_estimates() -> dict[tuple[str, str], tuple[float, int]]:
-    """Return the default heights of loaders of buildings: HEIGHT_ESTIMATES_TYPES as it is now, with two changes.
+BARRIER_HEIGHTS: dict[str, float] = {  # metres, of lines with `barrier`, where no tag says how high they are
+    "city_wall": 8.0,
+    "wall": 2.0,
+    "retaining_wall": 2.0,
+    "hedge": 2.0,
+    "fence": 1.8,
+}
+_GARAGES, _OTHER = 11, 14  # types
+_ONE_STOREY: dict[tuple[str, str], tuple[float, int]] = {
+    ("building", "garages"): (4.0, _GARAGES),
+    **{("building", kind): (3.0, _OTHER) for kind in ("cabin", "container", "greenhouse", "hut", "kiosk", "shed")},
+}
+_SITES = (  # areas that have no walls around them, for all that stands there
+    "landuse",
+    "leisure",
+    ("man_made", "bridge"),
+    ("power", "plant"),
+)
 
-    Land use is left out, because a neighbourhood is no wall around itself. And a building of a kind that has no row
-    counts as `building=yes`, unless it is none (`no`, `proposed`, `razed`, `demolished`) or has no walls (`roof`,
-    `carport`).
+
+def wall_estimates() -> dict[tuple[str, str], tuple[float, int]]:
+    """Return the default heights of loaders of buildings: HEIGHT_ESTIMATES_TYPES as it is now, with some changes.
+
+    Land use, sports grounds, bridges and the grounds of power plants are left out, because they have no walls. A
+    building of a kind that has no row counts as `building=yes`, unless it is none (`no`, `proposed`, `construction`,
+    `razed`, `demolished`) or has no walls (`roof`, `carport`). Garages and huts have one storey. Parts of buildings
+    count.
     """
-    bodies = {row: estimate for row, estimate in HEIGHT_ESTIMATES_TYPES.items() if row[0] != "landuse"}
-    default = bodies.get(("building", "yes"))
-    return bodies if default is None else {("building", "*"): default, **bodies}
+    walls = {row: one for row, one in HEIGHT_ESTIMATES_TYPES.items() if row not in _SITES and row[0] not in _SITES}
+    default = walls.get(("building", "yes"))
+    if default is None:
+        return walls
+    return {("building:part", "*"): default, ("building", "*"): default, **_ONE_STOREY, **walls}

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -24,13 +24,25 @@ HeightEstimates = Mapping[tuple[str, str], tuple[float, int]]  # (key, value or 
 TagFilter = Mapping[str, bool | str | Iterable[str]]  # key -> True for every value, or the values
 
 ANY = "*"
-_LEVEL_M = 3.0
-_FOOT_M = 0.3048
+PART = "building:part"
+BARRIER_TYPE = 37  # the types of gamms 1.0.0 end at 36
+_LEVEL_M, _FOOT_M, _INCH_M = 3.0, 0.3048, 0.0254
 _TALLEST_M = 1000.0  # what is taller is a slip of the pen
-_NUMBER = re.compile(r"[-+]?(?:[0-9]+(?:[.,][0-9]+)?|[.,][0-9]+)")
-_FEET = ("ft", "feet", "foot", "'")
-_NO_WALLS = ("no", "roof", "carport", "proposed", "razed", "demolished")
+_LONGEST = 255  # letters of a value, as OpenStreetMap has it
+_UNITS = {  # letters after a number -> metres
+    **dict.fromkeys(("", "m", "metre", "metres", "meter", "meters"), 1.0),
+    **dict.fromkeys(("'", "ft", "feet", "foot"), _FOOT_M),
+    **dict.fromkeys(("level", "levels", "floor", "floors", "storey", "storeys", "stories"), _LEVEL_M),
+}
+_NUMBER = r"([0-9]+(?:[.,][0-9]+)?|[.,][0-9]+)"
+_WORD = "(" + "|".join(sorted(filter(None, _UNITS), key=len, reverse=True)) + ")?"
+_INCHES = rf"(?:\s*{_NUMBER}\s*(?:\"|''|\u201d|in|inch|inches))?"
+_SIZE = rf"{_NUMBER}\s*{_WORD}{_INCHES}"
+_HEIGHT = re.compile(rf"(?:~|ca\.?|about|approx\.?)?\s*{_SIZE}(?:\s*(?:-|\u2013|;|to)\s*{_SIZE})?(?:\s*[,;(].*)?")
+_NO_WALLS = ("no", "roof", "carport", "proposed", "construction", "razed", "demolished")
 _BURIED = ("underground", "underwater")
+_ON_ROOFS = ("roof", "rooftop")
+_WHOLE = re.compile(r"-?[0-9]{1,3}")
 
 
 class Wall(NamedTuple):
@@ -39,37 +51,49 @@ class Wall(NamedTuple):
     base: float  # metres above the ground
     top: float  # metres above the ground
     type: int
+    key: str = "building"  # the tag that makes it a wall
+    is_measured: bool = True  # whether tags say how high it is
 
 
 class WallRules:
-    """Which tagged things are walls, and how high: the two tables of a caller, checked.
+    """Which tagged things are walls, and how high: the tables of a caller, checked.
 
     Args:
         tags: only things with one of these tags; None: all.
         estimates: (key, value) -> (height, type); `"*"` as the value stands for every other one. An exact row beats
             a `"*"`, and of several rows the later one counts.
+        barriers: value of `barrier` -> height: which lines are walls, too.
 
     Raises:
         BadType, BadValue: a table is not of this form.
     """
 
-    def __init__(self, tags: TagFilter | None, estimates: HeightEstimates) -> None:
+    def __init__(
+        self, tags: TagFilter | None, estimates: HeightEstimates, barriers: Mapping[str, float] | None = None
+    ) -> None:
         self._tags = None if tags is None else checked_filter(tags)
         self._estimates = _checked_estimates(estimates)
         self._rank = {row: rank for rank, row in enumerate(self._estimates)}
+        self._barriers = dict(barriers or {})
         self.keys = sorted({key for key, _ in self._estimates})
+        self.has_barriers = bool(self._barriers)
 
     def wall_of(self, tags: Mapping[str, str]) -> Wall | None:
-        """Return the walls of a thing with these tags; None if it has none."""
-        if tags.get("location") in _BURIED or not (self._tags is None or is_asked_for(tags, self._tags)):
+        """Return the walls around an area with these tags; None if it has none."""
+        if _is_off_the_ground(tags) or not (self._tags is None or is_asked_for(tags, self._tags)):
             return None
         row = self._row_of(tags)
         if row is None:
             return None
         estimate, type = self._estimates[row]
-        top = _measured(tags, "height", "building:levels") or estimate
-        base = _measured(tags, "min_height", "building:min_level") or 0.0
-        return Wall(base if base < top else 0.0, top, type)
+        return _wall(tags, estimate, type, row[0])
+
+    def barrier_of(self, tags: Mapping[str, str]) -> Wall | None:
+        """Return the wall along a line with these tags; None if it is none."""
+        estimate = self._barriers.get(tags.get("barrier", ""))
+        if estimate is None or _is_off_the_ground(tags):
+            return None
+        return _wall(tags, estimate, BARRIER_TYPE, "barrier")
 
     def _row_of(self, tags: Mapping[str, str]) -> tuple[str, str] | None:
         given = [(key, tags[key]) for key in self.keys if key in tags]
@@ -78,17 +102,60 @@ class WallRules:
         return max(exact or others, key=self._rank.__getitem__, default=None)
 
 
-def _measured(tags: Mapping[str, str], metres: str, levels: str) -> float | None:
-    """Return a height that the tags say, in metres or else in levels; None where they say nothing that can be true."""
-    text = tags.get(metres, "").lower()
-    unit = _FOOT_M if any(word in text for word in _FEET) else 1.0
-    return _plausible(text, unit) or _plausible(tags.get(levels, ""), _LEVEL_M)
+def _is_off_the_ground(tags: Mapping[str, str]) -> bool:
+    """Return whether a thing lies under the ground, or on a roof, where solar panels do."""
+    location = tags.get("location")
+    return location in _BURIED or location in _ON_ROOFS or layer_of(tags) < 0
 
 
-def _plausible(text: str, unit: float) -> float | None:
-    found = _NUMBER.search(text)
-    metres = float(found[0].replace(",", ".")) * unit if found else 0.0
-    return metres if 0.0 < metres <= _TALLEST_M else None
+def layer_of(tags: Mapping[str, str]) -> int:
+    """Return the layer that tags say: negative for what lies under others; 0 where they say none."""
+    text = tags.get("layer", "")
+    return int(text) if _WHOLE.fullmatch(text) else 0
+
+
+def _wall(tags: Mapping[str, str], estimate: float, type: int, key: str) -> Wall:
+    said = metres_of(tags.get("height")) or metres_of(tags.get("est_height")) or _storeys(tags)
+    top = said or estimate
+    base = metres_of(tags.get("min_height")) or _levels(tags.get("building:min_level")) or 0.0
+    return Wall(base if base < top else 0.0, top, type, key, said is not None)
+
+
+def _storeys(tags: Mapping[str, str]) -> float | None:
+    """Return the height of the storeys that tags count, with that of the roof."""
+    body = _levels(tags.get("building:levels"))
+    if body is None:
+        return None
+    roof = metres_of(tags.get("roof:height")) or _levels(tags.get("roof:levels")) or 0.0
+    return min(body + roof, _TALLEST_M)
+
+
+def _levels(text: str | None) -> float | None:
+    return metres_of(text, {"": _LEVEL_M})
+
+
+def metres_of(text: str | None, units: Mapping[str, float] = _UNITS) -> float | None:
+    """Return a height as mappers write it, such as "12", "12.5 m", "12 ft 6 in" or "4 storeys", in metres.
+
+    Of a range such as "10-12" it is the lower end: so much stands there in any case. None where the text is no
+    height, not positive, or above 1000 m.
+    """
+    # Runs of spaces would take time that grows with their number cubed.
+    words = " ".join(text.lower().split()) if text is not None and len(text) <= _LONGEST else ""
+    found = _HEIGHT.fullmatch(words)
+    if found is None:
+        return None
+    number, unit, inches, other, other_unit, other_inches = found.groups()
+    sizes = [(number, unit or other_unit, inches), (other, other_unit or unit, other_inches)]
+    heights = [_metres(*size, units) for size in sizes if size[0] is not None]
+    return min((metres for metres in heights if 0.0 < metres <= _TALLEST_M), default=None)
+
+
+def _metres(number: str, unit: str | None, inches: str | None, units: Mapping[str, float]) -> float:
+    factor = units.get(unit or "", math.nan)
+    if inches is not None and factor != _FOOT_M:
+        return math.nan
+    return float(number.replace(",", ".")) * factor + float((inches or "0").replace(",", ".")) * _INCH_M
 
 
 # -- the tables of a caller -------------------------------------------------------------------------------------
@@ -139,7 +206,6 @@ def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, 
 
 
 RING_ROLES = ("outer", "inner", "")  # of the ways in a multipolygon that enclose it
-_POLYGON = 3  # shapely's number of the type
 _BYTES_PER_CELL = 1 << 20  # of the map in a cell
 
 Shapes = np.ndarray[Any, np.dtype[np.object_]]
@@ -153,14 +219,6 @@ class Outlines:
     lonlat: FloatArray  # (positions, 2)  degrees
     owners: IntArray  # (lines,)  rows of `about`, ascending
     about: Sequence[Any]  # (footprints,)  the wall of each, or its tags
-
-
-@dataclass(slots=True, frozen=True, eq=False)
-class Faces:
-    """Walls as quadrangles."""
-
-    corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left
-    types: IntArray  # (faces,)
 
 
 def outlines_of_ways(
@@ -213,14 +271,31 @@ def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntAr
     return points, np.repeat(np.arange(int(is_chosen.sum())), sizes[is_chosen])
 
 
-def shapes_of(given: "Sequence[BaseGeometry]") -> tuple[Shapes, FloatArray]:
-    """Shapes of a caller, and all their points (points, 2); what is no polygon or multipolygon becomes empty."""
+def shapes_of(given: "Sequence[BaseGeometry]") -> Shapes:
+    """Return shapes of a caller; those that are neither a line nor an area become empty."""
     import shapely
 
-    kinds = (shapely.Polygon, shapely.MultiPolygon)
+    kinds = (shapely.Polygon, shapely.MultiPolygon, shapely.LineString)
     shapes: Shapes = np.empty(len(given), object)
     shapes[:] = [shape if isinstance(shape, kinds) else shapely.Polygon() for shape in given]
-    return shapes, shapely.get_coordinates(shapes)
+    return shapes
+
+
+def points_of(shapes: Shapes) -> FloatArray:
+    """Return all points (points, 2) of some shapes."""
+    import shapely
+
+    points: FloatArray = shapely.get_coordinates(shapes)
+    return points
+
+
+def lines_of(outlines: Outlines) -> Shapes:
+    """Return each line as a shape."""
+    import shapely
+
+    points, row = _chosen(outlines, np.ones(len(outlines.owners), np.bool_))
+    lines: Shapes = shapely.linestrings(points, indices=row)
+    return lines
 
 
 def is_inside(area: "BaseGeometry", xy: FloatArray) -> BoolArray:
@@ -297,35 +372,11 @@ def _in_degrees(area: "BaseGeometry", crs: str) -> "BaseGeometry":
     return shapely.transform(area, lambda points: project(points, crs, WGS84))
 
 
-def faces_of(
-    shapes: Shapes,
-    walls: Sequence[Wall],
-    to_metres: Callable[[FloatArray], FloatArray],
-    min_tolerance: float,
-    relative_tolerance: float,
-) -> Faces:
-    """Walls along the edges of polygons, around courtyards too; `to_metres` projects points (points, 2)."""
-    import shapely
-
-    polygons, owner = shapely.get_parts(repaired(shapely.transform(shapes, to_metres)), return_index=True)
-    is_area = shapely.get_type_id(polygons) == _POLYGON
-    polygons, owner = polygons[is_area], owner[is_area]
-    perimeters = shapely.length(shapely.get_exterior_ring(polygons))
-    tolerances = np.maximum(min_tolerance, relative_tolerance * perimeters)
-    rings, polygon = shapely.get_rings(shapely.simplify(polygons, tolerances), return_index=True)
-    points, ring = shapely.get_coordinates(rings, return_index=True)
-    start = np.flatnonzero((ring[:-1] == ring[1:]) & (points[:-1] != points[1:]).any(axis=1))
-    of_wall = owner[polygon[ring[start]]]
-    base, top, types = (np.array([wall[i] for wall in walls])[of_wall] for i in range(3))
-    corners = [np.column_stack((points[row], height)) for height in (top, base) for row in (start, start + 1)]
-    return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
-
-
 def repaired(shapes: Shapes) -> Shapes:
-    """Return the shapes; those that cross themselves are assembled again from their lines."""
+    """Return the shapes; polygons that cross themselves are assembled again from their lines."""
     import shapely
 
-    broken = ~shapely.is_valid(shapes)
+    broken = ~shapely.is_valid(shapes) & (shapely.get_dimensions(shapes) == 2)
     if broken.any():
         shapes = shapes.copy()
         shapes[broken] = _enclosed(shapely.boundary(shapes[broken]))

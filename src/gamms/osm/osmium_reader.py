@@ -4,7 +4,7 @@ import bz2
 import gzip
 import zlib
 from array import array
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -252,6 +252,27 @@ def read_footprints(file: Path, rules: WallRules) -> Outlines:
     return found.outlines()
 
 
+def read_barriers(file: Path, rules: WallRules) -> Outlines:
+    """Read the lines of a map file that `rules` make walls of, in its order; raises as `read_footprints` does."""
+    source, lines = _source_of(file), _Lines(allowance_of(file))
+    walls: list[Wall] = []
+    with _errors_of(file):
+        for way in _ways(source, "barrier") if rules.has_barriers else ():
+            tags = {tag.k: tag.v for tag in way.tags}
+            is_known = way.deleted or way.id in lines.row_of or (_is_area(way, tags) and rules.wall_of(tags))
+            wall = None if is_known else rules.barrier_of(tags)
+            if wall is not None:
+                walls.append(wall)
+                lines.add(way)
+        lines.complete(source, lambda _: None)
+    ways = [[id] for id in lines.row_of]
+    return outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), lines.row_of, ways, walls)
+
+
+def _is_area(way: "osm.Way", tags: Mapping[str, str]) -> bool:
+    return len(way.nodes) >= 4 and way.ends_have_same_id() and tags.get("area") != "no"
+
+
 class _Footprints:
     """Which lines enclose what, while a file is being read."""
 
@@ -288,10 +309,10 @@ class _Footprints:
             self.ways_of.append([part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES])
 
     def _add_way(self, way: "osm.Way") -> None:
-        if way.deleted or len(way.nodes) < 4 or not way.ends_have_same_id() or way.id in self.lines.row_of:
+        if way.deleted or way.id in self.lines.row_of:
             return
         tags = {tag.k: tag.v for tag in way.tags}
-        wall = self.rules.wall_of(tags) if tags.get("area") != "no" else None
+        wall = self.rules.wall_of(tags) if _is_area(way, tags) else None
         if wall is not None:
             self.walls.append(wall)
             self.ways_of.append([way.id])

@@ -94,9 +94,11 @@ def streets_of_polygon(polygon: "BaseGeometry", name: str, options: StreetOption
 
 
 def features_of_place(
-    location: Location, tags: TagFilter, *, offline: bool = False
+    location: Location, tags: TagFilter, lines: Sequence[str] = (), *, offline: bool = False
 ) -> "list[tuple[BaseGeometry, dict[str, str]]]":
     """Download the areas with some of these tags in a place: shapely polygons in degrees, each with all of its tags.
+
+    Ways with one of the keys `lines` are LineStrings after them, unless they are such an area.
 
     Raises:
         BadType, BadValue: the location or the tags are impossible.
@@ -117,12 +119,13 @@ def features_of_place(
             "=".join(json.dumps(text, ensure_ascii=False) for text in pair if text is not None) for pair in pairs
         ]
         kinds = [f"{kind}[{one}]" for one in filters for kind in ("way", "relation")]
+        kinds += [f"way[{json.dumps(key)}]" for key in lines]
         found = _download(servers, boundary, [(kinds, "(._;>;);out;")], read_areas)
         areas = _areas(found, wanted, boundary)
         if not areas:
             raise PlaceError(f"There is nothing tagged {', '.join(tags)} in {name}. Try a larger area, or other tags.")
         servers.save_rest()
-        return areas
+        return areas + _lines(found, frozenset(lines), wanted)
 
 
 def _boundary(servers: MapServers, location: Location) -> "BaseGeometry":
@@ -231,6 +234,18 @@ def _areas(
     shapes = footprints.repaired(footprints.footprints_of(outlines))
     rows = np.flatnonzero(footprints.meets(boundary, shapes)).tolist()
     return [(shapes[row], dict(about[row])) for row in rows if shapes[row].geom_type in _RINGS]
+
+
+def _lines(
+    found: "_Elements", keys: frozenset[str], wanted: Mapping[str, Collection[str] | None]
+) -> "list[tuple[BaseGeometry, dict[str, str]]]":
+    """Return the ways with one of these keys that `_areas` leaves as lines with all their tags."""
+    ways = [one for one in found.ways.values() if not keys.isdisjoint(one.tags) and not is_asked_for(one.tags, wanted)]
+    offsets, lonlat, _ = _vertices(found, [way.nodes for way in ways])
+    row_of, ids = {way.id: row for row, way in enumerate(ways)}, [[way.id] for way in ways]
+    outlines = footprints.outlines_of_ways(offsets, lonlat, row_of, ids, [way.tags for way in ways])
+    shapes = footprints.lines_of(outlines).tolist()
+    return [(shape, dict(outlines.about[row])) for shape, row in zip(shapes, outlines.owners.tolist(), strict=True)]
 
 
 def _vertices(found: "_Elements", lines: list[list[int]]) -> tuple[IntArray, FloatArray, IntArray]:

@@ -1,0 +1,172 @@
+"""Walls as faces: from footprints and lines with their heights, simplified, with openings and without their parts."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.limits import refuse_above
+from gamms.osm.footprints import PART, Shapes, Wall, repaired
+
+_LINE, _POLYGON = 1, 3  # shapely's numbers of the types
+_MOST_RELATIVE_M = 0.5
+_AT_ONCE = 16  # shapes that are looked for in a tree
+_MOST_PAIRS = 1_000_000  # of lines and pieces of streets that meet
+_BYTES_PER_PAIR = 100  # for the time that they take
+_GATE_M = 3.0
+_SLIVER_M = 0.5
+_SEAM_M = 0.1  # by which parts may fail to join
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Faces:
+    """Walls as quadrangles."""
+
+    corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left
+    types: IntArray  # (faces,)
+
+
+class Tolerance(NamedTuple):
+    """By how many metres outlines may be simplified."""
+
+    metres: float = 0.5
+    relative: float = 0.01  # of the length, as far as that is at most `_MOST_RELATIVE_M`; the greater of both counts
+
+    def of(self, lines: Shapes) -> FloatArray:
+        """Return the tolerance of each line."""
+        import shapely
+
+        relative: FloatArray = np.minimum(self.relative * shapely.length(lines), _MOST_RELATIVE_M)
+        return np.maximum(self.metres, relative)
+
+
+def faces_of(
+    shapes: Shapes,
+    walls: Sequence[Wall],
+    to_metres: Callable[[FloatArray], FloatArray],
+    tolerance: Tolerance,
+    streets: Shapes | None = None,
+) -> Faces:
+    """Walls along lines and around polygons, around courtyards too; `to_metres` projects points (points, 2).
+
+    Where a line has a vertex in common with a street, it has an opening. A line that would cross a street only because
+    it was simplified is not simplified. Of a building with parts, what these do not cover stands for itself.
+    """
+    import shapely
+
+    shapes = repaired(shapely.transform(shapes, to_metres))
+    roads = shapely.transform(np.zeros(0, object) if streets is None else streets, to_metres)
+    shapes, walls = _with_openings(*_beside_parts(shapes, walls), roads)
+    lines, owner = _boundaries(shapes)
+    lines = _simplified(lines, tolerance.of(lines), roads)
+    points, line = shapely.get_coordinates(lines, return_index=True)
+    start = np.flatnonzero((line[:-1] == line[1:]) & (points[:-1] != points[1:]).any(axis=1))
+    of_wall = owner[line[start]]
+    base, top, types = (np.array([wall[i] for wall in walls])[of_wall] for i in range(3))
+    corners = [np.column_stack((points[row], height)) for height in (top, base) for row in (start, start + 1)]
+    return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
+
+
+def _boundaries(shapes: Shapes) -> tuple[Shapes, IntArray]:
+    """Return the rings of polygons and the lines themselves, and to which shape each belongs."""
+    import shapely
+
+    parts, owner = shapely.get_parts(shapes, return_index=True)
+    kind = shapely.get_type_id(parts)
+    rings, polygon = shapely.get_rings(parts[kind == _POLYGON], return_index=True)
+    of_rings, of_lines = owner[kind == _POLYGON][polygon], owner[kind == _LINE]
+    order = np.argsort(np.concatenate((of_rings, of_lines)), kind="stable")
+    return np.concatenate((rings, parts[kind == _LINE]))[order], np.concatenate((of_rings, of_lines))[order]
+
+
+def _simplified(lines: Shapes, tolerances: FloatArray, streets: Shapes) -> Shapes:
+    """Return lines within their tolerances of the given ones, which meet or cross no street piece that those do not."""
+    import shapely
+
+    simple: Shapes = shapely.simplify(lines, tolerances)
+    changed = np.flatnonzero(shapely.get_num_coordinates(simple) != shapely.get_num_coordinates(lines))
+    tree = shapely.STRtree(_pieces(streets))
+    found = 0
+    for first in range(0, len(changed), _AT_ONCE):
+        rows = changed[first : first + _AT_ONCE]
+        if found > _MOST_PAIRS:  # no street map: nothing but time would be lost
+            simple[rows] = lines[rows]
+            continue
+        for predicate in ("crosses", "intersects"):  # what only touched a street is not to cross it
+            before, after = (tree.query(some[rows], predicate=predicate) for some in (lines, simple))
+            keys = [pair[0] * len(tree) + pair[1] for pair in (before, after)]
+            new = np.unique(after[0][~np.isin(keys[1], keys[0])])
+            simple[rows[new]] = lines[rows[new]]
+            found += before.shape[1] + after.shape[1]
+    return simple
+
+
+def _pieces(lines: Shapes) -> Shapes:
+    """Return the straight pieces of lines."""
+    import shapely
+
+    points, line = shapely.get_coordinates(lines, return_index=True)
+    start = np.flatnonzero(line[:-1] == line[1:])
+    pieces: Shapes = shapely.linestrings(np.stack((points[start], points[start + 1]), axis=1))
+    return pieces
+
+
+def _with_openings(shapes: Shapes, walls: Sequence[Wall], streets: Shapes) -> tuple[Shapes, Sequence[Wall]]:
+    """Return the shapes with a gap in each line where it has a vertex in common with a street: a gate."""
+    import shapely
+
+    rows = np.flatnonzero(shapely.get_type_id(shapes) == _LINE)
+    points, line = shapely.get_coordinates(shapes[rows], return_index=True)
+    of_streets = np.unique(shapely.get_coordinates(streets) @ (1.0, 1.0j))
+    is_shared = np.isin(points @ (1.0, 1.0j), of_streets)
+    opened, first = np.unique(line[is_shared], return_index=True)
+    if not len(opened):
+        return shapes, walls
+    gates = [shapely.MultiPoint(some) for some in np.split(points[is_shared], first[1:])]
+    shapes = shapes.copy()
+    shapes[rows[opened]] = shapely.difference(shapes[rows[opened]], shapely.buffer(gates, _GATE_M / 2.0))
+    return shapes, walls
+
+
+def _beside_parts(shapes: Shapes, walls: Sequence[Wall]) -> tuple[Shapes, Sequence[Wall]]:
+    """Return the shapes, with only that of buildings which their parts leave, and the heights of parts.
+
+    A part belongs to the smallest building that it lies in. One without a height has that of the building. What is left
+    of a building counts if it is wider than twice `_SLIVER_M`.
+    """
+    import shapely
+
+    parts = np.flatnonzero(np.array([wall.key == PART for wall in walls], np.bool_))
+    buildings = np.flatnonzero(np.array([wall.key == "building" for wall in walls], np.bool_))
+    part, building = _containing(shapes[parts], shapes[buildings])
+    shapes, heights = shapes.copy(), [*walls]
+    if not len(part):
+        return shapes, walls
+    order = np.argsort(building, kind="stable")
+    owners, first = np.unique(building[order], return_index=True)
+    for owner, some in zip(buildings[owners].tolist(), np.split(parts[part[order]], first[1:]), strict=True):
+        covered = shapely.buffer(shapely.union_all(shapes[some]), _SEAM_M, join_style="mitre")
+        pieces = shapely.get_parts(shapely.difference(shapes[owner], covered))
+        is_wide = ~shapely.is_empty(shapely.buffer(pieces, -_SLIVER_M))
+        shapes[owner] = shapely.multipolygons(pieces[is_wide & (shapely.get_type_id(pieces) == _POLYGON)])
+        for row in some.tolist():
+            base, top = walls[row].base, walls[row].top if walls[row].is_measured else walls[owner].top
+            heights[row] = walls[row]._replace(base=base if base < top else 0.0, top=top, type=walls[owner].type)
+    return shapes, heights
+
+
+def _containing(parts: Shapes, areas: Shapes) -> tuple[IntArray, IntArray]:
+    """Return which of the parts lie in an area, and the smallest such area of each."""
+    import shapely
+
+    tree, sizes = shapely.STRtree(shapely.point_on_surface(parts)), shapely.area(areas)
+    pairs = [np.zeros((2, 0), np.int64)]
+    for first in range(0, len(areas) if len(parts) else 0, _AT_ONCE):
+        pairs.append(tree.query(areas[first : first + _AT_ONCE], predicate="contains") + np.array([[first], [0]]))
+        refuse_above(_BYTES_PER_PAIR * sum(some.shape[1] for some in pairs), "A map of so many buildings in each other")
+    area, part = np.concatenate(pairs, axis=1)
+    order = np.lexsort((sizes[area], part))
+    inside, first_of = np.unique(part[order], return_index=True)
+    return inside, area[order][first_of]
