@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import networkx as nx
 import numpy as np
@@ -216,3 +217,57 @@ def test_a_networkx_graph_can_be_consolidated_and_then_cut():
 def test_an_impossible_tolerance_is_refused(tolerance):
     with pytest.raises(ValueError, match="tolerance"):
         gamms.osm.consolidate(nx.MultiGraph(), tolerance)
+
+
+def crossing_of_two_streets(*, link, upper):
+    """Two streets of 200 m, 6 m apart on the map, which a link of 6 m joins in the middle; `upper` tags one of them."""
+    xy = [(-100.0, 0.0), (0.0, 0.0), (100.0, 0.0), (-100.0, 6.0), (0.0, 6.0), (100.0, 6.0)]
+    net = network(xy, [(0, 1), (1, 2), (3, 4), (4, 5), (1, 4)])
+    street = {"highway": "residential"}
+    return replace(net, tags=[street, street, {**street, **upper}, {**street, **upper}, {**street, **link}])
+
+
+@pytest.mark.parametrize(
+    ("link", "upper", "nodes"),
+    [
+        ({}, {}, 5),
+        ({"bridge": "no", "tunnel": "no", "layer": "0", "level": "0"}, {}, 5),
+        ({"highway": "steps"}, {}, 6),
+        ({"highway": "elevator"}, {}, 6),
+        ({"highway": "escalator"}, {}, 6),
+        ({"bridge": "yes"}, {}, 6),
+        ({"tunnel": "building_passage"}, {}, 6),
+        ({}, {"layer": "1"}, 6),
+        ({}, {"layer": "-1"}, 6),
+        ({}, {"level": "1"}, 6),
+        ({}, {"level": "0;1"}, 5),
+        ({"layer": "1"}, {"layer": "1"}, 6),
+    ],
+)
+def test_junctions_merge_within_one_layer_and_level_and_never_across_a_bridge_stairs_or_a_building(link, upper, nodes):
+    assert len(consolidate(crossing_of_two_streets(link=link, upper=upper), 10.0).xy) == nodes
+
+
+def test_the_end_of_a_bridge_is_on_the_ground():
+    """A bridge of 90 m ends at a crossing of two streets, whose next junction is 6 m on."""
+    xy = [(-90.0, 0.0), (0.0, 0.0), (0.0, 60.0), (0.0, -60.0), (6.0, 0.0), (6.0, 60.0), (6.0, -60.0)]
+    net = network(xy, [(0, 1), (1, 2), (1, 3), (1, 4), (4, 5), (4, 6)])
+    street = {"highway": "residential"}
+    merged = consolidate(replace(net, tags=[{**street, "bridge": "yes", "layer": "1"}, *[street] * 5]), 5.0)
+    assert len(merged.xy) == 6
+
+
+@pytest.mark.parametrize("tolerance", [0.5, 2.0, 10.0, 50.0])
+def test_a_bridge_that_short_stairs_join_to_the_street_below_stays_apart(make_map, tolerance):
+    """The street runs under the bridge; 11 m of stairs lead up."""
+    nodes = {1: (60.17, 24.939), 2: (60.17, 24.940), 3: (60.17, 24.941)}
+    nodes |= {4: (60.1691, 24.9401), 5: (60.1701, 24.9400), 6: (60.1709, 24.9399)}
+    path = make_map(
+        nodes,
+        ([1, 2, 3], {"highway": "residential"}),
+        ([4, 5, 6], {"highway": "residential", "bridge": "yes", "layer": "1"}),
+        ([2, 5], {"highway": "steps"}),
+    )
+    graph = gamms.osm.graph_from_file(path, 1e6, osm_type="walk", tolerance=tolerance)
+    assert graph.number_of_nodes() == 6
+    assert {data["highway"] for *_, data in graph.edges(data=True)} == {"residential", "steps"}

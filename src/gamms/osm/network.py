@@ -30,6 +30,8 @@ KEPT_TAGS = (
     "junction",
     "landuse",
     "area",
+    "layer",
+    "level",
 )
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 _ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")

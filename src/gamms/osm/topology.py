@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import product
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -13,6 +14,8 @@ from gamms.limits import refuse_above
 from gamms.osm.network import RoadNetwork, along, chosen_roads, components, moved_ends, offsets_of, reversed_points
 
 _REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
+_VERTICAL = ("steps", "escalator", "elevator")
+_MOST_FLOORS = 62  # pairs of layer and level that are told apart on one map
 _ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual carriageways cross, and no wider
 
 
@@ -117,15 +120,17 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
 
     A junction is where three or more roads end: vertices between and dead ends stay where they are. The new node is the
     mean of the old junctions. Roads inside it disappear; the others end at the new node instead of the old one,
-    and are as long as they are drawn. `merged` of the result says how many metres are gone in all. A bridge and
-    the road below it are near each other and not joined: they stay apart. Vertices at one place with a road of
-    no length between them always become one.
+    and are as long as they are drawn. `merged` of the result says how many metres are gone in all. All junctions that
+    become one have a `layer` and `level` in common, and no stairs, elevator, bridge or tunnel is between them: a bridge
+    and the road below it stay apart. Vertices at one place with a road of no length between them always become one.
     """
     network = _without_empty_roads(network)
     chains = chains_of(network)
-    label = _junctions(network, chains, tolerance)
+    is_flat = np.ones(len(chains.lengths), np.bool_)
+    is_flat[chains.of_road[_leads_elsewhere(network)]] = False
+    label = _junctions(network, chains, is_flat, tolerance)
     a, b = label[chains.ends].T
-    one = (a == b) & (chains.ends[:, 0] != chains.ends[:, 1]) & (chains.lengths <= _ACROSS * tolerance)
+    one = (a == b) & (chains.ends[:, 0] != chains.ends[:, 1]) & (chains.lengths <= _ACROSS * tolerance) & is_flat
     inner = one[chains.of_road]
     if not inner.any():
         return network
@@ -171,28 +176,64 @@ def degrees(network: RoadNetwork) -> IntArray:
     return np.bincount(np.concatenate((network.sources, network.targets)), minlength=len(network.xy))
 
 
-def _junctions(network: RoadNetwork, chains: Chains, tolerance: float) -> IntArray:
+def _leads_elsewhere(network: RoadNetwork) -> BoolArray:
+    """Return which roads are stairs, elevators, bridges or tunnels, passages through buildings among them."""
+    ways = [
+        tags.get("highway") in _VERTICAL or any(tags.get(name, "no") != "no" for name in ("bridge", "tunnel"))
+        for tags in network.tags
+    ]
+    return np.array(ways, np.bool_)[network.ways]
+
+
+def _floors(network: RoadNetwork) -> IntArray:
+    """Return the layers and levels on which each node lies, as the bits of a number; -1 for all.
+
+    It lies where two roads or more go on, or else where its roads are: at the end of a bridge on the ground. Stairs and
+    elevators do not count.
+    """
+    ways_on: dict[tuple[str, ...], list[int]] = {}
+    for way, tags in enumerate(network.tags):
+        if tags.get("highway") not in _VERTICAL:
+            for floor in product(*(str(tags.get(name, 0)).split(";") for name in ("layer", "level"))):
+                ways_on.setdefault(floor, []).append(way)
+    once, twice = np.zeros(len(network.xy), np.int64), np.zeros(len(network.xy), np.int64)
+    for number, ways in enumerate(ways_on.values()):
+        roads = np.isin(network.ways, ways)
+        ends = np.bincount(np.concatenate((network.sources[roads], network.targets[roads])), minlength=len(once))
+        bit = 1 << min(number, _MOST_FLOORS - 1)
+        once[ends > 0] |= bit
+        twice[ends > 1] |= bit
+    floors = np.where(twice > 0, twice, once)
+    return np.where(floors > 0, floors, -1)
+
+
+def _junctions(network: RoadNetwork, chains: Chains, is_flat: BoolArray, tolerance: float) -> IntArray:
     """Return one label per node, equal for the nodes of one junction.
 
-    Shortest roads first, as in Kruskal's algorithm (1956), unless the junction would become too wide.
+    Shortest roads first, as in Kruskal's algorithm (1956), unless the junction would become too wide or have no layer
+    and level in common.
     """
     degree = degrees(network)
     a, b = chains.ends.T
-    short = (a != b) & (chains.lengths <= _REACH * tolerance) & (np.minimum(degree[a], degree[b]) > 2) & (a >= 0)
+    short = (
+        is_flat & (a != b) & (chains.lengths <= _REACH * tolerance) & (np.minimum(degree[a], degree[b]) > 2) & (a >= 0)
+    )
     rows = np.flatnonzero(short)
     places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)  # the numbers of nodes play no part
     rows = rows[np.lexsort((places[:, 1], places[:, 0], chains.lengths[rows]))]
     label = np.arange(len(network.xy))
     nodes = np.unique(chains.ends[rows])
     box = dict(zip(nodes.tolist(), map(tuple, np.tile(network.xy[nodes], 2).tolist()), strict=True))
+    floors = dict(zip(nodes.tolist(), _floors(network)[nodes].tolist(), strict=True)) if len(nodes) else {}
     leader = {node: node for node in box}
     for first, second in chains.ends[rows].tolist():
         one, other = _leader_of(first, leader), _leader_of(second, leader)
         (west, south, east, north), (w, s, e, n) = box[one], box[other]
         union = min(west, w), min(south, s), max(east, e), max(north, n)
-        if one != other and np.hypot(union[2] - union[0], union[3] - union[1]) <= _ACROSS * tolerance:
+        common = floors[one] & floors[other]
+        if one != other and common and np.hypot(union[2] - union[0], union[3] - union[1]) <= _ACROSS * tolerance:
             low, high = min(one, other), max(one, other)
-            leader[high], box[low] = low, union
+            leader[high], box[low], floors[low] = low, union, common
     for node in leader:
         label[node] = _leader_of(node, leader)
     return label
