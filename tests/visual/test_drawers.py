@@ -12,7 +12,7 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.obstacles import OTHER_OBSTACLE
 from gamms.visual import Circle, Color, render_circle, render_rectangle
-from gamms.visual.drawers.graph import median, one_way_each, polylines
+from gamms.visual.drawers.streets import median, one_way_each, polylines
 
 
 def points_of(commands, kind):

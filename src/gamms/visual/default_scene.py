@@ -20,7 +20,7 @@ from gamms.visual.appearance import AgentData, GraphData, Rgb, color_group
 from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
-from gamms.visual.drawers.graph import median, obstacles_to_draw
+from gamms.visual.drawers.graph import obstacles_to_draw
 from gamms.visual.drawers.messages import has_messages, render_messages
 from gamms.visual.drawers.rules import (
     TerritoryDrawer,
@@ -41,6 +41,7 @@ from gamms.visual.drawers.standings import (
     render_discovered,
     render_held,
 )
+from gamms.visual.drawers.streets import has_tunnels, median, render_tunnels
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows, legend_only
 from gamms.visual.shown_turn import Sight, has_content
@@ -135,8 +136,11 @@ class DefaultScene:
         self._map_key, self._unit = key, sight_radius(columns)
         streets = self._static(render_graph, Layer.GRAPH)
         size = (0.35 if columns.crs is None else 0.15) * self._unit  # where paths are slim, larger ones would be beads
-        streets.data = {"graph_data": GraphData(tones.nodes, size, tones.streets)}
+        streets.data = {"graph_data": GraphData(tones.nodes, size, tones.streets), "tunnels": "below"}
         self._map = {"graph": streets}
+        if has_tunnels(columns):
+            self._map["tunnels"] = tunnels = self._static(render_tunnels, Layer.TUNNELS)
+            tunnels.data = streets.data
         if len(obstacles_to_draw(self._ctx).ids):
             thickness = _WALL * self._unit if columns.crs is None else min(_WALL * self._unit, _THICKEST)
             self._map["obstacles"] = walls = self._static(render_obstacles, Layer.OBSTACLES)

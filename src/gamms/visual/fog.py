@@ -22,9 +22,10 @@ from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
 from gamms.visual.drawers import render_input_overlay, render_obstacles
-from gamms.visual.drawers.graph import one_way_each, polylines, typical_edge_length
+from gamms.visual.drawers.graph import typical_edge_length
 from gamms.visual.drawers.messages import legend_of_messages, render_messages
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
+from gamms.visual.drawers.streets import one_way_each, polylines
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
 from gamms.visual.shown_turn import Sight

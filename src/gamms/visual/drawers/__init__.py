@@ -5,7 +5,7 @@ is drawn many times, use the bulk primitives `render_lines` and `render_circles`
 """
 
 from gamms.visual.drawers.agents import render_aerial_agent, render_agent, render_circle, render_rectangle
-from gamms.visual.drawers.graph import render_graph, render_input_overlay, render_obstacles
+from gamms.visual.drawers.graph import render_input_overlay, render_obstacles
 from gamms.visual.drawers.sensors import (
     render_aerial_agent_sensor,
     render_agent_sensor,
@@ -13,6 +13,7 @@ from gamms.visual.drawers.sensors import (
     render_neighbor_sensor,
     render_sensor,
 )
+from gamms.visual.drawers.streets import render_graph
 
 __all__ = [
     "render_aerial_agent",

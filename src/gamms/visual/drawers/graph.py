@@ -1,4 +1,4 @@
-"""Drawers of the map: streets and nodes, values of them, the choices of a person, and obstacles."""
+"""Drawers of what is on the map: values of nodes and edges, the choices of a person, and obstacles."""
 
 from typing import Any, NamedTuple
 
@@ -10,109 +10,10 @@ from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleC
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
 from gamms.visual.camera import inside
+from gamms.visual.drawers.streets import median, polylines
 from gamms.visual.drawing import Drawing, drawing_of
 from gamms.visual.legend import Values
 from gamms.visual.themes import WallTones
-
-_FEW = 2_000  # up to so many edges streets are drawn broader
-_ID_PX = 17
-_STREET = 2.0  # metres: how broad a street of a real map is drawn
-_SLIM = 0.2  # at most so broad, in lengths of a typical edge
-_PATH = 0.4  # how broad a path is drawn, in widths of a street
-_PATHS = frozenset(("footway", "path", "steps", "cycleway", "pedestrian", "corridor", "bridleway", "track"))
-
-
-def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the graph as `data['graph_data']`, a GraphData, describes it; a two-way street is drawn once."""
-    look: GraphData = data["graph_data"]
-    columns = ctx.graph.columns()
-    visual = drawing_of(ctx)
-    streets = _streets(columns, look)
-    if columns.crs is None:
-        for points, offsets, _ in streets:
-            visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)
-    else:
-        for points, offsets, breadth in streets:
-            visual.render_lines(points, offsets, look.edge_color, breadth, in_world=True)
-    visual.render_circles(columns.xy, look.node_size, look.node_color)
-    if look.draw_id:
-        for id, (x, y) in zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True):
-            visual.render_text(str(id), x, y, visual.theme.ink, font_size=_ID_PX)
-
-
-def _streets(columns: GraphColumns, look: GraphData) -> list[tuple[FloatArray, IntArray, float]]:
-    """Return the polylines of the graph and how broad they are on a real map, made once per revision: paths first."""
-    if columns.revision not in look.edge_line_points:
-        look.edge_line_points.clear()
-        rows, breadth = one_way_each(columns), min(_STREET, _SLIM * median(columns.lengths))
-        is_path = _are_paths(columns)[rows]
-        parts = [(is_path, _PATH * breadth), (~is_path, breadth)]
-        look.edge_line_points[columns.revision] = [
-            (*polylines(columns, rows[part]), width) for part, width in parts if part.any()
-        ]
-    made: list[tuple[FloatArray, IntArray, float]] = look.edge_line_points[columns.revision]
-    return made
-
-
-def _are_paths(columns: GraphColumns) -> BoolArray:
-    """Return which edges, (edges,), are no streets, such as the pavements that lie beside them on real maps."""
-    is_path = np.zeros(len(columns.edge_ids), bool)
-    is_path[[row for row, kind in columns.edge_attributes.get("highway", {}).items() if _is_path(kind)]] = True
-    return is_path
-
-
-def _is_path(kind: object) -> bool:
-    """Return whether a way of that kind, or of one of these kinds, is a path and no street."""
-    return kind in _PATHS if isinstance(kind, str) else isinstance(kind, list | tuple) and all(map(_is_path, kind))
-
-
-def median(lengths: FloatArray) -> float:
-    """Return the median of some lengths; 0.0 of none."""
-    if len(lengths) == 0:
-        return 0.0
-    # NOTE: not np.median, which first loads masked arrays for 15 ms (first frame of 100,000 edges).
-    low, high = (len(lengths) - 1) // 2, len(lengths) // 2
-    return float(np.partition(lengths, (low, high))[[low, high]].mean())
-
-
-def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArray]:
-    """Return the points (points, 2) and offsets (rows + 1,) of the edges in `rows`."""
-    is_bent = ~_is_straight(columns)[rows]
-    bends = [columns.polylines[row] for row in rows[is_bent].tolist()]
-    counts = np.full(len(rows), 2, np.int64)
-    counts[is_bent] = [len(bend) for bend in bends]
-    offsets = np.concatenate(([0], np.cumsum(counts)))
-    ends = np.column_stack((columns.sources[rows], columns.targets[rows]))[~is_bent].ravel()
-    if not bends:
-        return columns.xy[ends], offsets
-    points, is_of_bend = np.empty((offsets[-1], 2)), np.repeat(is_bent, counts)
-    points[is_of_bend], points[~is_of_bend] = np.concatenate(bends), columns.xy[ends]
-    return points, offsets
-
-
-def one_way_each(columns: GraphColumns) -> IntArray:
-    """Return edge rows without those that repeat an earlier one, in the same or the opposite direction."""
-    straight = np.flatnonzero(_is_straight(columns))
-    low = np.minimum(columns.sources[straight], columns.targets[straight])
-    high = np.maximum(columns.sources[straight], columns.targets[straight])
-    _, first = np.unique(low * len(columns.node_ids) + high, return_index=True)
-    seen: dict[bytes, int] = {}
-    for row in sorted(columns.polylines):
-        seen.setdefault(_undirected(columns.polylines[row]), row)
-    return np.sort(np.concatenate([straight[first], np.fromiter(seen.values(), np.int64, len(seen))]))
-
-
-def _is_straight(columns: GraphColumns) -> BoolArray:
-    """Return which edges, (edges,), have no polyline."""
-    is_straight = np.ones(len(columns.edge_ids), bool)
-    is_straight[list(columns.polylines)] = False
-    return is_straight
-
-
-def _undirected(bend: FloatArray) -> bytes:
-    """Return the same bytes for a polyline and its reverse."""
-    return min(bend.tobytes(), bend[::-1].tobytes())
-
 
 _NODE, _EDGE = 0.5, 0.35  # radius of a disc and width of a line, in lengths of a typical edge
 _NODE_PX, _EDGE_PX = 2.0, 3.0  # but never less

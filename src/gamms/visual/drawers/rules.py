@@ -16,7 +16,8 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, color_group, rgba
 from gamms.visual.constants import Layer
-from gamms.visual.drawers.graph import one_way_each, polylines, typical_edge_length
+from gamms.visual.drawers.graph import typical_edge_length
+from gamms.visual.drawers.streets import one_way_each, polylines
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows
 from gamms.visual.shown_turn import TurnEvents

@@ -1,0 +1,247 @@
+"""Drawer of streets and nodes: the greater a road the broader, tunnels dashed and below, bridges above the others."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.typing import IContext
+from gamms.visual.appearance import AnyColor, GraphData, rgba
+from gamms.visual.drawing import Drawing, drawing_of
+
+_FEW = 2_000  # up to so many edges streets are drawn broader
+_ID_PX = 17
+_STREET = 2.0  # metres: how broad a street of a real map is drawn
+_SLIM = 0.2  # at most so broad, in lengths of a typical edge
+
+
+class _Class(NamedTuple):
+    """The look of roads of one class."""
+
+    width: float  # in widths of a street
+    shade: float  # from the colour of streets, 0.0, to that of the background, 1.0, or of words, -1.0
+
+
+_PATH, _SERVICE, _ORDINARY, _MAIN, _MAJOR = range(5)
+_CLASSES = (_Class(0.4, 0.0), _Class(0.7, 0.0), _Class(1.0, 0.0), _Class(1.6, -0.1), _Class(2.6, -0.2))
+_CLASS_OF = {
+    **dict.fromkeys(("footway", "path", "steps", "cycleway", "pedestrian", "corridor", "bridleway", "track"), _PATH),
+    "service": _SERVICE,
+    **dict.fromkeys(("primary", "secondary", "motorway_link", "trunk_link"), _MAIN),
+    **dict.fromkeys(("motorway", "trunk"), _MAJOR),
+}
+_BELOW, _ABOVE = -1, 1  # of tunnels and bridges; 0: on the ground
+_TUNNEL_SHADE = 0.4
+_DASH, _DASHED = 12.0, 0.6  # of a tunnel: metres from dash to dash, and how much of it is drawn
+
+
+class _Strokes(NamedTuple):
+    """Polylines of one look."""
+
+    points: FloatArray  # (points, 2)
+    offsets: IntArray  # (lines + 1,)
+    width: float  # world units
+    shade: float
+    level: int
+
+
+class _Streets(NamedTuple):
+    """What is drawn of a graph, from back to front."""
+
+    strokes: list[_Strokes]
+    is_below: BoolArray  # (nodes,)  whether only tunnels lead there
+
+
+def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the graph as `data['graph_data']`, a GraphData, describes it; a two-way street is drawn once.
+
+    On a real map roads are as broad as their class, `highway`, asks for. Tunnels are dashed and lie below, bridges
+    above. Where `data['tunnels']` is "below", they are left to `render_tunnels`.
+    """
+    look: GraphData = data["graph_data"]
+    columns = ctx.graph.columns()
+    visual, streets, is_apart = drawing_of(ctx), _streets(columns, look), data.get("tunnels") == "below"
+    if columns.crs is None:
+        for points, offsets, *_ in streets.strokes:
+            visual.render_lines(points, offsets, look.edge_color, 1.5 if len(offsets) <= _FEW else 1.0)
+    else:
+        _draw(visual, [one for one in streets.strokes if not (is_apart and one.level == _BELOW)], look, tinted=is_apart)
+    nodes = columns.xy[~streets.is_below] if is_apart else columns.xy
+    visual.render_circles(nodes, look.node_size, look.node_color)
+    if look.draw_id:
+        for id, (x, y) in zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True):
+            visual.render_text(str(id), x, y, visual.theme.ink, font_size=_ID_PX)
+
+
+def render_tunnels(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the tunnels that `render_graph` leaves out, and the nodes in them."""
+    look: GraphData = data["graph_data"]
+    columns = ctx.graph.columns()
+    visual, streets = drawing_of(ctx), _streets(columns, look)
+    _draw(visual, [one for one in streets.strokes if one.level == _BELOW], look, tinted=True)
+    if streets.is_below.any():
+        color = shaded(look.node_color, _TUNNEL_SHADE, visual)
+        visual.render_circles(columns.xy[streets.is_below], look.node_size, color)
+
+
+def has_tunnels(columns: GraphColumns) -> bool:
+    """Return whether there is a tunnel on a real map."""
+    return columns.crs is not None and bool((_levels(columns) == _BELOW).any())
+
+
+def _draw(visual: Drawing, strokes: list[_Strokes], look: GraphData, *, tinted: bool) -> None:
+    for points, offsets, width, shade, _ in strokes:
+        color = shaded(look.edge_color, shade, visual) if tinted and shade else look.edge_color
+        visual.render_lines(points, offsets, color, width, in_world=True)
+
+
+def shaded(color: AnyColor, shade: float, visual: Drawing) -> AnyColor:
+    """Return a colour that is nearer to that of the background, or, below 0.0, to that of words."""
+    goal = visual.theme.background if shade > 0.0 else visual.theme.ink
+    red, green, blue = (round(a + abs(shade) * (b - a)) for a, b in zip(rgba(color)[:3], goal[:3], strict=True))
+    return red, green, blue
+
+
+def _streets(columns: GraphColumns, look: GraphData) -> _Streets:
+    """Return what is drawn of a graph, made once per revision: tunnels first, then lesser roads, bridges last."""
+    if columns.revision not in look.edge_line_points:
+        look.edge_line_points.clear()
+        look.edge_line_points[columns.revision] = _made(columns)
+    made: _Streets = look.edge_line_points[columns.revision]
+    return made
+
+
+def _made(columns: GraphColumns) -> _Streets:
+    rows, is_below = one_way_each(columns), np.zeros(len(columns.xy), bool)
+    if columns.crs is None:
+        return _Streets([_Strokes(*polylines(columns, rows), 0.0, 0.0, 0)] if len(rows) else [], is_below)
+    breadth, classes, levels = min(_STREET, _SLIM * median(columns.lengths)), _classes(columns), _levels(columns)
+    is_main, strokes = classes > _ORDINARY, list[_Strokes]()
+    # Each look is a pass over the picture: great tunnels look like others, great roads are above the others anyway.
+    classes[is_main & (levels == _BELOW)] = _ORDINARY
+    levels[is_main & (levels == _ABOVE)] = 0
+    for level in (_BELOW, 0, _ABOVE):
+        for number, (width, shade) in enumerate(_CLASSES):
+            part = rows[(classes[rows] == number) & (levels[rows] == level)]
+            if len(part):
+                lines, is_tunnel = polylines(columns, part), level == _BELOW
+                lines = dashes(*lines, _DASH) if is_tunnel else lines
+                strokes.append(_Strokes(*lines, width * breadth, _TUNNEL_SHADE if is_tunnel else shade, level))
+    if (levels == _BELOW).any():
+        ends, leads_below = np.concatenate([columns.sources, columns.targets]), np.tile(levels == _BELOW, 2)
+        is_below[ends[leads_below]] = True
+        is_below[ends[~leads_below]] = False
+    return _Streets(strokes, is_below)
+
+
+def _classes(columns: GraphColumns) -> IntArray:
+    """Return the class of each edge, (edges,); streets where it is not known."""
+    classes, kinds = np.full(len(columns.edge_ids), _ORDINARY), columns.edge_attributes.get("highway", {})
+    # NOTE: the usual kind costs no call (first frame of 100,000 edges).
+    found = [_CLASS_OF.get(one, _ORDINARY) if type(one) is str else _class_of(one) for one in kinds.values()]
+    classes[list(kinds)] = found
+    return classes
+
+
+def _class_of(kinds: object) -> int:
+    """Return the greatest class of a way of several kinds."""
+    known = [kind for kind in kinds if isinstance(kind, str)] if isinstance(kinds, list | tuple) else []
+    return max((_CLASS_OF.get(kind, _ORDINARY) for kind in known), default=_ORDINARY)
+
+
+def _levels(columns: GraphColumns) -> IntArray:
+    """Return which edges, (edges,), are tunnels, bridges or on the ground."""
+    levels, attributes = np.zeros(len(columns.edge_ids), np.int64), columns.edge_attributes
+    layers = {row: _layer(value) for row, value in attributes.get("layer", {}).items()}
+    levels[list(layers)] = list(layers.values())
+    for key, level in (("tunnel", _BELOW), ("bridge", _ABOVE)):
+        levels[[row for row, value in attributes.get(key, {}).items() if _is_so(value)]] = level
+    return levels
+
+
+def _layer(value: object) -> int:
+    """Return on which side of the ground a layer as tags have it is: -1, 0 or 1."""
+    text = str(value).strip()
+    return 0 if not text.lstrip("-").isdigit() or int(text) == 0 else _BELOW if text.startswith("-") else _ABOVE
+
+
+def _is_so(value: object) -> bool:
+    """Return whether a tag says more than "no"."""
+    return any(map(_is_so, value)) if isinstance(value, list | tuple) else value not in (None, False, "", "no")
+
+
+def dashes(points: FloatArray, offsets: IntArray, period: float) -> tuple[FloatArray, IntArray]:
+    """Return the dashes of polylines as polylines; each begins and ends with half a dash, so that they fit together."""
+    has_length = np.array([bool((line != line[0]).any()) for line in np.split(points, offsets[1:-1])], bool)
+    take, offsets = kernels.chosen_runs(offsets, np.flatnonzero(has_length))
+    points = points[take]
+    if len(points) == 0:
+        return points, offsets
+    steps = np.hypot(*np.diff(points, axis=0, prepend=points[:1]).T)
+    steps[offsets[:-1]] = 0.0
+    along = np.cumsum(steps)  # all lines, one after the other
+    first, lengths = along[offsets[:-1]], along[offsets[1:] - 1] - along[offsets[:-1]]
+    counts = np.maximum(np.rint(lengths / period), 1).astype(np.int64)  # of gaps
+    line = np.repeat(np.arange(len(lengths)), 2 * counts)  # that each cut is of
+    number = np.arange(len(line)) - np.repeat(2 * (np.cumsum(counts) - counts), 2 * counts)
+    edge = np.where(number % 2, 1.0 - _DASHED / 2, _DASHED / 2)
+    cuts = first[line] + (number // 2 + edge) * (lengths / counts)[line]
+    places = np.column_stack([np.interp(cuts, along, axis) for axis in points.T])
+    lines = np.concatenate([np.repeat(np.arange(len(lengths)), np.diff(offsets)), line])
+    order = np.lexsort((np.concatenate([along, cuts]), lines))
+    is_cut = (np.arange(len(order)) >= len(points))[order]
+    before: IntArray = np.cumsum(is_cut) - is_cut
+    is_drawn = is_cut | (before % 2 == 0)
+    begins = np.append(True, np.diff(lines[order]) > 0) | (is_cut & (before % 2 == 1))
+    found = np.concatenate([points, places])[order][is_drawn]
+    return found, np.append(np.flatnonzero(begins[is_drawn]), len(found))
+
+
+def median(lengths: FloatArray) -> float:
+    """Return the median of some lengths; 0.0 of none."""
+    if len(lengths) == 0:
+        return 0.0
+    # NOTE: not np.median, which first loads masked arrays for 15 ms (first frame of 100,000 edges).
+    low, high = (len(lengths) - 1) // 2, len(lengths) // 2
+    return float(np.partition(lengths, (low, high))[[low, high]].mean())
+
+
+def polylines(columns: GraphColumns, rows: IntArray) -> tuple[FloatArray, IntArray]:
+    """Return the points (points, 2) and offsets (rows + 1,) of the edges in `rows`."""
+    is_bent = ~_is_straight(columns)[rows]
+    bends = [columns.polylines[row] for row in rows[is_bent].tolist()]
+    counts = np.full(len(rows), 2, np.int64)
+    counts[is_bent] = [len(bend) for bend in bends]
+    offsets = np.concatenate(([0], np.cumsum(counts)))
+    ends = np.column_stack((columns.sources[rows], columns.targets[rows]))[~is_bent].ravel()
+    if not bends:
+        return columns.xy[ends], offsets
+    points, is_of_bend = np.empty((offsets[-1], 2)), np.repeat(is_bent, counts)
+    points[is_of_bend], points[~is_of_bend] = np.concatenate(bends), columns.xy[ends]
+    return points, offsets
+
+
+def one_way_each(columns: GraphColumns) -> IntArray:
+    """Return edge rows without those that repeat an earlier one, in the same or the opposite direction."""
+    straight = np.flatnonzero(_is_straight(columns))
+    low = np.minimum(columns.sources[straight], columns.targets[straight])
+    high = np.maximum(columns.sources[straight], columns.targets[straight])
+    _, first = np.unique(low * len(columns.node_ids) + high, return_index=True)
+    seen: dict[bytes, int] = {}
+    for row in sorted(columns.polylines):
+        seen.setdefault(_undirected(columns.polylines[row]), row)
+    return np.sort(np.concatenate([straight[first], np.fromiter(seen.values(), np.int64, len(seen))]))
+
+
+def _is_straight(columns: GraphColumns) -> BoolArray:
+    """Return which edges, (edges,), have no polyline."""
+    is_straight = np.ones(len(columns.edge_ids), bool)
+    is_straight[list(columns.polylines)] = False
+    return is_straight
+
+
+def _undirected(bend: FloatArray) -> bytes:
+    """Return the same bytes for a polyline and its reverse."""
+    return min(bend.tobytes(), bend[::-1].tobytes())
