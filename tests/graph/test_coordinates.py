@@ -50,6 +50,18 @@ def test_degrees_off_the_map_have_no_nearest_node(helsinki):
     assert helsinki.nearest_node(0, 0) == 100
 
 
+def test_places_beyond_a_distance_of_the_caller_have_no_nearest_node(helsinki):
+    assert helsinki.nearest_node(385_000, 6_672_100, within=100.0) == 100
+    with pytest.raises(BadValue, match=r"\(385000, 6672100\) is 100\.0 from the nearest node, .* more than 99"):
+        helsinki.nearest_node([385_000, 385_000], [6_672_000, 6_672_100], within=99)
+    lat, lon = helsinki.to_latlon(385_500, 6_672_000)
+    with pytest.raises(BadValue, match=r"is 500\.0 from the nearest node"):
+        helsinki.nearest_node(lat=lat, lon=lon, within=400.0)
+    assert helsinki.nearest_node(lat=61.5, lon=23.8, within=math.inf) in (100, 101, 102)
+    with pytest.raises(BadValue, match="within"):
+        helsinki.nearest_node(0, 0, within=-1.0)
+
+
 @pytest.mark.parametrize("crs", sorted(ZONES))
 def test_near_a_single_node_degrees_find_it(crs):
     lat, lon = ZONES[crs]
@@ -148,8 +160,45 @@ def test_a_crs_that_is_none_is_named(crs):
 
 def test_without_pyproj_the_error_prints_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    with pytest.raises(MissingExtra, match=r"gamms\[osm\]"):
-        cloud([], "EPSG:32699").to_latlon(0.0, 0.0)
+    with pytest.raises(MissingExtra, match=r"other than UTM zones.*gamms\[osm\]"):
+        cloud([], "EPSG:31256").to_latlon(0.0, 0.0)
+
+
+@pytest.mark.parametrize("crs", ["EPSG:32635", "EPSG:32701", "EPSG:32660", "EPSG:25832", "EPSG:25828", "EPSG:3067"])
+def test_zones_of_utm_agree_with_pyproj(crs):
+    pyproj, rng = pytest.importorskip("pyproj"), np.random.default_rng(1)
+    west, _, east, _ = pyproj.CRS(crs).area_of_use.bounds
+    lonlat = np.column_stack((rng.uniform(west - 9.0, east + 9.0, 5_000), rng.uniform(-84.0, 84.0, 5_000)))
+    known = np.column_stack(pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(*lonlat.T))
+    assert np.abs(projection.project(lonlat, projection.WGS84, crs) - known).max() < 1e-6  # metres
+    again = projection.project(known, crs, projection.WGS84)
+    assert np.abs((again - lonlat + 180.0) % 360.0 - 180.0).max() < 1e-12  # degrees
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1e-3, 1.0, 30.0])
+def test_lengths_agree_with_pyproj(scale):
+    geod, rng = pytest.importorskip("pyproj").Geod(ellps="WGS84"), np.random.default_rng(2)
+    start = np.column_stack((rng.uniform(-180.0, 180.0, 5_000), rng.uniform(-80.0, 80.0, 5_000)))
+    end = np.clip(start + rng.normal(0.0, scale, start.shape), (-400.0, -90.0), (400.0, 90.0))
+    known = geod.inv(*start.T, *end.T)[2]
+    assert np.abs(projection.ellipsoid_lengths(start, end) - known).max() < (1e-8 if scale < 0.1 else 1e-4)
+    assert projection.ellipsoid_lengths(start, start).max() == 0.0
+
+
+def test_the_length_between_opposite_sides_of_the_globe_is_about_half_its_circumference():
+    ends = [np.array([[0.0, lat], [20.0, -lat]]) for lat in (0.3, 40.0)]
+    found = np.concatenate([projection.ellipsoid_lengths(a, a * (1, -1) + (180.0, 0.0)) for a in ends])
+    assert np.abs(found / 20_003_931.0 - 1.0).max() < 0.01
+
+
+@pytest.mark.parametrize("crs", ["EPSG:31256", "EPSG:27700", "EPSG:5514"])
+def test_national_grids_take_all_places_of_their_country(crs):
+    area, rng = pytest.importorskip("pyproj").CRS(crs).area_of_use, np.random.default_rng(3)
+    lat, lon = rng.uniform(area.south, area.north, 300), rng.uniform(area.west, area.east, 300)
+    graph = cloud([], crs)
+    again = graph.to_latlon(*graph.from_latlon(lat=lat, lon=lon))
+    pairs = [np.column_stack(ends[::-1]) for ends in ((lat, lon), again)]
+    assert projection.ellipsoid_lengths(*pairs).max() < 0.01
 
 
 # -- the nearest node -------------------------------------------------------------------------------------------

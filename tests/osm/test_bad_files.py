@@ -167,7 +167,9 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, cross, mon
         graph_from_xml(path)
     monkeypatch.setitem(__import__("sys").modules, "pyproj", None)
     with pytest.raises(MissingExtra, match=r'pip install "gamms\[osm\]"'):
-        projection.crs_of("EPSG:4326")
+        projection.crs_of("EPSG:31256")
+    assert projection.crs_of("EPSG:4326") == ("EPSG:4326", True)
+    assert projection.crs_of("EPSG:32635") == ("EPSG:32635", False)
 
 
 def test_a_map_with_too_many_points_is_refused(make_map, cross, monkeypatch):

@@ -346,9 +346,10 @@ class Graph(Guarded, IGraph):
         *,
         lat: Numbers | None = None,
         lon: Numbers | None = None,
+        within: float | None = None,
     ) -> Any:
         """Return the id of the node nearest to a place, or the ids (places,) of those nearest to several."""
-        return positions.nearest_node(self._store, (x, y), (lat, lon))
+        return positions.nearest_node(self._store, (x, y), (lat, lon), within)
 
     def place(
         self,

@@ -23,15 +23,18 @@ _MOST_LAT, _MOST_LON = 90.0, 360.0  # degrees; both -10 and 350 are in use for t
 _TRIES = 20  # how often to begin again when nodes that must be apart do not fit
 
 
-def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> Any:
+def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any], within: float | None) -> Any:
     """Return the id of the node nearest to a place, or the ids (places,) of those nearest to several."""
+    limit = None if within is None else as_range(within, "within")
     places = places_of(store.crs, xy, latlon)
     if not len(store.nodes):
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
     nearest = store.indexes.nearest
     rows = np.array([nearest(x, y) for x, y in places.reshape(-1, 2).tolist()], np.int64)
-    if latlon[0] is not None and store.crs is not None:
-        known = store.nodes.array("xy")
+    known = store.nodes.array("xy")
+    if limit is not None:
+        _refuse_beyond(limit, places.reshape(-1, 2), known[rows])
+    elif latlon[0] is not None and store.crs is not None:
         refuse_far(store.crs, known[store.nodes.living()], places.reshape(-1, 2), known[rows])
     ids = store.nodes.array("ids")[rows]
     return int(ids[0]) if places.ndim == 1 else ids
@@ -85,6 +88,14 @@ def places_of(crs: str | None, xy: tuple[Any, Any], latlon: tuple[Any, Any]) -> 
     if all(is_latlon) and not any(is_xy):
         return _projected(crs, *latlon, "graph.nearest_node(lat=, lon=)")
     raise BadType("Give a place as nearest_node(x, y) or as nearest_node(lat=…, lon=…).")
+
+
+def _refuse_beyond(limit: float, places: FloatArray, nearest: FloatArray) -> None:
+    off = np.hypot(*(places - nearest).T)
+    far = np.flatnonzero(off > limit)
+    if len(far):
+        x, y = places[far[0]].tolist()
+        raise BadValue(f"({x:.9g}, {y:.9g}) is {off[far[0]]:,.1f} from the nearest node, which is more than {limit:g}.")
 
 
 def refuse_far(crs: str, nodes: FloatArray, places: FloatArray, nearest: FloatArray) -> None:

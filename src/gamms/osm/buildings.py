@@ -64,7 +64,7 @@ def obstacle_from_file(
         FileNotFoundError, IsADirectoryError: there is no such file.
         BadFile: it is damaged or not OpenStreetMap data.
         BadValue, BadType: an argument is impossible.
-        MissingExtra: osmium or pyproj is not installed.
+        MissingExtra: osmium is not installed.
     """
     rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
     projection = _projection(crs, lambda points: _crs_of(segments_of(roads)) or utm_crs(points))
@@ -102,7 +102,7 @@ def obstacle_from_osm(
     Raises:
         BadValue, BadType: an argument is impossible.
         PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
-        MissingExtra: requests or pyproj is not installed.
+        MissingExtra: requests is not installed.
     """
     rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
     projection = _projection(crs)
@@ -128,7 +128,7 @@ def faces_of_features(
 
     Raises:
         BadValue, BadType: an argument is impossible, or a polygon has no place in the CRS.
-        MissingExtra: pyproj is not installed.
+        MissingExtra: the CRS is no zone of UTM, and pyproj is not installed.
     """
     rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
     return _records_of_features(features, rules, tolerance, _projection(crs))

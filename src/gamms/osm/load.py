@@ -102,7 +102,7 @@ def graph_from_xml(
         FileNotFoundError, IsADirectoryError: there is no such file.
         BadFile: it is damaged, not OpenStreetMap data, or has no roads.
         BadValue, BadType: an argument is impossible.
-        MissingExtra: osmium or pyproj is not installed.
+        MissingExtra: osmium is not installed.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all)._replace(every_way=True)
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
@@ -175,7 +175,7 @@ def graph_from_geojson(
 
     LineString and MultiLineString are roads, whatever their properties, which become the tags of the edges;
     `oneway`, `maxspeed` and `highway` mean what they do in OpenStreetMap. Other geometries are passed over.
-    It needs pyproj, and not osmium.
+    It needs no optional library.
 
     Args, Returns: as for `graph_from_file`.
 
@@ -183,7 +183,6 @@ def graph_from_geojson(
         FileNotFoundError, IsADirectoryError: there is no such file.
         BadFile: it is damaged, not GeoJSON, too large, not in degrees, or has no lines.
         BadValue, BadType: an argument is impossible, or the lines lie too far apart or north for one projection.
-        MissingExtra: pyproj is not installed.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     return _graph(filepath, recipe, read_lines, selection_of(recipe, None))
@@ -199,7 +198,7 @@ def process_osm_graph(osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirecti
     Raises:
         BadType: it is no networkx graph.
         BadValue: a node lacks a position, or the CRS, a length or the resolution is impossible.
-        MissingExtra: the graph has a CRS and pyproj is not installed.
+        MissingExtra: the graph has a CRS that is no UTM zone and pyproj is not installed.
     """
     recipe = recipe_of(resolution, 0.0, bidirectional)
     with progress() as show:
@@ -315,7 +314,7 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
 
     Raises:
         BadFile: the file is of no use, or has no such roads.
-        MissingExtra: osmium or pyproj is not installed.
+        MissingExtra: osmium is not installed.
     """
     ways = (read or (read_lines if is_geojson(file) else read_ways))(file, show, selection.rule)
     if not ways.tags:

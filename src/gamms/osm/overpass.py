@@ -74,7 +74,7 @@ def streets_of_place(location: Location, name: str, options: StreetOptions, show
     Raises:
         BadType, BadValue: the location is impossible.
         PlaceError, NetworkError: there is no such map, or no answer.
-        MissingExtra: requests or pyproj is not installed.
+        MissingExtra: requests is not installed.
     """
     _check_location(location)
     servers = MapServers(name, show, offline=options.offline)
@@ -103,7 +103,7 @@ def features_of_place(
     Raises:
         BadType, BadValue: the location or the tags are impossible.
         PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
-        MissingExtra: requests or pyproj is not installed.
+        MissingExtra: requests is not installed.
     """
     _check_location(location)
     wanted = checked_filter(tags)

@@ -91,7 +91,7 @@ def create_osm_graph(
         PlaceError: the place is unknown, has no streets of this type, or offline was never downloaded.
         NetworkError: a server cannot be reached, is busy, or answers with nonsense.
         BadValue, BadType: an argument is impossible.
-        MissingExtra: requests or pyproj is not installed.
+        MissingExtra: requests is not installed.
     """
     rest = (resolution, simplify, retain_all, truncate_by_edge, custom_filter, tolerance, bidirectional, offline)
     options = StreetOptions(as_osm_type(osm_type), *rest)

@@ -281,7 +281,7 @@ class IGraph(ABC):
 
         Raises:
             BadValue (ValueError): the graph has no CRS, or a place lies outside its projection.
-            MissingExtra (ImportError): the extra `osm` is not installed.
+            MissingExtra (ImportError): the CRS is no zone of UTM, and the extra `osm` is not installed.
         """
         raise NotOffered(self, "to_latlon")
 
@@ -296,14 +296,16 @@ class IGraph(ABC):
         *,
         lat: Numbers | None = None,
         lon: Numbers | None = None,
+        within: float | None = None,
     ) -> Any:
         """Return the id of the node nearest to (x, y), or to degrees; for arrays of places, an array (places,) of ids.
 
         The straight line counts. Of several equally near nodes, the first in insertion order is meant.
 
         Raises:
-            BadValue (ValueError): the graph has no nodes, or the place is none; or degrees are farther from the
-                nearest node than the map is wide, and farther than a kilometre.
+            BadValue (ValueError): the graph has no nodes, or the place is none; or it is farther from the nearest node
+                than `within` map units. Without `within`, degrees are refused that are farther than the map is wide,
+                and farther than a kilometre.
             BadType (TypeError): not exactly one of (x, y) and (lat, lon) is given.
         """
         raise NotOffered(self, "nearest_node")
