@@ -53,7 +53,7 @@ def street_of(make_map, cross, tags):
         ({"highway": "residential", "motor_vehicle": "no"}, "WALK BIKE"),
         ({"highway": "residential", "motorcar": "no"}, "WALK BIKE"),
         ({"highway": "construction"}, ""),
-        ({"highway": "pedestrian", "area": "yes"}, ""),
+        ({"highway": "pedestrian", "area": "yes"}, "WALK BIKE"),
     ],
 )
 def test_roads_are_open_to_some_and_closed_to_others(make_map, cross, tags, open_to):

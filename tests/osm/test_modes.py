@@ -74,7 +74,9 @@ def street(**tags):
         (street(abandoned="yes", foot="yes"), []),
         (street(construction="yes"), []),
         (street(construction="minor"), NAMES),
-        (street(area="yes"), []),
+        (street(area="yes"), ["walk", "robot", "bike"]),
+        ({"highway": "pedestrian", "area": "yes"}, ["walk", "robot", "bike"]),
+        ({"highway": "platform", "area": "yes"}, ["walk", "robot"]),
         ({"highway": "construction", "construction": "primary"}, []),
         ({"highway": "proposed"}, []),
         ({"highway": "disused"}, []),
@@ -99,7 +101,8 @@ def test_ways_are_open_to_some_modes_and_closed_to_others(tags, open_to):
         ("walk", street(access="private"), "access=private"),
         ("bike", street(bicycle="use_sidepath"), "bicycle=use_sidepath"),
         ("walk", {"highway": "trunk", "motorroad": "yes"}, "motorroad=yes"),
-        ("walk", street(area="yes", foot="no"), "area=yes"),
+        ("walk", street(disused="yes", foot="no"), "disused=yes"),
+        ("drive", street(area="yes"), "area=yes"),
     ],
 )
 def test_a_mode_names_the_tag_that_closes_a_way(mode, tags, tag):

@@ -316,6 +316,17 @@ def meets(area: "BaseGeometry", shapes: Shapes) -> BoolArray:
     return met
 
 
+def leads_across(area: "BaseGeometry", start: FloatArray, end: FloatArray) -> BoolArray:
+    """Return which straight lines between these places (lines, 2) run inside an area, and not along its outline."""
+    import shapely
+
+    lines = shapely.linestrings(np.stack((start, end), axis=1))
+    shapely.prepare(area)
+    on_outline = shapely.length(shapely.intersection(lines, shapely.boundary(area)))
+    across: BoolArray = shapely.covers(area, lines) & (on_outline < shapely.length(lines) / 2.0)
+    return across
+
+
 def area_of(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":
     """Return the union of some outlines in GeoJSON, as a shapely shape."""
     import shapely

@@ -14,6 +14,7 @@ from gamms.errors import BadFile, BadValue
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
+from gamms.osm.areas import with_ways_across
 from gamms.osm.geojson import is_geojson, read_lines
 from gamms.osm.modes import ModeFunction, as_mode, closed_rule, honouring_traffic, name_of, rule_of, tolerance_of
 from gamms.osm.network import (
@@ -71,6 +72,7 @@ class Selection(NamedTuple):
     retain_all: bool = False
     strong: bool = False
     closed: Rule | None = None  # which ways are left out
+    areas: bool = False  # lead ways across the open areas
 
 
 def graph_from_xml(
@@ -160,7 +162,7 @@ def selection_of(recipe: Recipe, mode: ModeFunction | None) -> Selection:
     if mode is None:
         closed = None if recipe.every_way else classic_closed_rule(None)
         return Selection(classic_rule(None, every_way=recipe.every_way), "", recipe.retain_all, strong, closed)
-    return Selection(rule_of(mode), recipe.mode, recipe.retain_all, strong, closed_rule(mode))
+    return Selection(rule_of(mode), recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True)
 
 
 def graph_from_geojson(
@@ -316,7 +318,10 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
         BadFile: the file is of no use, or has no such roads.
         MissingExtra: osmium is not installed.
     """
-    ways = (read or (read_lines if is_geojson(file) else read_ways))(file, show, selection.rule)
+    if read is read_lines or (read is None and is_geojson(file)):
+        ways = read_lines(file, show)
+    else:
+        ways = with_ways_across(read_ways(file, show, selection.rule, areas=selection.areas))
     if not ways.tags:
         whose = f" for the mode {selection.mode!r}" if selection.mode else ""
         raise BadFile(

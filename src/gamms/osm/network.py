@@ -93,6 +93,7 @@ class Ways:
     against: BoolArray  # (ways,)  one-way against the order of the positions
     tags: Sequence[Mapping[str, Any]]  # (ways,)  osmid, oneway as a bool, and the kept tags as text
     attribution: str | None = ATTRIBUTION
+    areas: Sequence[Sequence[int]] = ()  # (areas,)  rows of the ways around each area that is open, in any order
 
 
 @dataclass(slots=True, frozen=True, eq=False)

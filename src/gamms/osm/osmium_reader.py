@@ -15,6 +15,7 @@ from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance
+from gamms.osm.areas import open_squares, rims_of, with_areas
 from gamms.osm.footprints import RING_ROLES, Outlines, Wall, WallRules, outlines_of_ways
 from gamms.osm.network import Rule, Ways, classic_rule
 from gamms.progress import Show
@@ -181,8 +182,14 @@ class _Lines:
         return lonlat
 
 
-def read_ways(file: Path, show: Show, rule: Rule | None = None) -> Ways:
+def read_ways(file: Path, show: Show, rule: Rule | None = None, *, areas: bool = False) -> Ways:
     """Return the ways of a map file that a rule takes, by default all roads, in its order; there may be none.
+
+    Args:
+        file: the map file.
+        show: where to say what is being done.
+        rule: which ways are taken.
+        areas: say which ways are areas, and take those around multipolygons that the rule takes, too.
 
     Raises:
         BadFile: it is not OpenStreetMap data, damaged, or too large.
@@ -192,6 +199,7 @@ def read_ways(file: Path, show: Show, rule: Rule | None = None) -> Ways:
     kept: list[tuple[dict[str, Any], bool]] = []
     show(f"Reading {file.name}")
     with _errors_of(file):
+        squares = open_squares(_multipolygons(source), rule) if areas else {}
         for count, way in enumerate(_ways(source, "highway"), 1):
             given = {tag.k: tag.v for tag in way.tags}
             found = None if way.deleted or way.id in lines.row_of else rule(way.id, given)
@@ -200,15 +208,28 @@ def read_ways(file: Path, show: Show, rule: Rule | None = None) -> Ways:
                 kept.append(found)
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {file.name}: {count} roads")
+        rims = rims_of(squares)
+        for way in _ways(source) if rims.keys() - lines.row_of.keys() else ():
+            if way.id in rims and not way.deleted and way.id not in lines.row_of:
+                lines.add(way)
+                kept.append((rims[way.id], False))
         lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
     refs, offsets = np.array(lines.refs, np.int64), np.array(lines.offsets, np.int64)
-    return Ways(
-        offsets,
-        refs,
-        lines.lonlat(),
-        np.array([is_against for _, is_against in kept], np.bool_),
-        [tags for tags, _ in kept],
-    )
+    against = np.array([is_against for _, is_against in kept], np.bool_)
+    ways = Ways(offsets, refs, lines.lonlat(), against, [tags for tags, _ in kept])
+    return with_areas(ways, lines.row_of, squares) if areas else ways
+
+
+def _multipolygons(source: "io.File") -> Iterator[tuple[int, dict[str, str], list[int]]]:
+    """Yield the ids and tags of relations with a `highway` tag, and the ids of the ways around them."""
+    from osmium import FileProcessor, osm
+    from osmium.filter import KeyFilter
+
+    for one in FileProcessor(source, osm.RELATION).with_filter(KeyFilter("highway")):
+        relation = cast("osm.Relation", one)
+        if not relation.deleted:
+            rings = [part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES]
+            yield relation.id, {tag.k: tag.v for tag in relation.tags}, rings
 
 
 def _source_of(file: Path) -> "io.File":

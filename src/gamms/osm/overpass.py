@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import groupby
@@ -16,6 +16,7 @@ from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
+from gamms.osm.areas import open_squares, rims_of, with_areas, with_ways_across
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
 from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of
 from gamms.osm.network import (
@@ -158,8 +159,10 @@ def _streets(
     show(f"Downloading the streets of {name}")
     surroundings = footprints.widened(polygon, _MARGIN_M)
     filters = options.custom_filter or ('["highway"]' if options.mode else _filter_of(options.osm_type))
-    queries = [([f"way{one}"], "(._;>;);out;") for one in ([filters] if isinstance(filters, str) else filters)]
-    ways = _ways(_download(servers, surroundings, queries, read_streets), options)
+    squares = [] if options.mode is None or options.custom_filter else ['relation["highway"]["type"="multipolygon"]']
+    chosen = [filters] if isinstance(filters, str) else filters
+    queries = [([f"way{one}", *squares], "(._;>;);out;") for one in chosen]
+    ways = with_ways_across(_ways(_download(servers, surroundings, queries, read_streets), options))
     segments = _part(segments_of(ways), surroundings, options)
     if len(segments.sources):
         network = network_of_segments(segments, ways.tags)
@@ -199,22 +202,35 @@ def _ways(found: "_Elements", options: StreetOptions) -> Ways:
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
     rule = None if options.mode is None else rule_of(options.mode, names)
     speeds = options.mode or modes()[options.osm_type.name.lower()]
+    squares = {} if rule is None or options.custom_filter else open_squares(_rings(found), rule)
+    rims, row_of = rims_of(squares), dict[int, int]()
     read: list[tuple[dict[str, Any], bool]] = []
     lines: list[list[int]] = []
     for way in found.ways.values():
-        of_way = rule(way.id, way.tags) if rule is not None else None
+        of_way = rule(way.id, way.tags) if rule is not None and (way.id not in rims or "highway" in way.tags) else None
+        if of_way is None and way.id in rims:
+            of_way = rims[way.id], False
         if of_way is None and (rule is None or options.custom_filter):
             of_way = kept_tags(way.id, way.tags, options.osm_type, names)
             if isinstance(speeds, Mode):
                 of_way[0]["speed_kph"] = speeds.speed_kph(way.tags)
         if of_way is not None:
+            row_of[way.id] = len(lines)
             read.append(of_way)
             lines.append([ref for ref, _ in groupby(way.nodes)])
     tags, against = [of_way for of_way, _ in read], np.array([is_against for _, is_against in read], np.bool_)
     if rule is None and options.osm_type is OSMType.WALK:
         tags, against = [{**of_way, "oneway": False} for of_way in tags], np.zeros(len(tags), np.bool_)
     offsets, lonlat, ids = _vertices(found, lines)
-    return Ways(offsets, ids, lonlat, against, tags)
+    ways = Ways(offsets, ids, lonlat, against, tags)
+    return ways if rule is None else with_areas(ways, row_of, squares)
+
+
+def _rings(found: "_Elements") -> Iterator[tuple[int, dict[str, str], list[int]]]:
+    """Yield the ids and tags of relations, and the ids of the ways around them."""
+    for one in found.relations.values():
+        rings = [part.ref for part in one.members if part.type == "way" and part.role in footprints.RING_ROLES]
+        yield one.id, one.tags, rings
 
 
 def _areas(
@@ -223,10 +239,7 @@ def _areas(
     """Return the closed ways and multipolygons with one of these tags as shapes with all their tags."""
     closed = (way for way in found.ways.values() if len(way.nodes) > 3 and way.nodes[0] == way.nodes[-1])
     areas = [(way.tags, [way.id]) for way in closed if way.tags.get("area") != "no"]  # tags, and the ways around it
-    for relation in found.relations.values():
-        if relation.tags.get("type") in ("multipolygon", "boundary"):
-            rings = [one.ref for one in relation.members if one.type == "way" and one.role in footprints.RING_ROLES]
-            areas.append((relation.tags, rings))
+    areas += [(tags, rings) for _, tags, rings in _rings(found) if tags.get("type") in ("multipolygon", "boundary")]
     areas = [(tags, rings) for tags, rings in areas if is_asked_for(tags, wanted)]
     about, row_of = [tags for tags, _ in areas], {id: row for row, id in enumerate(found.ways)}
     offsets, lonlat, _ = _vertices(found, [way.nodes for way in found.ways.values()])

@@ -1,0 +1,147 @@
+"""Ways across squares: straight lines between the junctions on the rim of an area that is open to a mode of travel."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.osm.footprints import footprints_of, leads_across, outlines_of_ways
+from gamms.osm.network import Rule, Ways
+
+Squares = Mapping[int, tuple[dict[str, Any], list[int]]]
+"""From the id of a multipolygon that is open to a mode to its attributes, and the ids of the ways around it."""
+
+ACROSS = "across_area"  # the tag of the lines, which are on no map
+_NEAREST = 40  # junctions that a line from each junction may lead to
+_MOST_JUNCTIONS = 400  # of an area; around larger ones agents walk
+_DETOUR = 1.05  # times the straight line: as far as the way between two junctions in sight of each other may be
+
+
+def open_squares(relations: Iterable[tuple[int, Mapping[str, str], list[int]]], rule: Rule) -> Squares:
+    """Return the multipolygons that a rule takes as ways, of ids, tags and the ids of the ways around each."""
+    found: dict[int, tuple[dict[str, Any], list[int]]] = {}
+    for id, tags, rings in relations:
+        is_square = "highway" in tags and tags.get("type") == "multipolygon" and id not in found
+        taken = rule(id, {**tags, "area": "yes"}) if is_square else None
+        if taken is not None:
+            found[id] = {**taken[0], "oneway": False}, rings
+    return found
+
+
+def rims_of(squares: Squares) -> dict[int, dict[str, Any]]:
+    """Return the attributes of the ways around open multipolygons by their ids; the first of several squares counts."""
+    return {id: of_square for of_square, rings in reversed([*squares.values()]) for id in rings}
+
+
+def with_areas(ways: Ways, row_of: Mapping[int, int], squares: Squares) -> Ways:
+    """Return the ways with what they enclose: open multipolygons, and closed ways with `area=yes`."""
+    areas = [[row_of[id] for id in rings if id in row_of] for _, rings in squares.values()]
+    is_alone = ways.refs[ways.offsets[:-1]] == ways.refs[ways.offsets[1:] - 1]
+    is_alone[[row for rows in areas for row in rows]] = False
+    areas += [[row] for row, tags in enumerate(ways.tags) if tags.get("area") == "yes" and is_alone[row]]
+    return replace(ways, areas=[rows for rows in areas if rows])
+
+
+def with_ways_across(ways: Ways) -> Ways:
+    """Return the ways with straight ones across each area, between junctions on its rim that see each other.
+
+    A junction is where three stretches of way meet. Lines are added, the shortest first, where the way along the rim
+    and earlier lines is longer by a twentieth: all would be many times as many. Holes are in the way; what else stands
+    on an area is not known here.
+    """
+    if not ways.areas:
+        return ways
+    refs, met = np.unique(_stretches(ways), return_counts=True)
+    row_of = {row: row for row in range(len(ways.tags))}
+    outlines = outlines_of_ways(ways.offsets, ways.lonlat, row_of, [[*rows] for rows in ways.areas], ways.areas)
+    ends, tags = list[int](), [*ways.tags]
+    for rows, shape in zip(ways.areas, footprints_of(outlines), strict=True):
+        if np.isin(_refs_of(ways, rows), refs[met > 2]).sum() > _MOST_JUNCTIONS:
+            continue
+        rim, apart = _along_rim(ways, rows, refs[met > 2])
+        pairs = _near_pairs(rim, ways, refs[met > 2])
+        pairs = pairs[leads_across(shape, ways.lonlat[rim[pairs[:, 0]]], ways.lonlat[rim[pairs[:, 1]]])]
+        lines = rim[_needed(pairs, _distances(ways.lonlat[rim], pairs), apart)]
+        ends += lines.ravel().tolist()
+        tags += [{**ways.tags[rows[0]], "oneway": False, ACROSS: True}] * len(lines)
+    added = np.array(ends, np.int64)
+    return replace(
+        ways,
+        offsets=np.append(ways.offsets, ways.offsets[-1] + 2 * np.arange(1, len(added) // 2 + 1)),
+        refs=np.append(ways.refs, ways.refs[added]),
+        lonlat=np.concatenate((ways.lonlat, ways.lonlat[added])),
+        against=np.append(ways.against, np.zeros(len(added) // 2, np.bool_)),
+        tags=tags,
+    )
+
+
+def _stretches(ways: Ways) -> IntArray:
+    """Return the pairs of nodes (stretches, 2) that follow each other on a way, each once."""
+    way = np.repeat(np.arange(len(ways.tags)), np.diff(ways.offsets))
+    first = np.flatnonzero((way[:-1] == way[1:]) & (ways.refs[:-1] != ways.refs[1:]))
+    return np.unique(np.sort(np.column_stack((ways.refs[first], ways.refs[first + 1])), axis=1), axis=0)
+
+
+def _refs_of(ways: Ways, rows: Sequence[int]) -> IntArray:
+    return np.concatenate([ways.refs[ways.offsets[row] : ways.offsets[row + 1]] for row in rows])
+
+
+def _along_rim(ways: Ways, rows: Sequence[int], junctions: IntArray) -> tuple[IntArray, FloatArray]:
+    """Return a position of each junction and end of a way on the rim of an area, and the distances between all."""
+    rank: dict[int, int] = {}  # of a node
+    rim, steps = list[int](), list[tuple[int, int, float]]()
+    for row in rows:
+        positions = np.arange(ways.offsets[row], ways.offsets[row + 1])
+        steps_of_way = _distances(ways.lonlat[positions], np.arange(len(positions) - 1)[:, None] + (0, 1))
+        past = np.append(0.0, np.cumsum(steps_of_way)).tolist()
+        is_stop = np.isin(ways.refs[positions], junctions)
+        is_stop[[0, -1]] = True
+        stops = np.flatnonzero(is_stop & np.isfinite(ways.lonlat[positions, 0])).tolist()
+        for stop in stops:
+            if rank.setdefault(int(ways.refs[positions[stop]]), len(rim)) == len(rim):
+                rim.append(int(positions[stop]))
+        ranks = [rank[int(ways.refs[positions[stop]])] for stop in stops]
+        steps += [(a, b, past[k] - past[j]) for (a, b), (j, k) in zip(pairwise(ranks), pairwise(stops), strict=True)]
+    apart = np.where(np.eye(len(rim), dtype=np.bool_), 0.0, np.inf)
+    for a, b, length in steps:
+        _shorten(apart, a, b, length)
+    return np.array(rim, np.int64), apart
+
+
+def _near_pairs(rim: IntArray, ways: Ways, junctions: IntArray) -> IntArray:
+    """Return the rows (pairs, 2) of each junction on the rim and its nearest others, each pair once."""
+    chosen = np.flatnonzero(np.isin(ways.refs[rim], junctions))
+    pairs = set[tuple[int, int]]()
+    for row in chosen.tolist():
+        others = chosen[chosen != row]
+        far = _distances(ways.lonlat[rim], np.column_stack((np.full(len(others), row), others)))
+        near = others[np.argsort(far, kind="stable")[:_NEAREST]].tolist()
+        pairs |= {(min(row, other), max(row, other)) for other in near}
+    return np.array(sorted(pairs), np.int64).reshape(-1, 2)
+
+
+def _needed(pairs: IntArray, lengths: FloatArray, apart: FloatArray) -> IntArray:
+    """Return the pairs whose line is shorter than the way between them by a twentieth, once shorter lines are drawn."""
+    needed = list[int]()
+    for row in np.argsort(lengths, kind="stable").tolist():
+        a, b = pairs[row].tolist()
+        if apart[a, b] > _DETOUR * lengths[row]:
+            needed.append(row)
+            _shorten(apart, a, b, float(lengths[row]))
+    return pairs[needed]
+
+
+def _shorten(apart: FloatArray, a: int, b: int, length: float) -> None:
+    """Join two places in a matrix of the shortest distances between all."""
+    if length < apart[a, b]:
+        there = apart[:, a, None] + length + apart[b]
+        np.minimum(apart, np.minimum(there, there.T), out=apart)
+
+
+def _distances(lonlat: FloatArray, pairs: IntArray) -> FloatArray:
+    """Return how far the places of each pair are apart, in degrees of latitude."""
+    east, north = (lonlat[pairs[:, 1]] - lonlat[pairs[:, 0]]).T
+    return np.asarray(np.hypot(east * np.cos(np.radians(lonlat[pairs[:, 0], 1])), north))
