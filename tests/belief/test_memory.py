@@ -267,3 +267,87 @@ def test_it_works_in_a_loop_of_ones_own(make_ctx, add):
     for turn in range(2):
         state = agent.get_state() | {"name": "a", "team": "red", "turn": turn, "memory": memory}
         assert belief.observe(ctx, state).probability("prey") == {1: 1.0}
+
+
+def reporting(ctx, reports):
+    """Observe, and note at some turns where the prey was in others: turn -> (node, turn when it was there)."""
+
+    def watch(state):
+        if state["turn"] in reports:
+            node, then = reports[state["turn"]]
+            belief.note(ctx, state, "prey", node, turn=then)
+        belief.observe(ctx, state)
+        state["action"] = state["curr_pos"]
+
+    return watch
+
+
+@pytest.mark.parametrize("delay", range(6))
+@pytest.mark.parametrize("order", ["ab", "ba"])
+def test_what_is_reported_late_counts_as_if_it_had_been_noted_in_its_turn(make_ctx, add, delay, order):
+    beliefs = []
+    for late in (0, delay):
+        ctx = make_ctx(40)
+        # Two mates learn of the same turn at once, so that neither may overwrite what the other shares.
+        reports = {"a": {2 + late: (20, 2), 5: (23, 5)}, "b": {2 + late: (20, 2)}}
+        for name in order:
+            add(ctx, name, 0 if name == "a" else 39, "red", sight=15.0, strategy=reporting(ctx, reports[name]))
+        add(ctx, "c", 10, "red", sight=5.0, strategy=noting(ctx, stay=True))
+        add(ctx, "prey", 18, "blue", strategy=lambda state: state.update(action=min(39, state["curr_pos"] + 1)))
+        ctx.game.run(10)
+        known = [belief.belief_of(ctx, name) for name in "abc"]
+        assert all(one.last_seen == {"prey": Sighting(23, 5, "a")} for one in known)
+        beliefs.append([(one.reachable("prey"), one.probability("prey")) for one in known])
+        assert all(28 in reachable for reachable, _ in beliefs[-1])
+    assert beliefs[0] == beliefs[1]
+
+
+def test_a_message_is_noted_by_its_turn_and_the_truth_stays_reachable(make_ctx, add):
+    ctx = make_ctx(30, game={"channels": {"radio": {"range_m": 1000, "delay_turns": 3}}})
+    sets = []
+
+    def tower(state):
+        for name, node in state["sensor"]["eyes"][1].items():
+            state["outbox"].append({"channel": "radio", "to": "b", "body": {"who": name, "node": node}})
+        state["action"] = state["curr_pos"]
+
+    def listener(state):
+        for message in state["inbox"]:
+            belief.note(ctx, state, message["body"]["who"], message["body"]["node"], turn=message["turn"])
+            sets.append((ctx.agent.get_agent("prey").current_node_id, belief.believed(ctx, state).reachable("prey")))
+        state["action"] = state["curr_pos"]
+
+    add(ctx, "a", 0, "red", sight=20.0, strategy=tower)
+    add(ctx, "b", 29, "red", sight=5.0, strategy=listener)
+    add(ctx, "prey", 1, "blue", strategy=lambda state: state.update(action=state["curr_pos"] + 1))
+    ctx.game.run(6)
+    assert sets == [(4, {0, 1, 2, 3, 4}), (5, {0, 1, 2, 3, 4, 5})]
+
+
+def test_reports_are_forgotten_but_for_the_last_of_each_agent(make_ctx, add):
+    ctx = make_ctx(40)
+    add(ctx, "a", 0, "red", strategy=reporting(ctx, {turn: (turn % 40, turn - 1) for turn in range(1, 90)}))
+    add(ctx, "prey", 20, "blue")
+    ctx.game.run(200)
+    assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(9, 88, "a")}
+    for memory in (ctx.game.memories["a"], ctx.game.team_memories["red"]):
+        assert not any(key[0] == "belief reports" for key in memory if type(key) is tuple)
+        assert is_plain(memory)
+
+
+@pytest.mark.parametrize(("turn", "error"), [(4, BadValue), (-1, BadValue), ("1", BadType)])
+def test_a_report_is_of_a_turn_that_was(make_ctx, add, turn, error):
+    ctx, raised = make_ctx(5), []
+
+    def watch(state):
+        if state["turn"] == 3:
+            with pytest.raises(error) as caught:
+                belief.note(ctx, state, "prey", 1, turn=turn)
+            raised.append(str(caught.value))
+        state["action"] = state["curr_pos"]
+
+    add(ctx, "a", 0, "red", strategy=watch)
+    add(ctx, "prey", 4, "blue")
+    ctx.game.run(4)
+    assert len(raised) == 1
+    assert turn != 4 or "this is turn 3" in raised[0]

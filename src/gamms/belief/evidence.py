@@ -5,6 +5,9 @@ not found were not noticed) and `closed` (edges that were open until then). Asce
 differences. An entry never changes, but for what `note` adds, so that a recording gets each once. In the memory of a
 team, what all have observed in a turn is joined, once all know it, to one entry of the observer "": a JSON object from
 observers to their entries. So the memory of a large team, which each member copies in each turn, stays small.
+
+What is reported of an earlier turn is in an entry of its own, because the team may have joined that turn already:
+`("belief reports", turn, observer)` -> JSON, a list of (agent, node, turn in which it was there).
 """
 
 import json
@@ -20,7 +23,7 @@ from gamms.arguments import as_count, as_int
 from gamms.belief.ground import Arc, Ground, ground_of
 from gamms.context import Context
 from gamms.deciding import phase_of
-from gamms.errors import BadType, MissingKey, NotOffered, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Coverage
 from gamms.text import shown
@@ -31,6 +34,7 @@ Memory = dict[Any, Any]
 Key = tuple[str, int, str]
 
 ENTRY = "belief"  # the first part of a key
+_REPORTS = "belief reports"  # likewise, of what was reported of earlier turns
 _ALL = ""  # the observer of what a team has observed together; no agent has this name
 _MAP = "belief map"  # the key of the digest of the map that was seen last
 _ON_GROUND = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
@@ -108,16 +112,34 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
     """Return what was observed in each turn, by all that is in several memories."""
     joined: dict[int, set[str]] = {}
     alone: dict[int, dict[str, str]] = {}
+    reports: dict[int, dict[str, dict[str, int]]] = {}
     for memory in memories:
         for key, text in memory.items():
-            if type(key) is tuple and len(key) == 3 and key[0] == ENTRY:
-                _, turn, by = key
-                if by == _ALL:
-                    joined.setdefault(turn, set()).add(text)
-                else:
-                    known = alone.setdefault(turn, {})
-                    known[by] = max(text, known.get(by, ""))
-    return {turn: _turn_of(turn, joined.get(turn, ()), alone.get(turn, {})) for turn in sorted({*joined, *alone})}
+            if type(key) is not tuple or len(key) != 3:
+                continue
+            kind, turn, by = key
+            if kind == _REPORTS:
+                for name, node, then in _reports_in(turn, by, text):
+                    reports.setdefault(then, {}).setdefault(by, {})[name] = node
+            elif kind == ENTRY and by == _ALL:
+                joined.setdefault(turn, set()).add(text)
+            elif kind == ENTRY:
+                known = alone.setdefault(turn, {})
+                known[by] = max(text, known.get(by, ""))
+    found = {turn: _turn_of(turn, joined.get(turn, ()), alone.get(turn, {})) for turn in {*joined, *alone}}
+    for turn, reported in reports.items():
+        found[turn] = _with_reports(turn, found[turn].texts if turn in found else {}, reported)
+    return dict(sorted(found.items()))
+
+
+def _with_reports(turn: int, texts: Mapping[str, str], reported: Mapping[str, Mapping[str, int]]) -> Turn:
+    """Return a turn with what was reported of it later: observer -> agent -> node; what was seen then counts more."""
+    joined = dict(texts)
+    for by, places in reported.items():
+        entry = json.loads(joined.get(by, "{}"))
+        found = dict(sorted({**places, **entry.get("found", {})}.items()))
+        joined[by] = _as_text({"found": found, **{part: entry[part] for part in entry if part != "found"}})
+    return Turn(turn, joined)
 
 
 def _turn_of(turn: int, joined: Collection[str], alone: Mapping[str, str]) -> Turn:
@@ -192,16 +214,34 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
     _join(shared, state["turn"])
 
 
-def note(ctx: Context, state: State | AerialState, name: str, node: NodeId, *, share: bool = True) -> None:
-    """Remember that an agent is on a node now: what a sensor of your own, a message or a rule reports.
+def note(
+    ctx: Context, state: State | AerialState, name: str, node: NodeId, *, turn: int | None = None, share: bool = True
+) -> None:
+    """Remember that an agent is or was on a node: what a sensor of your own, a message or a rule reports.
+
+    Args:
+        ctx: the context.
+        state: of the agent that remembers it, in its strategy.
+        name: the agent that is reported.
+        node: where.
+        turn: when it was there, as a `state["turn"]`, such as the `turn` of a message; None: now.
+        share: whether it is written into `state["team_memory"]`, too.
 
     Raises:
         UnknownName (KeyError): there is no such agent or node.
+        BadValue: the turn is still to come.
     """
-    where = as_int(node, f"node of agent {shown(name)}")
+    where, now = as_int(node, f"node of agent {shown(name)}"), _required(state, "turn")
     if not ctx.graph.graph.has_node(where):
         raise UnknownName("node", where)
-    _note(ctx, state, {"found": {ctx.agent.get_agent(name).name: where}, "looks": []}, share=share)
+    agent, then = ctx.agent.get_agent(name), now if turn is None else as_count(turn, "turn of note", 0)
+    if then > now:
+        raise BadValue(f"Agent {agent.name!r} cannot have been on node {where} in turn {then}: this is turn {now}.")
+    if then == now:
+        _note(ctx, state, {"found": {agent.name: where}, "looks": []}, share=share)
+        return
+    memory, key = _required(state, "memory"), (_REPORTS, now, _required(state, "name"))
+    _write(state, key, _as_text([*json.loads(memory.get(key, "[]")), [agent.name, where, then]]), share=share)
 
 
 def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, share: bool) -> None:
@@ -212,7 +252,11 @@ def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, shar
     looks = new["looks"] or known.get("looks", [])
     entry = {"found": found, "looks": looks, "closed": known.get("closed", []) or _closed(ctx, memory)}
     text = _as_text({name: part for name, part in entry.items() if part not in ({}, [])})
-    memory[key] = text
+    _write(state, key, text, share=share)
+
+
+def _write(state: State | AerialState, key: Key, text: str, *, share: bool) -> None:
+    state["memory"][key] = text
     if share and "team_memory" in state and state.get("team") is not None:
         state["team_memory"][key] = text
 
@@ -284,6 +328,15 @@ def _read(turn: int, by: str, text: str) -> Observation:
         raise _nonsense(turn, by, text) from error
 
 
+@lru_cache(maxsize=1 << 10)
+def _reports_in(turn: int, by: str, text: str) -> list[tuple[str, int, int]]:
+    """Return agent, node and the turn when it was there."""
+    try:
+        return [(str(name), int(node), int(then)) for name, node, then in json.loads(text)]
+    except (TypeError, ValueError) as error:
+        raise _nonsense(turn, by, text) from error
+
+
 def _nonsense(turn: int, by: str, text: str) -> BadType:
     return BadType(
         f"Memory has {shown(text)} as what {by or 'a team'!r} has observed in turn {turn}. "
@@ -291,7 +344,7 @@ def _nonsense(turn: int, by: str, text: str) -> BadType:
     )
 
 
-def _as_text(entry: Mapping[str, Any]) -> str:
+def _as_text(entry: Mapping[str, Any] | list[Any]) -> str:
     return json.dumps(entry, separators=(",", ":"))
 
 
@@ -332,6 +385,10 @@ def _prune(memory: Memory, turn: int, horizon: int) -> None:
             memory.pop((ENTRY, then, by), None)
             if found or closed:
                 memory[ENTRY, then, by] = _as_text(({"found": found} if found else {}) | closed)
+    for key in [key for key in memory if type(key) is tuple and key[0] == _REPORTS]:
+        kept = [report for report in _reports_in(key[1], key[2], memory.pop(key)) if report[2] >= turn - horizon]
+        if kept:
+            memory[key] = _as_text([list(report) for report in kept])
 
 
 def _join(memory: Memory, turn: int) -> None:
