@@ -1,0 +1,7 @@
+"""Makes the games of this folder, and those among the examples, importable."""
+
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+sys.path[:0] = [str(HERE), str(HERE.parents[1] / "examples")]
