@@ -135,7 +135,8 @@ def test_winding_roads_are_cut_evenly(make_map, curve):
 def test_without_simplifying_it_is_the_graph_of_graph_from_xml(make_map, curve):
     path = make_map(curve, ([*curve], ROAD))
     ours, xml = graph_from_file(path, 4.0, tolerance=1e-9, simplify=False), graph_from_xml(path, 4.0)
-    assert dict(ours.nodes(data=True)) == dict(xml.nodes(data=True))
+    for name in ("x", "y"):
+        assert dict(ours.nodes(data=name)) == dict(xml.nodes(data=name))
     assert list(ours.edges(data=True)) == list(xml.edges(data=True))
 
 

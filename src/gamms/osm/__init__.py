@@ -8,9 +8,9 @@ reads their answers, `servers.py` sends and caches them, and `settings.py` names
 `gamms.osm.helsinki(ctx)` does the same with the map that comes with the package, and needs no optional library.
 
 Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `network.py` holds roads as
-columns, `modes.py` says who may use them, `areas.py` leads across squares, `topology.py` simplifies, merges and cuts,
-`networkx_bridge.py` makes the graph, `fidelity.py` compares it with the map. `buildings.py` makes obstacles of maps;
-`footprints.py` says what is a wall and where, `walls.py` makes faces of that.
+columns, `modes.py` says who may use them, `tags.py` what they keep, `areas.py` leads across squares, `topology.py`
+simplifies, merges and cuts, `networkx_bridge.py` makes the graph, `fidelity.py` compares it with the map.
+`buildings.py` makes obstacles of maps; `footprints.py` says what is a wall and where, `walls.py` makes faces of that.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,7 +40,7 @@ class _Object(msgspec.Struct):
     copyright: Any = None
 
 
-def read_lines(file: Path, show: Show, _rule: Rule | None = None) -> Ways:
+def read_lines(file: Path, show: Show, _rule: Rule | None = None, _tags: Sequence[str] = ()) -> Ways:
     """Return the lines of a GeoJSON file, in its order; points and polygons are passed over.
 
     Raises:
@@ -87,7 +87,7 @@ def _ways(text: bytes) -> Ways:
     offsets = offsets_of(np.array([len(line) for line in lines], np.int64))
     credit = next((text for text in (document.attribution, document.copyright) if isinstance(text, str)), None)
     lonlat = np.column_stack((places.real, places.imag))[refs]
-    return Ways(offsets, refs.astype(np.int64), lonlat, np.array(against, np.bool_), tags, credit)
+    return Ways(offsets, refs.astype(np.int64), lonlat, np.array(against, np.bool_), tags, credit, nodes=None)
 
 
 def _lines_of(geometry: _Object | None, level: int = 0) -> Iterator[Any]:

@@ -1,22 +1,32 @@
 """Maps in, graphs out: what `gamms.osm` offers, step by step from the file to the networkx graph."""
 
+import inspect
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, TypeVar, Unpack
 
 import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_float, as_range
-from gamms.errors import BadFile, BadValue
+from gamms.errors import BadFile, BadType, BadValue, nearest
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
 from gamms.osm.areas import with_ways_across
 from gamms.osm.geojson import is_geojson, read_lines
-from gamms.osm.modes import ModeFunction, as_mode, closed_rule, honouring_traffic, name_of, rule_of, tolerance_of
+from gamms.osm.modes import (
+    ModeFunction,
+    as_mode,
+    closed_rule,
+    honouring_traffic,
+    keeping,
+    name_of,
+    rule_of,
+    tolerance_of,
+)
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
@@ -35,6 +45,7 @@ from gamms.osm.network import (
 )
 from gamms.osm.networkx_bridge import network_of_graph, to_columns, to_digraph, to_multidigraph
 from gamms.osm.osmium_reader import as_file, read_ways
+from gamms.osm.tags import as_tags
 from gamms.osm.topology import resample
 from gamms.progress import Show, progress
 from gamms.typing import IContext
@@ -44,7 +55,7 @@ if TYPE_CHECKING:
     import networkx as nx
 
 FilePath = str | os.PathLike[str]
-_Reader = Callable[[Path, Show, Rule | None], Ways]
+_Reader = Callable[[Path, Show, Rule | None, Sequence[str]], Ways]
 _WIDEST_JUNCTION_M = 1000.0
 _SLOW_BYTES = 32 << 20
 _FILE = Path(__file__).parent.parent / "data" / "helsinki.gamms"
@@ -73,6 +84,48 @@ class Selection(NamedTuple):
     strong: bool = False
     closed: Rule | None = None  # which ways are left out
     areas: bool = False  # lead ways across the open areas
+    tags: tuple[str, ...] = ()  # which are kept, too
+    is_classic: bool = False  # nodes have no more than gamms 1.0.0 gives them
+
+
+class MapOptions(TypedDict, total=False):
+    """More options of functions that make graphs of maps.
+
+    `tags` names tags that edges keep besides the usual ones, and nodes where they have them: a node of the map with one
+    of them is a node of the graph.
+    """
+
+    tags: Sequence[str]
+
+
+Made = TypeVar("Made", bound=Callable[..., Any])
+
+
+def with_options(options: type, defaults: Mapping[str, Any]) -> Callable[[Made], Made]:
+    """Show the options of a TypedDict, with their defaults, in the signature of a function that takes them as **."""
+
+    def shown_in(make: Made) -> Made:
+        signature = inspect.signature(make)
+        others = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
+        shown = [
+            inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=defaults.get(name), annotation=annotation)
+            for name, annotation in options.__annotations__.items()
+        ]
+        make.__signature__ = signature.replace(parameters=[*others, *shown])  # type: ignore[attr-defined] # as inspect says
+        return make
+
+    return shown_in
+
+
+def refuse_unknown(given: Mapping[str, Any], options: type, of: str) -> None:
+    """Refuse options that a function does not have; `of` names it.
+
+    Raises:
+        BadType: there is one.
+    """
+    for option in given:
+        if option not in options.__annotations__:
+            raise BadType(f"There is no option {option!r} of {of}.{nearest(option, options.__annotations__)}")
 
 
 def graph_from_xml(
@@ -110,6 +163,7 @@ def graph_from_xml(
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
+@with_options(MapOptions, {"tags": ()})
 def graph_from_file(
     filepath: FilePath,
     resolution: float = 10.0,
@@ -119,6 +173,7 @@ def graph_from_file(
     osm_type: "OSMType | str | ModeFunction | None" = None,
     simplify: bool = True,
     strong: bool | None = None,
+    **more: Unpack[MapOptions],
 ) -> "nx.DiGraph[int]":
     """Make a graph of the roads in an OpenStreetMap file for one mode of travel, or of all.
 
@@ -135,14 +190,20 @@ def graph_from_file(
             None takes all roads, with the speed of cars.
         simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
         strong: keep the largest part in which every node can be reached from every other; by default with a mode.
+        more: see `MapOptions`.
 
-    Returns, Raises: as `graph_from_xml`.
+    Returns:
+        A graph as `graph_from_xml` makes it. Nodes that the map has, too, have its number of them as `osmid` and, at
+        crossings and traffic signals, `highway`.
+
+    Raises: as `graph_from_xml`.
     """
+    refuse_unknown(more, MapOptions, "graph_from_file")
     mode = None if osm_type is None else as_mode(osm_type)
     tolerance = tolerance_of(mode) if tolerance is None else tolerance
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     recipe = for_mode(recipe, mode, bidirectional, strong)
-    return _graph(filepath, recipe, read_ways, selection_of(recipe, mode))
+    return _graph(filepath, recipe, read_ways, selection_of(recipe, mode, as_tags(more.get("tags", ()))))
 
 
 def for_mode(recipe: Recipe, mode: ModeFunction | None, bidirectional: bool | None, strong: bool | None) -> Recipe:
@@ -154,15 +215,19 @@ def for_mode(recipe: Recipe, mode: ModeFunction | None, bidirectional: bool | No
     return recipe._replace(strong=strong and not recipe.retain_all)
 
 
-def selection_of(recipe: Recipe, mode: ModeFunction | None) -> Selection:
-    """Return which roads of a map a recipe is for; `mode` may be None where it names none."""
+def selection_of(recipe: Recipe, mode: ModeFunction | None, tags: tuple[str, ...] = ()) -> Selection:
+    """Return which roads of a map a recipe is for, with some of their tags; `mode` may be None where it names none."""
     if mode is not None and recipe.bidirectional is False:
         mode = honouring_traffic(mode)
     strong = recipe.strong and not recipe.bidirectional
     if mode is None:
         closed = None if recipe.every_way else classic_closed_rule(None)
-        return Selection(classic_rule(None, every_way=recipe.every_way), "", recipe.retain_all, strong, closed)
-    return Selection(rule_of(mode), recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True)
+        rule = classic_rule(None, every_way=recipe.every_way)
+        return Selection(
+            keeping(rule, tags), "", recipe.retain_all, strong, closed, tags=tags, is_classic=recipe.every_way
+        )
+    rule = keeping(rule_of(mode), tags)
+    return Selection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, tags=tags)
 
 
 def graph_from_geojson(
@@ -321,7 +386,7 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
     if read is read_lines or (read is None and is_geojson(file)):
         ways = read_lines(file, show)
     else:
-        ways = with_ways_across(read_ways(file, show, selection.rule, areas=selection.areas))
+        ways = with_ways_across(read_ways(file, show, selection.rule, selection.tags, areas=selection.areas))
     if not ways.tags:
         whose = f" for the mode {selection.mode!r}" if selection.mode else ""
         raise BadFile(
@@ -344,7 +409,9 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
             f"{str(file)!r} has no two places with a way there and back: its streets are one-way. "
             "Take them with strong=False, or let agents go against the traffic by bidirectional=True."
         )
-    return replace(network, attribution=ways.attribution)
+    if selection.is_classic or ways.nodes is None:
+        return replace(network, attribution=ways.attribution, refs=None)
+    return replace(network, attribution=ways.attribution, nodes=ways.nodes)
 
 
 def helsinki(

@@ -6,7 +6,7 @@ The rules are data, `gamms/data/modes.toml`, with their sources. A mode is a fun
 
 import math
 import tomllib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
@@ -233,3 +233,13 @@ def rule_of(mode: ModeFunction, names: Iterable[str] = KEPT_TAGS) -> Rule:
         return {**attributes_of(osmid, tags, names), "oneway": one_way, "speed_kph": float(speed)}, not forward
 
     return rule
+
+
+def keeping(rule: Rule, names: Sequence[str]) -> Rule:
+    """Return a rule by which ways keep these tags, too."""
+
+    def with_tags(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool] | None:
+        found = rule(osmid, tags)
+        return found and ({**{name: tags[name] for name in names if name in tags}, **found[0]}, found[1])
+
+    return with_tags if names else rule

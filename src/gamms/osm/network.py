@@ -13,6 +13,7 @@ from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
+from gamms.osm.tags import NodeTags
 from gamms.text import shown
 
 KEPT_TAGS = (
@@ -83,6 +84,9 @@ CLOSED_TO: dict[OSMType | None, dict[str, set[str]]] = {
 }
 
 
+_NO_NODE_TAGS = NodeTags()
+
+
 @dataclass(slots=True, frozen=True, eq=False)
 class Ways:
     """Roads as they are in the file: way `i` visits the positions `offsets[i]:offsets[i + 1]`."""
@@ -94,6 +98,7 @@ class Ways:
     tags: Sequence[Mapping[str, Any]]  # (ways,)  osmid, oneway as a bool, and the kept tags as text
     attribution: str | None = ATTRIBUTION
     areas: Sequence[Sequence[int]] = ()  # (areas,)  rows of the ways around each area that is open, in any order
+    nodes: NodeTags | None = _NO_NODE_TAGS  # None: `refs` are no numbers of OpenStreetMap
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -104,6 +109,7 @@ class Segments:
     sources: IntArray  # (segments,)  node rows
     targets: IntArray  # (segments,)  node rows
     ways: IntArray  # (segments,)  way rows
+    refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids
 
 
 def is_open_to(osm_type: OSMType | None, tags: Mapping[str, str]) -> bool:
@@ -176,7 +182,9 @@ def segments_of(ways: Ways) -> Segments:
     positions[ways.against[way]] = positions[ways.against[way], ::-1]
     rows, firsts = first_seen(ways.refs[positions].ravel())
     sources, targets = rows[0::2], rows[1::2]
-    return Segments(ways.lonlat[positions.ravel()[firsts]], sources, targets, way)
+    firsts = positions.ravel()[firsts]
+    refs = None if ways.nodes is None else ways.refs[firsts]
+    return Segments(ways.lonlat[firsts], sources, targets, way, refs)
 
 
 def largest_part(segments: Segments, one_way: BoolArray | None = None) -> Segments:
@@ -205,7 +213,11 @@ def _within(segments: Segments, inside: BoolArray) -> Segments:
     kept = inside[segments.sources] & inside[segments.targets]
     row = np.cumsum(inside) - 1
     return Segments(
-        segments.lonlat[inside], row[segments.sources[kept]], row[segments.targets[kept]], segments.ways[kept]
+        segments.lonlat[inside],
+        row[segments.sources[kept]],
+        row[segments.targets[kept]],
+        segments.ways[kept],
+        None if segments.refs is None else segments.refs[inside],
     )
 
 
@@ -389,6 +401,8 @@ class RoadNetwork:
     merged: Merged = _NOTHING
     left_out: LeftOut = _ALL_IN
     attribution: str | None = ATTRIBUTION
+    refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids; 0 for a node that it does not have
+    nodes: NodeTags = _NO_NODE_TAGS
 
 
 def network_of_part(segments: Segments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:
@@ -417,7 +431,7 @@ def network_of_segments(segments: Segments, tags: Sequence[Mapping[str, Any]]) -
     lengths, ends = ellipsoid_lengths(start, end), (segments.sources, segments.targets)
     roads = network_of_lines(project(segments.lonlat, WGS84, crs), ends, {}, lengths, tags, crs)
     one_way = np.fromiter((bool(of_way["oneway"]) for of_way in tags), np.bool_, len(tags))
-    return replace(roads, two_way=~one_way[segments.ways], ways=segments.ways)
+    return replace(roads, two_way=~one_way[segments.ways], ways=segments.ways, refs=segments.refs)
 
 
 def network_of_lines(

@@ -132,7 +132,8 @@ def to_digraph(
 ) -> "nx.DiGraph[int]":
     """Return one node per node and one edge per direction of each road, numbered in first-seen order.
 
-    Nodes have `x` and `y`; edges have `id`, `linestring`, `length`, their tags, `speed_kph` and `travel_time`.
+    Nodes have `x` and `y`, and what `network.nodes` says of them; edges have `id`, `linestring`, `length`, their tags,
+    `speed_kph` and `travel_time`.
     The way back has the next id. Of roads from one node to another the last is kept.
 
     The graph is filled when something in it is first looked at: most are only attached to a context, which takes the
@@ -223,11 +224,22 @@ def to_columns(network: RoadNetwork) -> GraphColumns:
         offsets=offsets,
         out_edges=out_edges,
         polylines=_bent(network, roads[chosen], is_back[chosen]),
-        node_attributes={},
+        node_attributes=_node_columns(network, firsts),
         edge_attributes=attributes,
         revision=0,
         crs=network.crs,
     )
+
+
+def _node_columns(network: RoadNetwork, rows: IntArray) -> dict[str, dict[int, Any]]:
+    """Return name -> position -> value of what the map says of the nodes in these rows: its number, and its tags."""
+    refs = np.zeros(0, np.int64) if network.refs is None else network.refs[rows]
+    numbers = {row: int(refs[row]) for row in np.flatnonzero(refs).tolist()}
+    columns: dict[str, dict[int, Any]] = {"osmid": numbers} if numbers else {}
+    for row, ref in numbers.items():
+        for name, value in network.nodes.of.get(ref, {}).items():
+            columns.setdefault(name, {})[row] = value
+    return columns
 
 
 def _attribute_columns(network: RoadNetwork, roads: IntArray) -> dict[str, dict[int, Any]]:
@@ -295,6 +307,9 @@ def _filled(graph: G, network: RoadNetwork, more: Mapping[str, Any]) -> G:
     graph.graph.update(more)
     firsts, numbers = _numbered(network)
     graph.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(network.xy[firsts].tolist()))
+    for name, values in _node_columns(network, firsts).items():
+        for node, value in values.items():
+            graph.nodes[node][name] = value
     graph.add_edges_from(_edges(network, numbers))
     return graph
 

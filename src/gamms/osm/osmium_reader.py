@@ -4,7 +4,7 @@ import bz2
 import gzip
 import zlib
 from array import array
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
@@ -18,6 +18,7 @@ from gamms.limits import Allowance
 from gamms.osm.areas import open_squares, rims_of, with_areas
 from gamms.osm.footprints import RING_ROLES, Outlines, Wall, WallRules, outlines_of_ways
 from gamms.osm.network import Rule, Ways, classic_rule
+from gamms.osm.tags import node_keys, node_tags
 from gamms.progress import Show
 from gamms.text import shown
 
@@ -182,13 +183,16 @@ class _Lines:
         return lonlat
 
 
-def read_ways(file: Path, show: Show, rule: Rule | None = None, *, areas: bool = False) -> Ways:
+def read_ways(
+    file: Path, show: Show, rule: Rule | None = None, tags: Sequence[str] = (), *, areas: bool = False
+) -> Ways:
     """Return the ways of a map file that a rule takes, by default all roads, in its order; there may be none.
 
     Args:
         file: the map file.
         show: where to say what is being done.
         rule: which ways are taken.
+        tags: of nodes, kept besides their `highway`, such as "crossing"; a node with one of them stays a node.
         areas: say which ways are areas, and take those around multipolygons that the rule takes, too.
 
     Raises:
@@ -197,15 +201,20 @@ def read_ways(file: Path, show: Show, rule: Rule | None = None, *, areas: bool =
     """
     source, lines, rule = _source_of(file), _Lines(allowance_of(file)), rule or classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
+    marked, texts = dict[int, dict[str, str]](), dict[str, str]()
     show(f"Reading {file.name}")
     with _errors_of(file):
         squares = open_squares(_multipolygons(source), rule) if areas else {}
-        for count, way in enumerate(_ways(source, "highway"), 1):
-            given = {tag.k: tag.v for tag in way.tags}
+        for count, one in enumerate(_roads(source, tags), 1):
+            given = {tag.k: tag.v for tag in one.tags}
+            if one.is_node():
+                marked[one.id] = _shared({name: given[name] for name in node_keys(tags) if name in given}, texts)
+                continue
+            way = cast("osm.Way", one)
             found = None if way.deleted or way.id in lines.row_of else rule(way.id, given)
             if found is not None:
                 lines.add(way)
-                kept.append(found)
+                kept.append((_shared(found[0], texts), found[1]))
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {file.name}: {count} roads")
         rims = rims_of(squares)
@@ -216,7 +225,14 @@ def read_ways(file: Path, show: Show, rule: Rule | None = None, *, areas: bool =
         lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
     refs, offsets = np.array(lines.refs, np.int64), np.array(lines.offsets, np.int64)
     against = np.array([is_against for _, is_against in kept], np.bool_)
-    ways = Ways(offsets, refs, lines.lonlat(), against, [tags for tags, _ in kept])
+    ways = Ways(
+        offsets,
+        refs,
+        lines.lonlat(),
+        against,
+        [of_way for of_way, _ in kept],
+        nodes=node_tags(marked, set(lines.refs), tags),
+    )
     return with_areas(ways, lines.row_of, squares) if areas else ways
 
 
@@ -230,6 +246,23 @@ def _multipolygons(source: "io.File") -> Iterator[tuple[int, dict[str, str], lis
         if not relation.deleted:
             rings = [part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES]
             yield relation.id, {tag.k: tag.v for tag in relation.tags}, rings
+
+
+def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
+    """Return the tags with one object for equal texts: a file may have one long text for all."""
+    return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
+
+
+def _roads(source: "io.File", tags: Sequence[str]) -> "Iterator[osm.Node | osm.Way]":
+    """Read the ways with a `highway`, and the nodes with that or one of these tags."""
+    from osmium import FileProcessor, osm
+    from osmium.filter import KeyFilter
+
+    ways, nodes = KeyFilter("highway"), KeyFilter(*node_keys(tags))
+    ways.enable_for(osm.WAY)
+    nodes.enable_for(osm.NODE)
+    objects = FileProcessor(source, osm.NODE | osm.WAY).with_locations().with_filter(ways).with_filter(nodes)
+    return cast("Iterator[osm.Node | osm.Way]", iter(objects))
 
 
 def _source_of(file: Path) -> "io.File":

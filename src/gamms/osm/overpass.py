@@ -36,6 +36,7 @@ from gamms.osm.network import (
 )
 from gamms.osm.servers import Json, MapServers
 from gamms.osm.settings import setting
+from gamms.osm.tags import NodeTags, node_tags
 from gamms.osm.topology import simplify, without_unused_nodes
 from gamms.progress import Show, progress
 from gamms.text import shown
@@ -67,6 +68,7 @@ class StreetOptions(NamedTuple):
     offline: bool = False
     mode: ModeFunction | None = None  # whose ways and directions are taken, not those of OSMnx's network type
     strong: bool = False
+    tags: Sequence[str] = ()  # which are kept, too
 
 
 def streets_of_place(location: Location, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
@@ -165,7 +167,8 @@ def _streets(
     ways = with_ways_across(_ways(_download(servers, surroundings, queries, read_streets), options))
     segments = _part(segments_of(ways), surroundings, options)
     if len(segments.sources):
-        network = network_of_segments(segments, ways.tags)
+        network = replace(network_of_segments(segments, ways.tags), nodes=ways.nodes or NodeTags())
+        network = network if options.mode else replace(network, refs=None)
         network = simplify(network) if options.simplify else network
         lonlat = project(network.xy, str(network.crs), WGS84)
         roads = Segments(lonlat, network.sources, network.targets, np.arange(len(network.sources)))
@@ -192,13 +195,14 @@ def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> S
         crossing = kept[segments.sources] | kept[segments.targets]
         kept[segments.sources[crossing]] = kept[segments.targets[crossing]] = True
     inside = kept[segments.sources] & kept[segments.targets]
-    part = Segments(segments.lonlat, segments.sources[inside], segments.targets[inside], segments.ways[inside])
+    ends = segments.sources[inside], segments.targets[inside]
+    part = Segments(segments.lonlat, *ends, segments.ways[inside], segments.refs)
     return part if options.retain_all or not inside.any() else largest_part(part)
 
 
 def _ways(found: "_Elements", options: StreetOptions) -> Ways:
     """Return the ways as columns, with the speeds of the mode; without a rule, walkers have no one-way streets."""
-    useful = [str(name) for name in setting("useful_tags_way") if name != "oneway"]
+    useful = [*dict.fromkeys(str(name) for name in (*setting("useful_tags_way"), *options.tags) if name != "oneway")]
     names = sorted(useful, key=lambda name: KEPT_TAGS.index(name) if name in KEPT_TAGS else len(KEPT_TAGS))
     rule = None if options.mode is None else rule_of(options.mode, names)
     speeds = options.mode or modes()[options.osm_type.name.lower()]
@@ -222,7 +226,8 @@ def _ways(found: "_Elements", options: StreetOptions) -> Ways:
     if rule is None and options.osm_type is OSMType.WALK:
         tags, against = [{**of_way, "oneway": False} for of_way in tags], np.zeros(len(tags), np.bool_)
     offsets, lonlat, ids = _vertices(found, lines)
-    ways = Ways(offsets, ids, lonlat, against, tags)
+    nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
+    ways = Ways(offsets, ids, lonlat, against, tags, nodes=nodes)
     return ways if rule is None else with_areas(ways, row_of, squares)
 
 

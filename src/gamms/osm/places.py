@@ -3,21 +3,21 @@
 `overpass.py` downloads the streets; the rest is done as for the streets of a file.
 """
 
-import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, TypedDict, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
 from gamms.arguments import as_float
-from gamms.errors import BadType, BadValue, PlaceError, nearest
+from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import Recipe, cut, for_mode, recipe_of
+from gamms.osm.load import MapOptions, Recipe, cut, for_mode, recipe_of, refuse_unknown, with_options
 from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
+from gamms.osm.tags import as_tags
 from gamms.osm.topology import consolidate
 from gamms.progress import progress
 from gamms.text import shown
@@ -32,10 +32,8 @@ _CORNERS = 64  # of a circle
 
 _DEFAULTS = {**StreetOptions()._asdict(), "tolerance": None, "strong": None}  # of areas; None: as the mode says
 
-Made = TypeVar("Made", bound=Callable[..., Any])
 
-
-class PlaceOptions(TypedDict, total=False):
+class PlaceOptions(MapOptions, total=False):
     """Options of the functions that make graphs of areas.
 
     `osm_type`, `tolerance`, `bidirectional` and `strong` mean what they mean to `graph_from_file`, with "walk" as the
@@ -98,16 +96,7 @@ def create_osm_graph(
     return _graph(streets_of_place, location, shown(location), options, _recipe(options))
 
 
-def _with_place_options(make: Made) -> Made:
-    """Show the options of areas, with their defaults, in the signature of a function of areas."""
-    signature = inspect.signature(make)
-    places = [one for one in signature.parameters.values() if one.kind is not one.VAR_KEYWORD]
-    options = [
-        inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=_DEFAULTS[name], annotation=annotation)
-        for name, annotation in PlaceOptions.__annotations__.items()
-    ]
-    make.__signature__ = signature.replace(parameters=[*places, *options])  # type: ignore[attr-defined] # as inspect says
-    return make
+_with_place_options = with_options(PlaceOptions, _DEFAULTS)
 
 
 @_with_place_options
@@ -164,14 +153,12 @@ def get_network_type(osm_type: OSMType | str) -> str:
 def _graph_of_area(
     streets_of: Callable[..., RoadNetwork], area: "Location | BaseGeometry", name: str, given: PlaceOptions
 ) -> "nx.DiGraph[int]":
-    for option in given:
-        if option not in PlaceOptions.__annotations__:
-            raise BadType(f"There is no option {option!r} of areas.{nearest(option, PlaceOptions.__annotations__)}")
+    refuse_unknown(given, PlaceOptions, "areas")
     rest: dict[str, Any] = {**_DEFAULTS, **given}
     mode, bidirectional, strong = as_mode(rest.pop("osm_type")), rest["bidirectional"], rest.pop("strong")
     if rest["tolerance"] is None:
         rest["tolerance"] = tolerance_of(mode)
-    options = StreetOptions(**{**rest, "mode": mode})
+    options = StreetOptions(**{**rest, "mode": mode, "tags": as_tags(rest["tags"])})
     recipe = for_mode(_recipe(options), mode, bidirectional, strong)
     if recipe.bidirectional is False:
         mode = honouring_traffic(mode)

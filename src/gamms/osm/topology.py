@@ -22,7 +22,8 @@ _ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual car
 def simplify(network: RoadNetwork) -> RoadNetwork:
     """Remove every node that merely continues a road.
 
-    Two roads meet there, with equal tags and the same direction of traffic. The total length stays, the
+    Two roads meet there, with equal tags and the same direction of traffic, and it has no tag of its own that was asked
+    for. The total length stays, the
     removed nodes become vertices of polylines. Roads joined from several ways carry a list of `osmid`. A ring
     without a junction becomes one road that leads back to its first node.
     """
@@ -53,7 +54,8 @@ def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:
     """Return the same roads, with only the nodes at their ends."""
     used, rows = np.unique(np.concatenate((network.sources, network.targets)), return_inverse=True)
     half = len(network.sources)
-    return replace(network, xy=network.xy[used], sources=rows[:half], targets=rows[half:])
+    refs = None if network.refs is None else network.refs[used]
+    return replace(network, xy=network.xy[used], sources=rows[:half], targets=rows[half:], refs=refs)
 
 
 def _partners(network: RoadNetwork) -> IntArray:
@@ -63,7 +65,10 @@ def _partners(network: RoadNetwork) -> IntArray:
     """
     nodes = np.column_stack((network.sources, network.targets)).ravel()
     offsets, ends = kernels.group_rows(nodes, len(network.xy))
-    pair = offsets[:-1][np.diff(offsets) == 2]
+    through = np.diff(offsets) == 2
+    if network.refs is not None and network.nodes.staying:
+        through &= ~np.isin(network.refs, np.array([*network.nodes.staying], np.int64))
+    pair = offsets[:-1][through]
     a, b = ends[pair], ends[pair + 1]
     # Equal numbers for ways that differ in nothing but their id.
     tags = ([(name, value) for name, value in of_way.items() if name != "osmid"] for of_way in network.tags)
@@ -259,7 +264,21 @@ def _contracted(network: RoadNetwork, label: IntArray, inner: BoolArray, weighty
     gone = float(network.lengths.sum() - lengths.sum())
     before = network.merged
     merged = before._replace(nodes=before.nodes + len(network.xy) - len(xy), length_m=before.length_m + gone)
-    return replace(rest, xy=xy, sources=sources, targets=targets, points=points, lengths=lengths, merged=merged)
+    rest = replace(rest, xy=xy, sources=sources, targets=targets, points=points, lengths=lengths, merged=merged)
+    if network.refs is None:
+        return rest
+    nodes = network.nodes._replace(of=_joined_node_tags(network, network.refs[label]))
+    return replace(rest, refs=network.refs[names], nodes=nodes)
+
+
+def _joined_node_tags(network: RoadNetwork, owners: IntArray) -> dict[int, Mapping[str, str]]:
+    """Return the tags of the nodes of a map, with those of nodes that become another one added to its own."""
+    joined = dict(network.nodes.of)
+    refs = network.refs if network.refs is not None else owners
+    for ref, owner in zip(*(ids[refs != owners].tolist() for ids in (refs, owners)), strict=True):
+        if ref in network.nodes.of:
+            joined[owner] = {**network.nodes.of[ref], **joined.get(owner, {})}
+    return joined
 
 
 Values = TypeVar("Values", FloatArray, IntArray)
@@ -288,6 +307,7 @@ def resample(network: RoadNetwork, resolution: float) -> RoadNetwork:
     return replace(
         network,
         xy=np.concatenate((network.xy, cuts)),
+        refs=None if network.refs is None else np.concatenate((network.refs, np.zeros(len(cuts), np.int64))),
         sources=sources,
         targets=targets,
         offsets=offsets,

@@ -115,7 +115,7 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
 def _load_file(ctx: Context, given: MapFile, file: Path, mode: osm.Mode | None) -> None:
     options, is_saved, is_geojson = _options_of(given, mode), file.suffix == ".gamms", osm.is_geojson(file)
     named = {*options, "buildings"} if given.buildings else set(options)
-    for option in named if is_saved else {"osm_type", "buildings"} & named if is_geojson else ():
+    for option in named if is_saved else {"osm_type", "buildings", "tags"} & named if is_geojson else ():
         raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
     if is_saved:
         ctx.graph.load(file)
@@ -124,18 +124,19 @@ def _load_file(ctx: Context, given: MapFile, file: Path, mode: osm.Mode | None) 
     else:
         ctx.graph.attach_networkx_graph(osm.graph_from_file(file, **options))
     if given.buildings:
-        ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs))
+        ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs, barriers=given.barriers))
 
 
 def _load_place(ctx: Context, given: MapPlace, mode: osm.Mode | None) -> None:
     ctx.graph.attach_networkx_graph(osm.graph_from_place(given.location, **_options_of(given, mode)))
     if given.buildings:
-        ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, offline=given.offline))
+        options: Values = {"barriers": given.barriers, "offline": given.offline}
+        ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, **options))
 
 
 def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None) -> Values:
     """Return what is set for the streets of a map, as functions of `gamms.osm` take it."""
-    ours = ("path", "location", "buildings", "modes")
+    ours = ("path", "location", "buildings", "barriers", "modes")
     options = {name: one for name, one in given_values(given).items() if name not in ours}
     return options if mode is None else {**options, "osm_type": mode}
 

@@ -95,6 +95,8 @@ class Streets(_Mapping, frozen=True, kw_only=True):
     tolerance: float | None = None
     simplify: bool | None = None
     buildings: bool = False
+    barriers: Annotated[bool | list[str], Meta(description="Which barriers are walls, too.")] = False
+    tags: Annotated[list[str], Meta(description="Tags that edges and nodes keep.")] | None = None
 
 
 class MapFile(Streets, frozen=True, kw_only=True):
