@@ -40,8 +40,20 @@ def saved(ctx, fill, tmp_path):
     return tmp_path / "map.gamms"
 
 
+CLOSED = {
+    99: {
+        "id": 99,
+        "source": 1,
+        "target": 2,
+        "length": 3.5,
+        "linestring": np.array([[0.0, 0.0], [1.0, 2.0]]),
+        "name": "x",
+    }
+}
+
+
 def contents_of(graph):
-    return SavedMap(graph.columns(), [], graph.attribution)
+    return SavedMap(graph.columns(), [], graph.attribution, None, {})
 
 
 # -- there and back ---------------------------------------------------------------------------------------------
@@ -94,7 +106,7 @@ def contents(draw):
         for id in draw(st.sets(ids, max_size=3))
     ]
     graph.crs, graph.attribution = draw(st.none() | st.text()), draw(st.none() | st.text())
-    return SavedMap(graph.columns(), faces, graph.attribution)
+    return SavedMap(graph.columns(), faces, graph.attribution, None, CLOSED)
 
 
 @given(contents=contents())
@@ -480,7 +492,7 @@ def _end_well(data):
     except BadFile:
         return
     store = GraphStore()
-    store.replace(contents.columns, contents.attribution, contents.scenery)
+    store.replace(contents.columns, contents.attribution, contents.scenery, contents.closed)
     graph = Graph(store)
     assert [graph.get_node(id).id for id in graph.get_nodes()] == contents.columns.node_ids.tolist()
     for id in graph.get_edges():

@@ -57,7 +57,7 @@ def test_a_large_grid_goes_through_a_file(large, ctx, tmp_path):
     from gamms.graph import map_file
     from gamms.graph.map_file import SavedMap
 
-    map_file.save(tmp_path / "grid", SavedMap(large.columns(), [], None))
+    map_file.save(tmp_path / "grid", SavedMap(large.columns(), [], None, None, {}))
     ctx.graph.load(tmp_path / "grid")
     for name in ("node_ids", "xy", "sources", "targets", "lengths", "out_edges"):
         assert np.array_equal(getattr(ctx.graph.columns(), name), getattr(large.columns(), name))

@@ -112,3 +112,28 @@ def test_flyers_start_above_their_node():
         for agent in ctx.agent.agents.values():
             x, y = ctx.graph.graph.get_node(agent.current_node_id)[1:3]
             assert agent.position == (x, y, 30.0)
+
+
+def test_agents_by_streets_stand_at_their_junction():
+    teams = {
+        "red": {"agents": [{"name": "a", "node": "Mannerheimintie & Kaivokatu"}]},
+        "blue": {"count": 3, "near": "Kaivokatu", "within": 60.0},
+    }
+    game = Scenario(map={"helsinki": {}}, teams=teams)
+    with game.build(seed=1) as ctx:
+        assert ctx.agent.get_agent("a").current_node_id in ctx.graph.find("Kaivokatu").nodes
+    for node in ("Manerheimintie", "Mannerheimintie & Liisankatu"):
+        with pytest.raises(ScenarioError, match=r"teams\.blue\.near.*(Did you mean 'Mannerheimintie'|do not meet)"):
+            game.replace(**{"teams.blue.near": node}).build(seed=1)
+
+
+def test_roads_of_a_map_are_closed_by_name_and_by_area():
+    square = [[385_600, 6_672_050], [385_700, 6_672_050], [385_700, 6_672_150], [385_600, 6_672_150]]
+    game = Scenario(map={"helsinki": {}, "closed": ["Kaivokatu", square]}, teams={"red": {"count": 1}})
+    with game.build(seed=1) as ctx:
+        assert len(ctx.graph.closed_roads) > 100
+        assert ctx.graph.inside(square, touching=True).edges == []
+        with pytest.raises(KeyError):
+            ctx.graph.find("Kaivokatu")
+    with pytest.raises(ScenarioError, match=r"item 2 of map\.closed .*Did you mean 'Kaivokatu'"):
+        game.replace(**{"map.closed": [square, "Kaivokat"]}).build(seed=1)

@@ -1,12 +1,14 @@
 """The graph engine, `ctx.graph`: the graph, its obstacles, files and databases, and visibility tables."""
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
+from gamms.arguments import as_int
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadFile, BadValue, ContextTerminated, UnknownType, WriteConflict
+from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownName, UnknownType, WriteConflict
+from gamms.graph.finding import Found, Part, StreetNames, bounds, find, inside, region_of
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 from gamms.graph.routes import CachedRoutes
@@ -69,6 +71,7 @@ class GraphEngine(Guarded, IGraphEngine):
         self._tables: VisibilityTables | None = None
         self._database: MapDatabase | None = None
         self._saved: tuple[object, ...] | None = None  # the `_state` that a file has
+        self._streets: tuple[int, StreetNames] | None = None  # of one revision of the graph
         if engine is Engine.SQLITE:
             self._open_database(path)
 
@@ -162,6 +165,113 @@ class GraphEngine(Guarded, IGraphEngine):
     def visibility_table(self, radius: float, observer_height: float = 1.6) -> "Visibility | None":
         """Return a current table that `visibility` made, of that height and at least that radius, if there is one."""
         return None if self._tables is None else self._tables.find(radius, observer_height)
+
+    # -- parts of the map ---------------------------------------------------------------------------------------
+
+    def find(self, text: str) -> Found:
+        """Return a street by its name, or the junction of several: `find("Mannerheimintie & Kaivokatu").node`.
+
+        Capitals and accents do not count. Streets that share no node meet where they come within 30 map units.
+
+        Returns:
+            Its `nodes` and `edges`, by id, its `name`, and its `node`: the one nearest to its middle.
+
+        Raises:
+            UnknownName (KeyError): there is no street of that name; the message has similar ones.
+            BadValue (ValueError): the streets do not meet, or no edge has a name. `node` raises it, too, where they
+                meet at several junctions.
+        """
+        columns = self.graph.columns()
+        if self._streets is None or self._streets[0] != columns.revision:
+            self._streets = columns.revision, StreetNames(columns.edge_attributes.get("name", {}))
+        return find(columns, self._streets[1], text)
+
+    def inside(self, polygon: object, *, touching: bool = False) -> Part:
+        """Return which nodes and edges lie in a polygon, or on its rim.
+
+        Args:
+            polygon: its outline as (x, y) pairs in map units; or a dict of GeoJSON, in degrees, or a polygon of
+                shapely, in map units: these may have holes and several parts.
+            touching: whether an edge counts of which a part lies in it; otherwise all of it has to.
+
+        Raises:
+            BadValue (ValueError): it is no polygon, or GeoJSON on a map without a CRS.
+        """
+        return inside(self.graph.columns(), region_of(polygon, self.crs), touching=touching)
+
+    @property
+    def bounds(self) -> tuple[float, float, float, float]:
+        """What the map covers, (xmin, ymin, xmax, ymax) of nodes and polylines (BadValue: there are no nodes)."""
+        return bounds(self.graph.columns())
+
+    @refused_while_deciding
+    def close_roads(
+        self, edges: Iterable[int] | None = None, *, name: str | None = None, inside: object = None
+    ) -> list[int]:
+        """Close edges: no agent goes along them, no path leads over them, until `open_roads`.
+
+        A closed edge is removed from the graph and kept beside it, in saved maps, snapshots and recordings, too. What
+        more than one argument chooses has to be chosen by all of them.
+
+        Args:
+            edges: ids.
+            name: of a street, or "A & B" for the edges at a junction; see `find`.
+            inside: a polygon; edges of which a part lies in it are closed.
+
+        Returns:
+            The ids of the edges that were closed, in insertion order.
+
+        Raises:
+            UnknownName (KeyError): there is no such edge or street; nothing has changed then.
+            BadValue (ValueError): nothing is given, or no polygon.
+        """
+        chosen = []
+        if edges is not None:
+            chosen.append([self.graph.get_edge(id).id for id in edges])
+        if name is not None:
+            chosen.append(self.find(name).edges)
+        if inside is not None:
+            chosen.append(self.inside(inside, touching=True).edges)
+        if not chosen:
+            raise BadValue(
+                "Say what to close: close_roads(edges), close_roads(name='…') or close_roads(inside=polygon)."
+            )
+        both = set(chosen[0]).intersection(*chosen[1:])
+        ids = [id for id in self.graph.get_edges() if id in both]
+        if ids:
+            self._store.close_edges(ids)
+        return ids
+
+    @refused_while_deciding
+    def open_roads(self, edges: Iterable[int] | None = None, *, name: str | None = None) -> list[int]:
+        """Open edges that were closed: those, those of that street, or all; returns their ids.
+
+        They come after all other edges in the order of insertion.
+
+        Raises:
+            UnknownName (KeyError): no such edge or street is closed; nothing has changed then.
+            DuplicateId (KeyError): an edge was added that has its id; nothing has changed then.
+        """
+        graph, closed = self.graph, self._store.closed
+        ids = list(closed) if edges is None else [as_int(id, "The id of an edge") for id in edges]
+        if name is not None:
+            of_street = set(StreetNames({id: edge.get("name") for id, edge in closed.items()}).rows(name).tolist())
+            ids = [id for id in ids if id in of_street]
+        for id in ids:
+            if id not in closed:
+                raise UnknownName("closed edge", id, closed)
+            if self._store.edges.index.row(id) >= 0:
+                raise DuplicateId("an edge", id)
+            graph.positions([closed[id]["source"], closed[id]["target"]])
+        for id in dict.fromkeys(ids):
+            graph.add_edge(dict(closed[id]))
+        self._store.closed = {id: edge for id, edge in closed.items() if id not in ids}
+        return list(dict.fromkeys(ids))
+
+    @property
+    def closed_roads(self) -> list[int]:
+        """The ids of the edges that are closed, in the order in which they were."""
+        return [] if self._graph is None else list(self._store.closed)
 
     # -- in and out ---------------------------------------------------------------------------------------------
 

@@ -23,9 +23,10 @@ from gamms.errors import BadFile, BadValue, GammsError, MissingFolder, WriteConf
 from gamms.folders import write_whole
 from gamms.graph import records
 from gamms.graph.obstacles import Obstacles, checked_face
-from gamms.graph.store import GraphStore
+from gamms.graph.store import ClosedEdges, GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
+from gamms.ir.geometry import points_of
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.limits import Allowance
@@ -50,7 +51,8 @@ class SavedMap(NamedTuple):
     columns: GraphColumns
     faces: list[ObsFace]
     attribution: str | None
-    scenery: str | None = None
+    scenery: str | None
+    closed: ClosedEdges
 
 
 LeftOut = dict[tuple[str, str], list[int]]  # "node" or "edge", and the name of an attribute -> whose was left out
@@ -69,7 +71,13 @@ def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:
             if part:
                 kept[kind][name] = part
     columns = replace(columns, node_attributes=kept["node"], edge_attributes=kept["edge"])
-    return contents._replace(columns=columns), left_out
+    closed = {
+        id: {key: value for key, value in edge.items() if is_plain(value)} for id, edge in contents.closed.items()
+    }
+    for id, edge in contents.closed.items():
+        for name in edge.keys() - closed[id].keys():
+            left_out.setdefault(("edge", name), []).append(id)
+    return contents._replace(columns=columns, closed=closed), left_out
 
 
 def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
@@ -215,6 +223,7 @@ def encode(contents: SavedMap) -> bytes:
         "crs": graph.crs,
         "attribution": contents.attribution,
         **({} if contents.scenery is None else {"scenery": contents.scenery}),
+        **({"closed": _closed_of(contents.closed)} if contents.closed else {}),
         **_arrays_of(contents),
         "node_attributes": _columns_of(graph.node_attributes, "Node"),
         "edge_attributes": _columns_of(graph.edge_attributes, "Edge"),
@@ -235,7 +244,8 @@ def decode(data: bytes) -> SavedMap:
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
         graph = checked_columns(arrays, _polylines_of(others), attributes, crs)
         scenery = records.as_text(state.get("scenery"), "scenery")
-        return SavedMap(graph, list(_faces_of(others)), attribution, scenery)
+        closed = {edge["id"]: edge for edge in map(_checked_edge, state.get("closed", ()))}
+        return SavedMap(graph, list(_faces_of(others)), attribution, scenery, closed)
 
 
 # -- any file of columns and plain values -------------------------------------------------------------------------
@@ -296,6 +306,24 @@ def _arrays_of(contents: SavedMap) -> dict[str, packing.Array]:
         "face_types": np.array([face.type for face in faces], np.int64),
         "face_corners": np.array([face[1:5] for face in faces], np.float64).reshape(-1, 12),
     }
+
+
+def _closed_of(closed: ClosedEdges) -> list[Plain]:
+    for edge in closed.values():
+        for name, value in edge.items():
+            attribute_bytes(value, "Edge", name)
+    return [dict(edge) for edge in closed.values()]
+
+
+def _checked_edge(edge: Plain) -> dict[str, Any]:
+    """Return an edge that was closed; it is checked here as far as that needs no graph, and when it is opened."""
+    id, line = records.as_id(edge["id"], "an edge"), edge.get("linestring")
+    records.as_length(edge["length"], id)
+    for end in ("source", "target"):
+        records.as_id(edge[end], "a node")
+    if line is not None:
+        edge["linestring"] = points_of(line, f"The linestring of edge {id}")
+    return records.extras(edge, frozenset()) if type(edge) is dict else {}
 
 
 def _array_of(state: dict[str, Plain], name: str) -> packing.Array:
@@ -419,7 +447,7 @@ class MapDatabase:
         """
         try:
             row = self._row()
-            contents = decode(row["map"]) if row["saves"] else SavedMap(GraphStore().columns(), [], None)
+            contents = decode(row["map"]) if row["saves"] else SavedMap(GraphStore().columns(), [], None, None, {})
             self._saves = row["saves"]
         except (GammsError, TypeError) as error:
             kind = type(error) if isinstance(error, BadFile) else BadFile

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.graph.obstacles import Obstacles
-from gamms.graph.store import Cache, GraphStore
+from gamms.graph.store import Cache, ClosedEdges, GraphStore
 from gamms.ir.graph import GraphColumns
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.text import shown
@@ -32,6 +32,7 @@ class MapSnapshot(NamedTuple):
     obstacles: ObstacleColumns
     attribution: str | None
     scenery: str | None
+    closed: ClosedEdges
     revision: int
     obstacle_revision: int
     visibility_rows: Cache
@@ -59,12 +60,13 @@ class MapStorage(Guarded, IMapStorage):
         """Return all that a file holds."""
         from gamms.graph.map_file import SavedMap
 
-        return SavedMap(self._store.columns(), list(self._obstacles), self._store.attribution, self._store.scenery)
+        store = self._store
+        return SavedMap(store.columns(), list(self._obstacles), store.attribution, store.scenery, store.closed)
 
     @refused_while_deciding
     def put(self, contents: "SavedMap") -> None:
         """Replace graph and obstacles by those of a file."""
-        self._store.replace(contents.columns, contents.attribution, contents.scenery)
+        self._store.replace(contents.columns, contents.attribution, contents.scenery, contents.closed)
         self._obstacles.replace(contents.faces)
 
     def pack(self) -> bytes:
@@ -101,6 +103,7 @@ class MapStorage(Guarded, IMapStorage):
             self._obstacles.columns(),
             store.attribution,
             store.scenery,
+            store.closed,
             store.revision,
             self._obstacles.revision,
             self.visibility_rows,
@@ -112,7 +115,7 @@ class MapStorage(Guarded, IMapStorage):
         """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
         store, obstacles = self._store, self._obstacles
         if store.revision not in (before.revision, self._restored.get(before.revision)):
-            store.replace(before.columns, before.attribution, before.scenery)
+            store.replace(before.columns, before.attribution, before.scenery, before.closed)
             self._restored = {before.revision: store.revision}
         known = before.obstacle_revision, self._restored_obstacles.get(before.obstacle_revision)
         if obstacles.revision not in known:
@@ -125,7 +128,7 @@ class MapStorage(Guarded, IMapStorage):
     @refused_while_deciding
     def copy_from(self, snapshot: MapSnapshot) -> None:
         """Replace graph and obstacles by those of a snapshot of another context, and share its visibility rows."""
-        self._store.replace(snapshot.columns, snapshot.attribution, snapshot.scenery)
+        self._store.replace(snapshot.columns, snapshot.attribution, snapshot.scenery, snapshot.closed)
         self._obstacles.put(snapshot.obstacles)
         self.visibility_rows = snapshot.visibility_rows
 

@@ -4,7 +4,7 @@
 """
 
 from collections import OrderedDict
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from copy import deepcopy
 from typing import Any, TypeVar
 from weakref import WeakSet
@@ -21,6 +21,7 @@ from gamms.ir.graph import GraphColumns
 _MOST_NEIGHBORHOODS = 1 << 18
 _FEW = 32
 
+ClosedEdges = Mapping[int, Mapping[str, Any]]
 Attributes = Mapping[str, Mapping[int, Any]]  # name -> row -> value
 Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 
@@ -70,6 +71,7 @@ class GraphStore:
         crs: the coordinate reference system of x and y.
         attribution: whom the data is by.
         scenery: the name of the buildings that are drawn and are no obstacles; None: there are none.
+        closed: id -> edge that was closed, as `add_edge` takes it; never changed, but replaced by another dict.
     """
 
     indexes: Indexes
@@ -87,6 +89,7 @@ class GraphStore:
         self.crs: str | None = None
         self.attribution: str | None = None
         self.scenery: str | None = None
+        self.closed: ClosedEdges = {}
         self._columns: GraphColumns | None = None
         self.rows_added()
 
@@ -98,11 +101,11 @@ class GraphStore:
             known = self._columns = self._frozen()
         return known
 
-    def replace(self, columns: GraphColumns, attribution: str | None, scenery: str | None) -> None:
+    def replace(self, columns: GraphColumns, attribution: str | None, scenery: str | None, closed: ClosedEdges) -> None:
         """Become the graph that columns describe."""
         self.clear()
         self.append(columns, attribution)
-        self.scenery = scenery
+        self.scenery, self.closed = scenery, closed
 
     def append(self, columns: GraphColumns, attribution: str | None) -> None:
         """Add nodes and edges after those that are there, all or none.
@@ -139,6 +142,7 @@ class GraphStore:
             return
         for edge in self.indexes.edges_at(np.array([row])).tolist():
             self._drop_edge(edge)
+        self.closed = {id: edge for id, edge in self.closed.items() if node_id not in (edge["source"], edge["target"])}
         self.nodes.remove(row)
         self.indexes.node_removed(row)
         self.revision += 1
@@ -148,6 +152,20 @@ class GraphStore:
         """Remove an edge (KeyError)."""
         self.own()
         self._drop_edge(self.edges.find(edge_id))
+        self.revision += 1
+        self._compact()
+
+    def close_edges(self, ids: Iterable[int]) -> None:
+        """Remove edges, and keep them as closed ones."""
+        self.own()
+        edges, node_ids, closed = self.edges, self.nodes.ids, dict(self.closed)
+        for id in ids:
+            row = edges.find(id)
+            ends = {"source": node_ids[edges.sources[row]], "target": node_ids[edges.targets[row]]}
+            shape = {"linestring": edges.polylines[row]} if row in edges.polylines else {}
+            closed[id] = {**edges.attributes_of(row), "id": id, **ends, "length": edges.lengths[row], **shape}
+            self._drop_edge(row)
+        self.closed = closed
         self.revision += 1
         self._compact()
 
@@ -165,7 +183,7 @@ class GraphStore:
         store.nodes, store.edges, store.indexes, store._columns = self.nodes, self.edges, self.indexes, columns
         store.neighborhoods = Neighborhoods(store, self.neighborhoods)
         store.revision, store.crs = self.revision, self.crs
-        store.attribution, store.scenery = self.attribution, self.scenery
+        store.attribution, store.scenery, store.closed = self.attribution, self.scenery, self.closed
         if self._sharers is None:
             self._sharers = WeakSet([self])
         self._sharers.add(store)
@@ -178,7 +196,7 @@ class GraphStore:
             return
         if self._stop_sharing():
             columns, revision = self.columns(), self.revision
-            self.replace(columns, self.attribution, self.scenery)
+            self.replace(columns, self.attribution, self.scenery, self.closed)
             self.revision, self._columns = revision, columns
         self.indexes.neighborhoods = self.neighborhoods
 
@@ -194,12 +212,12 @@ class GraphStore:
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Pickle the graph; its indexes are made again."""
-        return _rebuilt, (self.columns(), self.attribution, self.scenery)
+        return _rebuilt, (self.columns(), self.attribution, self.scenery, self.closed)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "GraphStore":
         """Copy the graph, for a look ahead into a game that goes on elsewhere."""
         copied = memo[id(self)] = GraphStore()
-        copied.replace(deepcopy(self.columns(), memo), self.attribution, self.scenery)
+        copied.replace(deepcopy(self.columns(), memo), self.attribution, self.scenery, deepcopy(self.closed, memo))
         return copied
 
     def _discard_indexes(self) -> None:
@@ -249,9 +267,9 @@ def _add_attributes(columns: dict[str, dict[int, Any]], first: int, given: Attri
         columns.setdefault(name, {}).update({first + row: value for row, value in values.items()} if first else values)
 
 
-def _rebuilt(columns: GraphColumns, attribution: str | None, scenery: str | None) -> GraphStore:
+def _rebuilt(columns: GraphColumns, attribution: str | None, scenery: str | None, closed: ClosedEdges) -> GraphStore:
     store = GraphStore()
-    store.replace(columns, attribution, scenery)
+    store.replace(columns, attribution, scenery, closed)
     return store
 
 

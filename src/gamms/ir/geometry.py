@@ -125,6 +125,104 @@ def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, f
     return (gone / whole if whole else 0.0), float(off[at])
 
 
+def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], FloatArray]) -> "Polygon":
+    """Return a polygon or several, prepared for many queries.
+
+    Args:
+        shape: an outline as a sequence of (x, y) pairs; a shapely polygon or multipolygon; or a dict of GeoJSON, whose
+            positions are longitude and latitude.
+        name: of the argument, for the message.
+        from_lonlat: turns positions (points, 2) of GeoJSON into x and y.
+
+    Raises:
+        BadValue: it is none of these, has no area, crosses itself or is not finite.
+    """
+    import shapely
+
+    region: Any
+    if isinstance(shape, Mapping):
+        parts = [shapely.Polygon(*_rings(one, name, from_lonlat)) for one in _polygons(shape, name)]
+        region = shapely.union_all(parts) if all(part.is_valid for part in parts) else shapely.MultiPolygon(parts)
+    elif isinstance(shape, (shapely.Polygon, shapely.MultiPolygon)):
+        region = shape
+    else:
+        region = shapely.Polygon(_ring(shape, name))
+    if not region.is_valid or region.is_empty or not np.isfinite(region.bounds).all():
+        why = "it is empty" if region.is_empty else shapely.is_valid_reason(region)
+        raise BadValue(f"{name} is no area: {why}.")
+    shapely.prepare(region)
+    return region
+
+
+def _polygons(shape: Mapping[Any, Any], name: str) -> list[Any]:
+    """Return the coordinates of the polygons in an object of GeoJSON."""
+    if shape.get("type") == "FeatureCollection" and isinstance(shape.get("features"), list):
+        return [one for part in shape["features"] for one in _polygons_of_feature(part, name)]
+    return _polygons_of_feature(shape, name)
+
+
+def _polygons_of_feature(shape: Any, name: str) -> list[Any]:
+    geometry = shape.get("geometry") if isinstance(shape, Mapping) and shape.get("type") == "Feature" else shape
+    kind, coordinates = (
+        geometry.get(key) if isinstance(geometry, Mapping) else None for key in ("type", "coordinates")
+    )
+    if kind == "Polygon" and isinstance(coordinates, (list, tuple)):
+        return [coordinates]
+    if kind == "MultiPolygon" and isinstance(coordinates, (list, tuple)):
+        return list(coordinates)
+    raise BadValue(f"{name} must be a Polygon or a MultiPolygon of GeoJSON, or features of them, not {shown(shape)}.")
+
+
+def _rings(
+    polygon: Any, name: str, from_lonlat: Callable[[FloatArray], FloatArray]
+) -> tuple[FloatArray, list[FloatArray]]:
+    if not isinstance(polygon, (list, tuple)) or not polygon:
+        raise BadValue(f"{name} has a polygon without an outline: {shown(polygon)}.")
+    outline, *holes = (from_lonlat(_ring(ring, name)) for ring in polygon)
+    return outline, holes
+
+
+def _ring(ring: object, name: str) -> FloatArray:
+    points = points_of(ring, name)
+    if len(points) < 3:
+        raise BadValue(f"{name} needs at least three (x, y) points, not {shown(ring)}.")
+    return points
+
+
+def are_inside(region: "Polygon", xy: FloatArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+    """Return which points (points, 2) are in a region or on its rim."""
+    import shapely
+
+    found: np.ndarray[Any, np.dtype[np.bool_]] = shapely.intersects_xy(region, xy)
+    return found
+
+
+def lines_inside(
+    region: "Polygon", ends: FloatArray, polylines: Mapping[int, FloatArray], *, touching: bool
+) -> "np.ndarray[Any, np.dtype[np.bool_]]":
+    """Return which polylines lie wholly in a region, or of which a part does.
+
+    Args:
+        region: see `region_of`.
+        ends: (lines, 2, 2) first and last point of each.
+        polylines: line -> (points, 2), of those that are not straight.
+        touching: whether a part is enough.
+    """
+    import shapely
+
+    low, high = ends.min(axis=1), ends.max(axis=1)
+    for row, points in polylines.items():
+        low[row], high[row] = points.min(axis=0), points.max(axis=0)
+    west, south, east, north = region.bounds
+    near = np.flatnonzero(((high >= (west, south)) & (low <= (east, north))).all(axis=1))
+    shapes = [polylines.get(row, ends[row]) for row in near.tolist()]
+    found = np.zeros(len(ends), np.bool_)
+    if shapes:
+        lines = line_strings(np.concatenate(shapes), np.repeat(np.arange(len(shapes)), [len(one) for one in shapes]))
+        found[near] = (shapely.intersects if touching else shapely.covers)(region, lines)
+    return found
+
+
 def line_string_class() -> "type[LineString]":
     """Return Shapely's LineString itself, which 1.0.0 could be asked for."""
     import shapely

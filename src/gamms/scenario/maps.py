@@ -13,7 +13,7 @@ from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Streets, Values, given_values, in_full
 from gamms.text import shown
 
-_KINDS = Map.__struct_fields__
+_KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
 
 
 def quiet() -> Values:
@@ -109,6 +109,10 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
             _load_file(ctx, in_full(MapFile, map.file), file, mode_of(map, folder))
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
+        for number, part in enumerate(map.closed):
+            with at(f"map.closed.{number}"):
+                name, area = (part, None) if isinstance(part, str) else (None, part)
+                ctx.graph.close_roads(name=name, inside=area)
         return ctx.graph.storage.snapshot()
 
 

@@ -81,6 +81,8 @@ def node_at(ctx: Context, given: Place, path: str) -> int:
             return int(ctx.graph.nearest_node(lat=given.lat, lon=given.lon))
         if isinstance(given, tuple):
             return int(ctx.graph.nearest_node(*given))
+        if isinstance(given, str):
+            return ctx.graph.find(given).node
         if not ctx.graph.graph.has_node(given):
             raise UnknownName("node", given)
         return int(given)
@@ -182,4 +184,6 @@ def _in_words(near: Place | None) -> str:
     """Return a place as a file gives it."""
     if isinstance(near, LatLon):
         return f"latitude {near.lat:g}, longitude {near.lon:g}"
+    if isinstance(near, str):
+        return near
     return f"[{near[0]:g}, {near[1]:g}]" if isinstance(near, tuple) else f"node {near}"

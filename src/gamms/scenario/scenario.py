@@ -93,8 +93,8 @@ class Scenario:
             columns: GraphColumns = self._loaded().columns
             return columns
 
-    def node_at(self, place: int | Sequence[float] | Mapping[str, float] | LatLon | None) -> int:
-        """Return the node of the map that `[x, y]` or `{"lat": …, "lon": …}` means, or that has this id.
+    def node_at(self, place: int | str | Sequence[float] | Mapping[str, float] | LatLon | None) -> int:
+        """Return the node of the map that `[x, y]`, `{"lat": …, "lon": …}` or a street means, or that has this id.
 
         Raises:
             ScenarioError: there is no such node, or it is not a place.

@@ -52,7 +52,8 @@ class LatLon(_Mapping, frozen=True, kw_only=True):
     lon: float
 
 
-Place = NodeId | Xy | LatLon
+Place = NodeId | Xy | LatLon | str  # a street, or "A & B"
+Outline = Annotated[list[Xy], Meta(min_length=3, description="The corners of an area.")]
 
 
 class Code(_Mapping, frozen=True, kw_only=True):
@@ -115,13 +116,14 @@ class MapPlace(Streets, frozen=True, kw_only=True):
 
 
 class Map(_Mapping, frozen=True, kw_only=True):
-    """Where the game is played: exactly one of these."""
+    """Where the game is played: exactly one of the kinds of maps, and the roads in it that are closed."""
 
     grid: Grid | None = None
     helsinki: Helsinki | None = None
     file: Location | MapFile | None = None
     place: Location | MapPlace | None = None
     generator: Reference | Code | None = None
+    closed: list[Name | Outline | Values] = []
 
 
 class Sensor(_Mapping, frozen=True, kw_only=True):

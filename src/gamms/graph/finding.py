@@ -1,0 +1,237 @@
+"""Parts of a graph: streets and junctions by name, and what lies in a polygon."""
+
+import unicodedata
+from collections.abc import Iterable, Mapping
+from difflib import get_close_matches
+from itertools import islice
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_text
+from gamms.errors import BadValue, UnknownName
+from gamms.graph import positions
+from gamms.ir import geometry
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+
+if TYPE_CHECKING:
+    from shapely import Polygon
+
+_LONG = 200  # characters of what is looked for
+_MANY = 20_000  # names that are compared with one that is not there
+_MOST_LISTED = 8
+_ONE_JUNCTION = 50.0  # metres: nodes of one junction are less apart from the next one
+_NEAR = 30.0  # metres: streets whose ends are joined by a piece without a name, or with another one
+_AT_ONCE = 256  # nodes
+
+
+class Found(NamedTuple):
+    """A part of a graph that has a name.
+
+    Attributes:
+        name: as the map has it.
+        nodes: ids of its nodes, in insertion order.
+        edges: ids of its edges, in insertion order.
+        xy: (nodes, 2) the places of the nodes.
+        is_junction: whether it is where streets meet.
+    """
+
+    name: str
+    nodes: list[int]
+    edges: list[int]
+    xy: FloatArray
+    is_junction: bool
+
+    @property
+    def node(self) -> int:
+        """The node that is nearest to its middle.
+
+        Raises:
+            BadValue (ValueError): the streets meet at several junctions; the message names a node of each.
+        """
+        clusters = _clusters(self.xy) if self.is_junction else [np.arange(len(self.xy))]
+        off = (np.hypot(*(self.xy[rows] - self.xy[rows].mean(axis=0)).T) for rows in clusters)
+        middles = [rows.item(far.argmin()) for rows, far in zip(clusters, off, strict=True)]
+        if len(middles) > 1:
+            places = [f"node {self.nodes[row]} at ({self.xy[row, 0]:.0f}, {self.xy[row, 1]:.0f})" for row in middles]
+            raise BadValue(f"{self.name} is at {len(middles)} places: {_listed(places)}. Take one of them.")
+        return self.nodes[middles[0]]
+
+
+class Part(NamedTuple):
+    """What lies in a polygon.
+
+    Attributes:
+        nodes: ids, in insertion order.
+        edges: ids, in insertion order.
+    """
+
+    nodes: list[int]
+    edges: list[int]
+
+
+class StreetNames:
+    """The streets of a graph by name; spelt in capitals or not, with accents or without.
+
+    Args:
+        names: row of an edge -> its `name`: a text, or a list of texts.
+    """
+
+    def __init__(self, names: Mapping[int, object]) -> None:
+        self._rows: dict[str, list[int]] = {}
+        self._spelling: dict[str, str] = {}
+        folded: dict[str, str] = {}
+        for row, given in names.items():
+            for name in [given] if isinstance(given, str) else given if isinstance(given, (list, tuple)) else []:
+                if isinstance(name, str):
+                    key = folded[name] if name in folded else folded.setdefault(name, _folded(name))
+                    self._rows.setdefault(key, []).append(row)
+                    self._spelling.setdefault(key, name)
+
+    def __contains__(self, name: object) -> bool:
+        """Return whether there is a street of that name."""
+        return isinstance(name, str) and _folded(name) in self._rows
+
+    def rows(self, name: str) -> IntArray:
+        """Return the rows of the edges of a street, in insertion order.
+
+        Raises:
+            UnknownName (KeyError): there is none of that name; the message has those that are spelt alike.
+            BadValue (ValueError): no edge has a name.
+        """
+        if not self._rows:
+            raise BadValue("No edge of this graph has a name. Streets of OpenStreetMap have the attribute 'name'.")
+        key = _folded(name)
+        if key not in self._rows:
+            known = list(islice(self._rows, _MANY))
+            alike = get_close_matches(key, known, n=3) or [one for one in known if key and key in one]
+            raise UnknownName("street", name, [self._spelling[one] for one in alike or known])
+        return np.unique(np.array(self._rows[key], np.int64))
+
+    def spelling(self, name: str) -> str:
+        """Return a name as the map has it."""
+        return self._spelling[_folded(name)]
+
+    def of_rows(self, rows: Iterable[int]) -> list[str]:
+        """Return the names of the streets that have one of some edges."""
+        wanted = set(rows)
+        return [self._spelling[key] for key, own in self._rows.items() if not wanted.isdisjoint(own)]
+
+
+def find(columns: GraphColumns, streets: StreetNames, text: str) -> Found:
+    """Return a street, or the junction of the streets in "A & B"."""
+    text = as_text(text, "What is looked for", "the name of a street, or 'A & B'")
+    if len(text) > _LONG:
+        raise BadValue(f"A name of a street has at most {_LONG} characters, not {len(text)}.")
+    if text in streets or "&" not in text:
+        rows = streets.rows(text)
+        return _found(columns, streets.spelling(text), _nodes_of(columns, rows), rows, is_junction=False)
+    names = [part.strip() for part in text.split("&")]
+    sides = [_nodes_of(columns, streets.rows(name)) for name in names]
+    title = " & ".join(streets.spelling(name) for name in names)
+    shared = sides[0]
+    for side in sides[1:]:
+        shared = np.intersect1d(shared, side)
+    if not len(shared):
+        shared = _nearly_shared(columns, streets, names, sides)
+    is_at = np.zeros(len(columns.node_ids), np.bool_)
+    is_at[shared] = True
+    of_streets = np.unique(np.concatenate([streets.rows(name) for name in names]))
+    rows = of_streets[is_at[columns.sources[of_streets]] | is_at[columns.targets[of_streets]]]
+    return _found(columns, title, shared, rows, is_junction=True)
+
+
+def inside(columns: GraphColumns, region: "Polygon", *, touching: bool) -> Part:
+    """Return the nodes in a region, and the edges that lie in it, or of which a part does."""
+    nodes = columns.node_ids[geometry.are_inside(region, columns.xy)]
+    ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
+    rows = geometry.lines_inside(region, ends, columns.polylines, touching=touching)
+    return Part(nodes.tolist(), columns.edge_ids[rows].tolist())
+
+
+def region_of(polygon: object, crs: str | None) -> "Polygon":
+    """Return a polygon of the caller's in map units.
+
+    Raises:
+        BadValue (ValueError): it is none, or GeoJSON on a map without a CRS.
+    """
+
+    def from_lonlat(lonlat: FloatArray) -> FloatArray:
+        return np.column_stack(positions.from_latlon(crs, lonlat[:, 1], lonlat[:, 0]))
+
+    return geometry.region_of(polygon, "The polygon", from_lonlat)
+
+
+def bounds(columns: GraphColumns) -> tuple[float, float, float, float]:
+    """Return (xmin, ymin, xmax, ymax) of all nodes and polylines.
+
+    Raises:
+        BadValue (ValueError): there are no nodes.
+    """
+    if not len(columns.node_ids):
+        raise BadValue("The graph has no nodes, so it has no bounds. Add nodes first.")
+    points = np.concatenate([columns.xy, *columns.polylines.values()])
+    xmin, ymin, xmax, ymax = np.concatenate((points.min(axis=0), points.max(axis=0))).tolist()
+    return xmin, ymin, xmax, ymax
+
+
+def _folded(name: str) -> str:
+    """Return a name in small letters, without accents and needless spaces."""
+    plain = unicodedata.normalize("NFKD", name.casefold())
+    return " ".join("".join(one for one in plain if not unicodedata.combining(one)).split())
+
+
+def _found(columns: GraphColumns, name: str, nodes: IntArray, edges: IntArray, *, is_junction: bool) -> Found:
+    ids = columns.node_ids[nodes].tolist(), columns.edge_ids[edges].tolist()
+    return Found(name, *ids, columns.xy[nodes], is_junction)
+
+
+def _nodes_of(columns: GraphColumns, rows: IntArray) -> IntArray:
+    return np.unique(np.concatenate((columns.sources[rows], columns.targets[rows])))
+
+
+def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str], sides: list[IntArray]) -> IntArray:
+    """Return the two nodes at which two streets come so near to each other that it is one junction.
+
+    Raises:
+        BadValue: they do not; the message says how near, and what the first one meets.
+    """
+    first, second = names[:2]
+    if len(names) == 2:
+        xy, other = columns.xy[sides[0]], columns.xy[sides[1]]
+        best, pair = np.inf, (0, 0)
+        for at in range(0, len(xy), _AT_ONCE):
+            off = np.hypot(*(xy[at : at + _AT_ONCE, None] - other[None]).transpose(2, 0, 1))
+            row, column = np.unravel_index(off.argmin(), off.shape)
+            if off[row, column] < best:
+                best, pair = float(off[row, column]), (int(sides[0][at + row]), int(sides[1][column]))
+        if best <= _NEAR:
+            return np.unique(pair)
+        near = f"{best:,.0f} apart at nodes {columns.node_ids[pair[0]]} and {columns.node_ids[pair[1]]}"
+        hint = f"{streets.spelling(first)} and {streets.spelling(second)} do not meet: they are {near}."
+    else:
+        hint = f"{' & '.join(map(streets.spelling, names))} do not all meet at one node."
+    is_at = np.zeros(len(columns.node_ids), np.bool_)
+    is_at[sides[0]] = True
+    rows = np.flatnonzero(is_at[columns.sources] | is_at[columns.targets])
+    others = [name for name in streets.of_rows(rows.tolist()) if name != streets.spelling(first)]
+    raise BadValue(f"{hint} {streets.spelling(first)} meets {_listed(others) or 'no other street with a name'}.")
+
+
+def _clusters(xy: FloatArray) -> list[IntArray]:
+    """Return the rows of places, those together that a chain of short steps joins."""
+    left, clusters = np.arange(len(xy)), []
+    while len(left):
+        cluster, left = left[:1], left[1:]
+        new = cluster
+        while len(new) and len(left):
+            is_near = np.hypot(*(xy[left, None] - xy[None, new]).transpose(2, 0, 1)).min(axis=1) <= _ONE_JUNCTION
+            new, left = left[is_near], left[~is_near]
+            cluster = np.concatenate((cluster, new))
+        clusters.append(cluster)
+    return clusters
+
+
+def _listed(names: list[Any]) -> str:
+    rest = len(names) - _MOST_LISTED
+    return ", ".join(map(str, names[:_MOST_LISTED])) + (f" and {rest} more" if rest > 0 else "")
