@@ -188,6 +188,71 @@ def test_without_a_mode_the_speed_is_that_of_cars(make_map, cross):
         assert {data["speed_kph"] for *_, data in graph.edges(data=True)} == {50.0}
 
 
+@pytest.mark.parametrize(
+    ("tags", "open_to"),
+    [
+        ({"barrier": "bollard"}, ["walk", "robot", "bike"]),
+        ({"barrier": "block"}, ["walk", "robot", "bike"]),
+        ({"barrier": "bollard", "motor_vehicle": "yes"}, NAMES),
+        ({"barrier": "bollard", "access": "yes"}, ["walk", "robot", "bike"]),
+        ({"barrier": "cycle_barrier"}, ["walk", "robot", "bike"]),
+        ({"barrier": "cycle_barrier", "bicycle": "no"}, ["walk", "robot"]),
+        ({"barrier": "stile"}, ["walk"]),
+        ({"barrier": "kissing_gate"}, ["walk"]),
+        ({"barrier": "gate"}, NAMES),
+        ({"barrier": "gate", "access": "private"}, []),
+        ({"barrier": "gate", "access": "no", "foot": "yes"}, ["walk", "robot"]),
+        ({"barrier": "lift_gate", "motor_vehicle": "private"}, ["walk", "robot", "bike"]),
+        ({"barrier": "wall"}, []),
+        ({"barrier": "toll_booth"}, NAMES),
+        ({"barrier": "kerb"}, NAMES),
+        ({"highway": "crossing", "bicycle": "no"}, NAMES),
+        ({}, NAMES),
+    ],
+)
+def test_barriers_stop_some_modes_and_let_others_pass(tags, open_to):
+    assert [name for name in NAMES if not modes()[name].is_stopped_by(tags)] == open_to
+
+
+def with_node_tags(path, id, **tags):
+    inside = "".join(f'<tag k="{key}" v="{value}"/>' for key, value in tags.items())
+    text = path.read_text()
+    start = text.index(f'<node id="{id}"')
+    end = text.index("/>", start)
+    path.write_text(f"{text[:end]}>{inside}</node>{text[end + 2 :]}")
+    return path
+
+
+@pytest.mark.parametrize(("mode", "parts"), [("walk", 1), ("bike", 1), ("drive", 3), (None, 1)])
+def test_a_bollard_ends_the_streets_that_meet_there_for_cars(make_map, cross, mode, parts):
+    path = make_map(cross, ([1, 2, 3], street()), ([2, 4], street()))
+    path = with_node_tags(path, 2, barrier="bollard")
+    graph = graph_from_file(path, NO_CUT, osm_type=mode, retain_all=True)
+    assert nx.number_weakly_connected_components(graph) == parts
+    assert graph.number_of_edges() == 6
+    assert graph.graph["barriers"] == (mode == "drive")
+    found = report(graph, path)
+    assert found.is_faithful
+    assert dict(found.rows())["barriers"] == f"{int(mode == 'drive')} end roads"
+
+
+def test_agents_go_round_a_barrier(make_map, cross):
+    """A block of streets: the straight one has a bollard in the middle."""
+    path = make_map(cross, ([1, 2, 3], street()), ([1, 4, 3], street()))
+    graph = graph_from_file(with_node_tags(path, 2, barrier="bollard"), NO_CUT, osm_type="drive", simplify=False)
+    assert nx.is_strongly_connected(graph)
+    west, east = (choose(graph, key=lambda node: graph.nodes[node]["x"]) for choose in (min, max))
+    assert nx.shortest_path_length(graph, west, east, weight="length") == pytest.approx(157.4, abs=0.2)
+
+
+def test_a_mode_of_ones_own_has_barriers_of_its_own(tmp_path):
+    mine = tmp_path / "mine.toml"
+    mine.write_text('[cart]\nextends = "drive"\nbarriers = ["gate"]\n')
+    cart = modes(mine)["cart"]
+    assert cart.is_stopped_by({"barrier": "gate"})
+    assert not cart.is_stopped_by({"barrier": "bollard"})
+
+
 # -- one's own modes ----------------------------------------------------------------------------------------------
 
 

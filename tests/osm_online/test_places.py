@@ -377,6 +377,24 @@ def test_an_area_and_a_file_of_it_give_the_same_streets_for_a_mode(server, mode)
     assert of_area.graph["no_way_back_m"] == pytest.approx(of_file.graph["no_way_back_m"], abs=0.1)
 
 
+def test_barriers_end_the_streets_of_an_area(server):
+    box = shapely.box(24.93, 60.16, 24.96, 60.18)
+    before = graph_from_polygon(box, osm_type="drive", retain_all=True, resolution=1e6)
+    street = next(way for way in elements()["way"].values() if way.get("tags", {}).get("highway") == "residential")
+
+    def change(data):
+        node = next(one for one in data["elements"] if one["type"] == "node" and one["id"] == street["nodes"][1])
+        node["tags"] = {"barrier": "bollard"}
+
+    server.misbehaviour["interpreter"] = changes(change)
+    options = {"retain_all": True, "resolution": 1e6}
+    after = graph_from_polygon(shapely.box(24.93, 60.16, 24.96, 60.1801), osm_type="drive", **options)
+    assert (before.graph["barriers"], after.graph["barriers"]) == (0, 1)
+    assert len(after) > len(before)
+    walk = graph_from_polygon(shapely.box(24.93, 60.16, 24.96, 60.1801), osm_type="walk", **options)
+    assert walk.graph["barriers"] == 0
+
+
 def test_a_place_by_name_is_the_area_inside_its_boundary(server):
     box = shapely.box(WEST, SOUTH, EAST, NORTH)
     for mode in ("walk", "drive"):

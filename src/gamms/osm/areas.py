@@ -55,14 +55,15 @@ def with_ways_across(ways: Ways) -> Ways:
     if not ways.areas:
         return ways
     refs, met = np.unique(_stretches(ways), return_counts=True)
+    junctions = np.setdiff1d(refs[met > 2], [*ways.barriers])
     row_of = {row: row for row in range(len(ways.tags))}
     outlines = outlines_of_ways(ways.offsets, ways.lonlat, row_of, [[*rows] for rows in ways.areas], ways.areas)
     ends, tags = list[int](), [*ways.tags]
     for rows, shape in zip(ways.areas, footprints_of(outlines), strict=True):
-        if np.isin(_refs_of(ways, rows), refs[met > 2]).sum() > _MOST_JUNCTIONS:
+        if np.isin(_refs_of(ways, rows), junctions).sum() > _MOST_JUNCTIONS:
             continue
-        rim, apart = _along_rim(ways, rows, refs[met > 2])
-        pairs = _near_pairs(rim, ways, refs[met > 2])
+        rim, apart = _along_rim(ways, rows, junctions)
+        pairs = _near_pairs(rim, ways, junctions)
         pairs = pairs[leads_across(shape, ways.lonlat[rim[pairs[:, 0]]], ways.lonlat[rim[pairs[:, 1]]])]
         lines = rim[_needed(pairs, _distances(ways.lonlat[rim], pairs), apart)]
         ends += lines.ravel().tolist()

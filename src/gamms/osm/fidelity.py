@@ -63,6 +63,7 @@ class Report(NamedTuple):
     length_after: float  # of the graph
     other_parts: float  # of open roads that the graph lacks: they are not joined to the part that is kept
     no_way_back: float  # … or joined to it, but one-way streets do not lead there and back
+    barriers: int  # at which agents cannot go on, such as bollards on streets for cars
     closed: dict[str, float]  # of the ways of a file that are no roads for the mode of travel, by what closes them
     length_merged: float  # by how much merging junctions made the roads shorter; negative for longer
     deviation_max: float  # of a vertex of the source from the nearest road of the graph
@@ -116,6 +117,7 @@ class Report(NamedTuple):
             ("closed", self._closed_in_words()),
             ("other parts", f"{self.other_parts:,.1f} m left out"),
             ("no way back", f"{self.no_way_back:,.1f} m left out"),
+            ("barriers", f"{self.barriers:,} end roads"),
             ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
             ("deviation", f"{self.deviation_max:.2f} m at most, {self.deviation_mean:.4f} m on average"),
             ("off the map", f"{self.surplus_max:.2f} m at most"),
@@ -202,6 +204,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         length_after=float(after),
         other_parts=source.left_out.other_parts_m,
         no_way_back=source.left_out.no_way_back_m,
+        barriers=source.left_out.barriers,
         closed=about.get("closed", {}),
         length_merged=float(merged),
         deviation_max=float(away.max(initial=0.0)),

@@ -25,12 +25,14 @@ from gamms.osm.modes import (
     keeping,
     name_of,
     rule_of,
+    stops_of,
     tolerance_of,
 )
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
     Rule,
+    Stops,
     Ways,
     both_ways,
     classic_closed_rule,
@@ -85,6 +87,7 @@ class Selection(NamedTuple):
     closed: Rule | None = None  # which ways are left out
     areas: bool = False  # lead ways across the open areas
     tags: tuple[str, ...] = ()  # which are kept, too
+    stops: Stops | None = None  # which barriers end a road
     is_classic: bool = False  # nodes have no more than gamms 1.0.0 gives them
 
 
@@ -226,8 +229,8 @@ def selection_of(recipe: Recipe, mode: ModeFunction | None, tags: tuple[str, ...
         return Selection(
             keeping(rule, tags), "", recipe.retain_all, strong, closed, tags=tags, is_classic=recipe.every_way
         )
-    rule = keeping(rule_of(mode), tags)
-    return Selection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, tags=tags)
+    rule, stops = keeping(rule_of(mode), tags), stops_of(mode)
+    return Selection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), True, tags, stops)
 
 
 def graph_from_geojson(
@@ -386,7 +389,8 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
     if read is read_lines or (read is None and is_geojson(file)):
         ways = read_lines(file, show)
     else:
-        ways = with_ways_across(read_ways(file, show, selection.rule, selection.tags, areas=selection.areas))
+        rule, tags, stops = selection.rule, selection.tags, selection.stops
+        ways = with_ways_across(read_ways(file, show, rule, tags, areas=selection.areas, stops=stops))
     if not ways.tags:
         whose = f" for the mode {selection.mode!r}" if selection.mode else ""
         raise BadFile(
@@ -409,6 +413,7 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
             f"{str(file)!r} has no two places with a way there and back: its streets are one-way. "
             "Take them with strong=False, or let agents go against the traffic by bidirectional=True."
         )
+    network = replace(network, left_out=network.left_out._replace(barriers=len(ways.barriers)))
     if selection.is_classic or ways.nodes is None:
         return replace(network, attribution=ways.attribution, refs=None)
     return replace(network, attribution=ways.attribution, nodes=ways.nodes)

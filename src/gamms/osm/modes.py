@@ -17,7 +17,7 @@ from msgspec import Meta
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, BadType, BadValue, nearest
-from gamms.osm.network import KEPT_TAGS, OSMType, Rule, attributes_of
+from gamms.osm.network import KEPT_TAGS, OSMType, Rule, Stops, attributes_of
 from gamms.osm.networkx_bridge import is_number, signed_kph, speed_kph
 from gamms.text import shown
 
@@ -60,6 +60,7 @@ class Mode:
     contraflow: _Values  # tag -> values that allow the other direction where the general `oneway` closes it
     maxspeed: Literal["ignored", "limit", "speed"]  # what a sign is: nothing, an upper bound, or the speed itself
     tolerance: Annotated[float, Meta(ge=0.0)]  # metres: the default of loaders for merging junctions
+    barriers: tuple[str, ...] = ()  # values of `barrier` of nodes that stop agents unless the mode's own key opens them
 
     def __call__(self, tags: Mapping[str, str]) -> Access | None:
         """Return how a way with these tags may be used; None: it is closed."""
@@ -72,12 +73,22 @@ class Mode:
         highway, never = tags.get("highway", "no"), _match(self.never, tags)
         if never or (highway not in self.highways and highway not in self.by_permission):
             return never or f"highway={highway}"
+        is_open, why = self._signed(tags)
+        if is_open is not None:
+            return why
+        return f"highway={highway}" if highway not in self.highways else _match(self.closed, tags)
+
+    def is_stopped_by(self, tags: Mapping[str, str]) -> bool:
+        """Return whether agents cannot pass a node with these tags, such as a bollard or a locked gate."""
+        is_open, _ = self._signed(tags)
+        return tags.get("barrier") in self.barriers if is_open is None else "barrier" in tags and not is_open
+
+    def _signed(self, tags: Mapping[str, str]) -> tuple[bool | None, str]:
+        """Return whether the access keys open or close something, None where they say nothing; and what closes it."""
         key = next((key for key in self.access if tags.get(key, "unknown") != "unknown"), None)
         if key is not None and tags[key] in self.refused:
-            return f"{key}={tags[key]}"
-        if key is not None and key not in _GENERAL and tags[key] in _OPENING:
-            return ""
-        return f"highway={highway}" if highway not in self.highways else _match(self.closed, tags)
+            return False, f"{key}={tags[key]}"
+        return (True if key is not None and key not in _GENERAL and tags[key] in _OPENING else None), ""
 
     def speed_kph(self, tags: Mapping[str, str]) -> float:
         """Return the speed on a way, whether it is open or not; on a class that is not listed that of cars at most."""
@@ -188,6 +199,11 @@ def name_of(mode: ModeFunction) -> str:
 def tolerance_of(mode: ModeFunction | None) -> float:
     """Return the default tolerance of loaders, in metres."""
     return mode.tolerance if isinstance(mode, Mode) else _TOLERANCE_M
+
+
+def stops_of(mode: ModeFunction | None) -> Stops | None:
+    """Return which nodes agents of a mode cannot pass; None: they pass all."""
+    return mode.is_stopped_by if isinstance(mode, Mode) else None
 
 
 def honouring_traffic(mode: ModeFunction) -> ModeFunction:

@@ -1,6 +1,6 @@
 """Road networks as columns: the ways of a map, which of them are roads for whom, and roads with a polyline."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 from typing import Any, NamedTuple
@@ -99,6 +99,7 @@ class Ways:
     attribution: str | None = ATTRIBUTION
     areas: Sequence[Sequence[int]] = ()  # (areas,)  rows of the ways around each area that is open, in any order
     nodes: NodeTags | None = _NO_NODE_TAGS  # None: `refs` are no numbers of OpenStreetMap
+    barriers: Collection[int] = ()  # ids of nodes that no agent passes
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -129,6 +130,10 @@ def is_one_way(oneway: object, junction: object) -> bool:
 
 Rule = Callable[[int, Mapping[str, str]], tuple[dict[str, Any], bool] | None]
 """From the number and tags of a way to its attributes and whether traffic runs against its vertices; None: closed."""
+
+
+Stops = Callable[[Mapping[str, str]], bool]
+"""From the tags of a node to whether it is a barrier that agents cannot pass."""
 
 
 def classic_rule(osm_type: OSMType | None, *, every_way: bool = False) -> Rule:
@@ -172,7 +177,10 @@ def kept_tags(
 
 
 def segments_of(ways: Ways) -> Segments:
-    """Cut the ways at every vertex; a vertex that the file lacks leaves a gap, never a line across it."""
+    """Cut the ways at every vertex; a vertex that the file lacks leaves a gap, never a line across it.
+
+    At a barrier each piece of road ends at a node of its own.
+    """
     way = np.repeat(np.arange(len(ways.tags)), np.diff(ways.offsets))
     there = np.isfinite(ways.lonlat[:, 0])
     joined = (way[:-1] == way[1:]) & there[:-1] & there[1:] & (ways.refs[:-1] != ways.refs[1:])
@@ -180,7 +188,12 @@ def segments_of(ways: Ways) -> Segments:
     positions = np.column_stack((first, first + 1))
     way = way[first]
     positions[ways.against[way]] = positions[ways.against[way], ::-1]
-    rows, firsts = first_seen(ways.refs[positions].ravel())
+    ends = ways.refs[positions].ravel()
+    rows, firsts = first_seen(ends)
+    if ways.barriers:
+        shut = np.isin(ends, [*ways.barriers])
+        rows[shut] = len(ends) + np.arange(shut.sum())
+        rows, firsts = first_seen(rows)
     sources, targets = rows[0::2], rows[1::2]
     firsts = positions.ravel()[firsts]
     refs = None if ways.nodes is None else ways.refs[firsts]
@@ -379,6 +392,7 @@ class LeftOut(NamedTuple):
 
     other_parts_m: float = 0.0  # not joined to the part that is kept
     no_way_back_m: float = 0.0  # joined to it, but one-way streets do not lead there and back
+    barriers: int = 0  # places at which agents of the mode cannot go on
 
 
 _NOTHING, _ALL_IN = Merged(), LeftOut()

@@ -17,7 +17,7 @@ from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance
 from gamms.osm.areas import open_squares, rims_of, with_areas
 from gamms.osm.footprints import RING_ROLES, Outlines, Wall, WallRules, outlines_of_ways
-from gamms.osm.network import Rule, Ways, classic_rule
+from gamms.osm.network import Rule, Stops, Ways, classic_rule
 from gamms.osm.tags import node_keys, node_tags
 from gamms.progress import Show
 from gamms.text import shown
@@ -184,7 +184,13 @@ class _Lines:
 
 
 def read_ways(
-    file: Path, show: Show, rule: Rule | None = None, tags: Sequence[str] = (), *, areas: bool = False
+    file: Path,
+    show: Show,
+    rule: Rule | None = None,
+    tags: Sequence[str] = (),
+    *,
+    areas: bool = False,
+    stops: Stops | None = None,
 ) -> Ways:
     """Return the ways of a map file that a rule takes, by default all roads, in its order; there may be none.
 
@@ -194,6 +200,7 @@ def read_ways(
         rule: which ways are taken.
         tags: of nodes, kept besides their `highway`, such as "crossing"; a node with one of them stays a node.
         areas: say which ways are areas, and take those around multipolygons that the rule takes, too.
+        stops: whether a node with these tags is a barrier.
 
     Raises:
         BadFile: it is not OpenStreetMap data, damaged, or too large.
@@ -201,14 +208,15 @@ def read_ways(
     """
     source, lines, rule = _source_of(file), _Lines(allowance_of(file)), rule or classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
-    marked, texts = dict[int, dict[str, str]](), dict[str, str]()
+    marked, texts, barriers = dict[int, dict[str, str]](), dict[str, str](), set[int]()
     show(f"Reading {file.name}")
     with _errors_of(file):
         squares = open_squares(_multipolygons(source), rule) if areas else {}
-        for count, one in enumerate(_roads(source, tags), 1):
+        for count, one in enumerate(_roads(source, tags if stops is None else [*tags, "barrier"]), 1):
             given = {tag.k: tag.v for tag in one.tags}
             if one.is_node():
                 marked[one.id] = _shared({name: given[name] for name in node_keys(tags) if name in given}, texts)
+                barriers.update([one.id] if stops is not None and stops(given) else [])
                 continue
             way = cast("osm.Way", one)
             found = None if way.deleted or way.id in lines.row_of else rule(way.id, given)
@@ -232,6 +240,7 @@ def read_ways(
         against,
         [of_way for of_way, _ in kept],
         nodes=node_tags(marked, set(lines.refs), tags),
+        barriers=barriers & set(lines.refs),
     )
     return with_areas(ways, lines.row_of, squares) if areas else ways
 

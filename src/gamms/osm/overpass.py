@@ -18,7 +18,7 @@ from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
 from gamms.osm.areas import open_squares, rims_of, with_areas, with_ways_across
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
-from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of
+from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of, stops_of
 from gamms.osm.network import (
     CLOSED_TO,
     KEPT_TAGS,
@@ -177,7 +177,7 @@ def _streets(
         if len(there.ways):
             servers.save_rest()
             lost = float(network.lengths[inside.ways].sum() - network.lengths[there.ways].sum())
-            network = replace(network, left_out=LeftOut(no_way_back_m=lost))
+            network = replace(network, left_out=LeftOut(no_way_back_m=lost, barriers=len(ways.barriers)))
             return without_unused_nodes(chosen_roads(network, there.ways))
     kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
     raise PlaceError(
@@ -226,8 +226,12 @@ def _ways(found: "_Elements", options: StreetOptions) -> Ways:
     if rule is None and options.osm_type is OSMType.WALK:
         tags, against = [{**of_way, "oneway": False} for of_way in tags], np.zeros(len(tags), np.bool_)
     offsets, lonlat, ids = _vertices(found, lines)
+    stops = stops_of(options.mode)
+    barriers = (
+        [] if stops is None else [ref for ref in {*ids.tolist()} & found.nodes.keys() if stops(found.nodes[ref].tags)]
+    )
     nodes = node_tags({id: node.tags for id, node in found.nodes.items()}, set(ids.tolist()), options.tags)
-    ways = Ways(offsets, ids, lonlat, against, tags, nodes=nodes)
+    ways = Ways(offsets, ids, lonlat, against, tags, nodes=nodes, barriers=barriers)
     return ways if rule is None else with_areas(ways, row_of, squares)
 
 
