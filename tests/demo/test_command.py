@@ -146,7 +146,9 @@ def test_it_plays_on_any_map(tmp_path):
     done = run("--max-turns", 60, "--map", town, "--out", tmp_path)
     assert done.exit_code == 0
     assert "town.osm" in done.stdout
-    assert json.loads((tmp_path / "result.json").read_text())["provenance"]["scenario"]["map"]["file"] == "town.osm"
+    played_on = json.loads((tmp_path / "result.json").read_text())["provenance"]["scenario"]["map"]["file"]
+    assert played_on["path"] == "town.osm"
+    assert played_on["scenery"]
 
 
 @pytest.mark.parametrize(

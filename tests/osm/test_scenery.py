@@ -1,9 +1,11 @@
-"""The buildings of the map of Helsinki are drawn by default, and are no obstacles."""
+"""The buildings, parks, water and rails of the map of Helsinki are drawn by default, and are no obstacles."""
 
 import numpy as np
 import pytest
 
 import gamms
+from gamms.ir.scenery import SceneryKind
+from gamms.visual.constants import Layer
 
 
 @pytest.fixture
@@ -42,9 +44,25 @@ def test_they_can_be_obstacles_or_left_out():
 def test_what_is_drawn_is_what_would_be_an_obstacle(helsinki):
     with gamms.create_context(seed=1) as ctx:
         gamms.osm.helsinki(ctx, buildings=True)
-        walls, drawn = ctx.graph.obstacle_columns(), helsinki.graph.scenery_columns()
+        walls, drawn = ctx.graph.obstacle_columns(), helsinki.graph.scenery_columns().buildings
         assert all(np.array_equal(one, other) for one, other in zip(walls, drawn, strict=True))
         assert polygons(ctx) == polygons(helsinki)
+
+
+def test_parks_water_and_rails_lie_below_all_else(helsinki):
+    scenery, commands = helsinki.graph.scenery_columns(), helsinki.visual.draw_commands()
+    for kind in (SceneryKind.GREEN, SceneryKind.WATER, SceneryKind.TRAM, SceneryKind.RAIL):
+        assert (scenery.kinds == kind).sum() > 5
+    of_base = commands.layer == Layer.BASE_MAP
+    assert of_base.sum() == len(scenery.kinds)
+    assert commands.layer[~of_base].min() > Layer.BASE_MAP
+
+
+def test_they_are_drawn_around_walls_too_and_left_out_with_the_buildings():
+    for buildings, shapes in ((True, 289), (False, 0)):
+        with gamms.create_context(seed=1) as ctx:
+            gamms.osm.helsinki(ctx, buildings=buildings)
+            assert (ctx.visual.draw_commands().layer == Layer.BASE_MAP).sum() == shapes
 
 
 def test_the_first_obstacle_is_drawn_instead(helsinki):

@@ -6,7 +6,8 @@ import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue
-from gamms.osm import create_osm_graph, obstacle_from_file, obstacle_from_osm
+from gamms.ir.scenery import SceneryKind
+from gamms.osm import create_osm_graph, obstacle_from_file, obstacle_from_osm, scenery_from_file, scenery_from_osm
 
 DATA = Path(__file__).parent / "data" / "kluuvi.osm.gz"
 PLACE = "Kluuvi, Helsinki"
@@ -47,3 +48,14 @@ def test_a_bad_argument_is_refused_before_any_server_is_asked(server):
         with pytest.raises(error):
             obstacle_from_osm(PLACE, **options)
     assert len(server.asked) == 0
+
+
+@pytest.mark.usefixtures("server")
+def test_the_scenery_of_a_place_is_that_of_a_file_of_it():
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(create_osm_graph(PLACE))
+        named, in_file = scenery_from_osm(PLACE, ctx), scenery_from_file(DATA, ctx)
+        assert len(named.buildings.ids) > 400
+        assert set(in_file.kinds.tolist()) >= set(named.kinds.tolist())
+        assert SceneryKind.GREEN in named.kinds
+        assert len(scenery_from_osm(PLACE, ctx, buildings=False).buildings.ids) == 0

@@ -18,6 +18,7 @@ from gamms.context import Context
 from gamms.errors import BadValue
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
+from gamms.osm import is_geojson
 from gamms.scenario import Scenario, load
 from gamms.visual.captions import captions_of
 
@@ -47,7 +48,8 @@ def capture_the_flag(teams: tuple[Team, Team], max_turns: int, map: Path | None 
     """
     raw = load(FILE).to_dict()
     if map is not None:
-        raw |= {"map": {"file": map.name}, "name": f"{raw['name']} in {map.name}"}
+        has_scenery = map.suffix != ".gamms" and not (map.is_file() and is_geojson(map))  # or keeps its own
+        raw |= {"map": {"file": {"path": map.name, "scenery": has_scenery}}, "name": f"{raw['name']} in {map.name}"}
     raw["rules"][3]["with"]["turns"] = max_turns
     sides = dict(zip(raw["teams"], teams, strict=True))
     raw["teams"] = {side.name: {**raw["teams"][of], **_sized(side)} for of, side in sides.items()}

@@ -15,6 +15,7 @@ from gamms.graph.routes import CachedRoutes
 from gamms.graph.storage import MapStorage
 from gamms.graph.store import GraphStore
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
+from gamms.ir.scenery import Scenery
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.graph_engine import Corner, Engine, IGraphEngine, ObsFace, RouteQueries
@@ -418,11 +419,14 @@ class GraphEngine(Guarded, IGraphEngine):
         """The authors of the data; shown where the graph is shown."""
         return self.graph.attribution
 
-    def scenery_columns(self) -> ObstacleColumns:
-        """Return the faces of buildings that are drawn and block no sight, such as those of `gamms.osm.helsinki`."""
+    def scenery_columns(self) -> Scenery:
+        """Return what is drawn around the streets and blocks no sight, such as that of `gamms.osm.helsinki`."""
+        scenery = self.graph.scenery
+        if isinstance(scenery, Scenery):
+            return scenery
         from gamms.graph.map_file import scenery_called
 
-        return scenery_called(self.graph.scenery)
+        return scenery_called(scenery)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -16,6 +16,7 @@ from gamms.graph import positions, records
 from gamms.graph.routes import CachedRoutes, edge_weights
 from gamms.graph.store import GraphStore, Neighborhoods
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.scenery import Scenery
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
 from gamms.typing.graph_engine import IGraph, IPackedGraph, Node, NodeColumns, NodeIds, Numbers, OSMEdge, Surroundings
@@ -70,13 +71,15 @@ class Graph(Guarded, IGraph):
         self._store.attribution = records.as_text(attribution, "graph.attribution")
 
     @property
-    def scenery(self) -> str | None:
-        """The name of the buildings that are drawn with the graph and are no obstacles."""
+    def scenery(self) -> str | Scenery | None:
+        """What is drawn with the graph and blocks no sight, or the name of a scenery that comes with GAMMS."""
         return self._store.scenery
 
     @scenery.setter
-    def scenery(self, scenery: str | None) -> None:
-        self._store.scenery = records.as_text(scenery, "graph.scenery")
+    def scenery(self, scenery: str | Scenery | None) -> None:
+        if not isinstance(scenery, Scenery):
+            scenery = records.as_text(scenery, "graph.scenery")
+        self._store.scenery = scenery
         self._store.revision += 1
 
     def __len__(self) -> int:

@@ -29,6 +29,7 @@ from gamms.ir import packing
 from gamms.ir.geometry import points_of
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import ObstacleColumns
+from gamms.ir.scenery import Scenery, no_scenery
 from gamms.limits import Allowance
 from gamms.plain import Plain, is_plain, why_not_plain
 from gamms.text import shown
@@ -51,7 +52,7 @@ class SavedMap(NamedTuple):
     columns: GraphColumns
     faces: list[ObsFace]
     attribution: str | None
-    scenery: str | None
+    scenery: str | Scenery | None
     closed: ClosedEdges
 
 
@@ -203,13 +204,15 @@ def load(path: str | os.PathLike[str]) -> SavedMap:
         raise type(error)(f"{path} is not a graph that GAMMS can load: {error}.") from error
 
 
-@lru_cache(maxsize=1)
-def scenery_called(name: str | None) -> ObstacleColumns:
-    """Return the faces of the buildings of that name, which come with GAMMS; none of any other name."""
-    obstacles = Obstacles()
-    if name in _SCENERIES:
-        obstacles.replace(load(_SCENERIES[name]).faces)
-    return obstacles.columns()
+@lru_cache(maxsize=4)
+def scenery_called(name: str | None) -> Scenery:
+    """Return the scenery of that name, which comes with GAMMS; an empty one of any other name."""
+    if name not in _SCENERIES:
+        return no_scenery()
+    contents, buildings = load(_SCENERIES[name]), Obstacles()
+    buildings.replace(contents.faces)
+    base = contents.scenery if isinstance(contents.scenery, Scenery) else no_scenery()
+    return replace(base, buildings=buildings.columns())
 
 
 def encode(contents: SavedMap) -> bytes:
@@ -222,7 +225,7 @@ def encode(contents: SavedMap) -> bytes:
     state = {
         "crs": graph.crs,
         "attribution": contents.attribution,
-        **({} if contents.scenery is None else {"scenery": contents.scenery}),
+        **_scenery_state(contents.scenery),
         **({"closed": _closed_of(contents.closed)} if contents.closed else {}),
         **_arrays_of(contents),
         "node_attributes": _columns_of(graph.node_attributes, "Node"),
@@ -243,9 +246,8 @@ def decode(data: bytes) -> SavedMap:
         attributes = _attributes_of(state["node_attributes"]), _attributes_of(state["edge_attributes"])
         crs, attribution = (records.as_text(state[key], key) for key in ("crs", "attribution"))
         graph = checked_columns(arrays, _polylines_of(others), attributes, crs)
-        scenery = records.as_text(state.get("scenery"), "scenery")
         closed = {edge["id"]: edge for edge in map(_checked_edge, state.get("closed", ()))}
-        return SavedMap(graph, list(_faces_of(others)), attribution, scenery, closed)
+        return SavedMap(graph, list(_faces_of(others)), attribution, _scenery_of(state), closed)
 
 
 # -- any file of columns and plain values -------------------------------------------------------------------------
@@ -328,7 +330,7 @@ def _checked_edge(edge: Plain) -> dict[str, Any]:
 
 def _array_of(state: dict[str, Plain], name: str) -> packing.Array:
     array = state[name]
-    is_float = name in ("xy", "lengths", "bend_points", "face_corners")
+    is_float = name in ("xy", "lengths", "bend_points", "face_corners", "points")
     if not isinstance(array, np.ndarray) or array.dtype != (np.float64 if is_float else np.int64):
         raise BadFile(f"{name!r} is no array of the right type")
     return array
@@ -398,6 +400,36 @@ def _faces_of(columns: dict[str, packing.Array]) -> Iterable[ObsFace]:
         raise BadFile("an obstacle face is there twice")
     for id, type, (tr, tl, br, bl) in zip(ids, types, corners, strict=True):
         yield checked_face(id, tr, tl, br, bl, type)
+
+
+def _scenery_state(scenery: str | Scenery | None) -> dict[str, Plain]:
+    """Return what a file says of a scenery: its name, or all of it."""
+    if not isinstance(scenery, Scenery):
+        return {} if scenery is None else {"scenery": scenery}
+    columns = {
+        "kinds": scenery.kinds,
+        "sizes": np.diff(scenery.offsets),
+        "points": scenery.points,
+        "face_types": scenery.buildings.types,
+        "face_corners": scenery.buildings.corners.reshape(-1, 12),
+    }
+    return {"base_map": columns}
+
+
+def _scenery_of(state: dict[str, Plain]) -> str | Scenery | None:
+    columns = state.get("base_map")
+    if columns is None:
+        return records.as_text(state.get("scenery"), "scenery")
+    kinds, sizes, points, types, corners = (
+        _array_of(columns, name) for name in ("kinds", "sizes", "points", "face_types", "face_corners")
+    )
+    if len(sizes) and not 0 <= int(sizes.min()) <= int(sizes.max()) <= len(points):
+        raise BadFile("the scenery is damaged")
+    offsets = np.concatenate(([0], np.cumsum(sizes)))
+    if types.shape != (len(corners),) or corners.shape[1:] != (12,):
+        raise BadFile("the scenery is damaged")
+    buildings = ObstacleColumns(np.arange(len(types)), corners.reshape(-1, 4, 3), types)
+    return Scenery(kinds, offsets, points, buildings)
 
 
 # -- a map in a database file: the bytes of a saved map in one row of a store of `ctx.ictx.memory` ------------------

@@ -12,6 +12,7 @@ from gamms.graph.obstacles import Obstacles
 from gamms.graph.store import Cache, ClosedEdges, GraphStore
 from gamms.ir.graph import GraphColumns
 from gamms.ir.obstacles import ObstacleColumns
+from gamms.ir.scenery import Scenery
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.map_storage import IMapStorage, IPackedGraph, LeftOut, packed_graphs
@@ -31,7 +32,7 @@ class MapSnapshot(NamedTuple):
     columns: GraphColumns
     obstacles: ObstacleColumns
     attribution: str | None
-    scenery: str | None
+    scenery: str | Scenery | None
     closed: ClosedEdges
     revision: int
     obstacle_revision: int

@@ -17,6 +17,7 @@ from gamms.graph import records
 from gamms.graph.indexes import Indexes
 from gamms.graph.tables import Closed, EdgeTable, NodeTable
 from gamms.ir.graph import GraphColumns
+from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
 _FEW = 32
@@ -70,7 +71,7 @@ class GraphStore:
         revision: a number that changes with every change of the graph.
         crs: the coordinate reference system of x and y.
         attribution: whom the data is by.
-        scenery: the name of the buildings that are drawn and are no obstacles; None: there are none.
+        scenery: what is drawn and blocks no sight, or its name; None: there is none.
         closed: id -> edge that was closed, as `add_edge` takes it; never changed, but replaced by another dict.
     """
 
@@ -88,7 +89,7 @@ class GraphStore:
         self.nodes, self.edges = NodeTable(), EdgeTable()
         self.crs: str | None = None
         self.attribution: str | None = None
-        self.scenery: str | None = None
+        self.scenery: str | Scenery | None = None
         self.closed: ClosedEdges = {}
         self._columns: GraphColumns | None = None
         self.rows_added()
@@ -101,7 +102,9 @@ class GraphStore:
             known = self._columns = self._frozen()
         return known
 
-    def replace(self, columns: GraphColumns, attribution: str | None, scenery: str | None, closed: ClosedEdges) -> None:
+    def replace(
+        self, columns: GraphColumns, attribution: str | None, scenery: str | Scenery | None, closed: ClosedEdges
+    ) -> None:
         """Become the graph that columns describe."""
         self.clear()
         self.append(columns, attribution)
@@ -267,7 +270,9 @@ def _add_attributes(columns: dict[str, dict[int, Any]], first: int, given: Attri
         columns.setdefault(name, {}).update({first + row: value for row, value in values.items()} if first else values)
 
 
-def _rebuilt(columns: GraphColumns, attribution: str | None, scenery: str | None, closed: ClosedEdges) -> GraphStore:
+def _rebuilt(
+    columns: GraphColumns, attribution: str | None, scenery: str | Scenery | None, closed: ClosedEdges
+) -> GraphStore:
     store = GraphStore()
     store.replace(columns, attribution, scenery, closed)
     return store

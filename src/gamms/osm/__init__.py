@@ -11,6 +11,7 @@ Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` re
 columns, `modes.py` says who may use them, `tags.py` what they keep, `areas.py` leads across squares, `topology.py`
 simplifies, merges and cuts, `networkx_bridge.py` makes the graph, `fidelity.py` compares it with the map.
 `buildings.py` makes obstacles of maps; `footprints.py` says what is a wall and where, `walls.py` makes faces of that.
+`scenery.py` makes what is only drawn.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
@@ -45,6 +46,7 @@ from gamms.osm.places import (
     graph_from_point,
     graph_from_polygon,
 )
+from gamms.osm.scenery import scenery_from_file, scenery_from_osm
 
 __all__ = [
     "BARRIER_HEIGHTS",
@@ -76,6 +78,8 @@ __all__ = [
     "process_osm_graph",
     "report",
     "resample_columns",
+    "scenery_from_file",
+    "scenery_from_osm",
     "settings",
     "wall_estimates",
 ]

@@ -242,6 +242,23 @@ def outlines_of_ways(
     return Outlines(offsets, lonlat[positions], owners, about)
 
 
+def known_parts(offsets: IntArray, lonlat: FloatArray, about: Sequence[Any]) -> Outlines:
+    """Return the pieces of lines between the places that the map lacks.
+
+    Args:
+        offsets: (lines + 1,) of the vertices of each line.
+        lonlat: (vertices, 2) degrees, NaN where the map lacks the node.
+        about: (lines,) what each is.
+    """
+    known, line = np.flatnonzero(np.isfinite(lonlat[:, 0])), np.repeat(np.arange(len(about)), np.diff(offsets))
+    begins = np.append(True, (np.diff(known) > 1) | (np.diff(line[known]) > 0))[: len(known)]
+    first = np.flatnonzero(begins)
+    sizes = np.diff(np.append(first, len(known)))
+    rows = np.flatnonzero(sizes > 1)
+    positions, pieces = kernels.chosen_runs(np.append(first, len(known)), rows)
+    return Outlines(pieces, lonlat[known[positions]], line[known[first[rows]]], about)
+
+
 def footprints_of(outlines: Outlines) -> Shapes:
     """Return one polygonal shape per footprint, in degrees; empty where its lines enclose nothing.
 

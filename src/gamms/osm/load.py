@@ -429,7 +429,7 @@ def helsinki(
         resolution: metres between nodes.
         bidirectional: let agents go against one-way streets.
         buildings: put the walls of the buildings among the obstacles; None: draw them only, so that they block no sight
-            line; False: leave them out.
+            line; False: leave them out, and parks, water and rails too, which are drawn otherwise.
 
     Raises:
         BadType: `ctx` is no context.
@@ -445,7 +445,7 @@ def helsinki(
     if buildings:
         walls = _helsinki().obstacle_columns()
         ctx.graph.add_obstacles(walls.corners, walls.ids, walls.types)
-    elif buildings is None:
+    if buildings is not False:
         graph.scenery = "helsinki"
     return streets
 

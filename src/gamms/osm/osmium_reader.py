@@ -7,7 +7,7 @@ from array import array
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from gamms.errors import BadFile, GammsError, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance
 from gamms.osm.areas import open_squares, rims_of, with_areas
-from gamms.osm.footprints import RING_ROLES, Outlines, Wall, WallRules, outlines_of_ways
+from gamms.osm.footprints import RING_ROLES, Outlines, WallRules, known_parts, outlines_of_ways
 from gamms.osm.network import Rule, Stops, Ways, classic_rule
 from gamms.osm.tags import node_keys, node_tags
 from gamms.progress import Show
@@ -301,8 +301,24 @@ def _errors_of(file: Path) -> Iterator[None]:
         raise BadFile(f"{str(file)!r} cannot be read as OpenStreetMap data: {error}. {WAY_OUT}") from error
 
 
-def read_footprints(file: Path, rules: WallRules) -> Outlines:
-    """Read the footprints of a map file that `rules` make walls of: relations in its order, then ways in its order.
+_AboutOf = Callable[[Mapping[str, str]], object | None]  # from tags to what they stand for
+
+
+class AreaRules(Protocol):
+    """What is made of the areas of a map file.
+
+    Attributes:
+        keys: of the tags that an area needs one of.
+    """
+
+    keys: list[str]
+
+    def wall_of(self, tags: Mapping[str, str]) -> object | None:
+        """Return what an area with these tags is; None if it is passed over."""
+
+
+def read_footprints(file: Path, rules: AreaRules) -> Outlines:
+    """Read the areas of a map file that `rules` make something of: relations in its order, then ways in its order.
 
     Raises:
         BadFile: it is not OpenStreetMap data, damaged, or too large.
@@ -317,19 +333,42 @@ def read_footprints(file: Path, rules: WallRules) -> Outlines:
 
 def read_barriers(file: Path, rules: WallRules) -> Outlines:
     """Read the lines of a map file that `rules` make walls of, in its order; raises as `read_footprints` does."""
-    source, lines = _source_of(file), _Lines(allowance_of(file))
-    walls: list[Wall] = []
-    with _errors_of(file):
-        for way in _ways(source, "barrier") if rules.has_barriers else ():
-            tags = {tag.k: tag.v for tag in way.tags}
-            is_known = way.deleted or way.id in lines.row_of or (_is_area(way, tags) and rules.wall_of(tags))
-            wall = None if is_known else rules.barrier_of(tags)
-            if wall is not None:
-                walls.append(wall)
-                lines.add(way)
-        lines.complete(source, lambda _: None)
+    lines, walls = _read_lines(file, ("barrier",) if rules.has_barriers else (), rules.barrier_of, but=rules)
     ways = [[id] for id in lines.row_of]
     return outlines_of_ways(np.array(lines.offsets, np.int64), lines.lonlat(), lines.row_of, ways, walls)
+
+
+def read_lines(file: Path, keys: Sequence[str], about_of: _AboutOf) -> Outlines:
+    """Read the lines of a map file that a function makes something of, as far as the file knows where they are.
+
+    Args:
+        file: the map file.
+        keys: of the tags that a line needs one of.
+        about_of: what a line with these tags is; None if it is passed over.
+
+    Raises:
+        BadFile, MissingExtra: as for `read_footprints`.
+    """
+    lines, about = _read_lines(file, keys, about_of)
+    return known_parts(np.array(lines.offsets, np.int64), lines.lonlat(), about)
+
+
+def _read_lines(
+    file: Path, keys: Sequence[str], about_of: _AboutOf, but: AreaRules | None = None
+) -> tuple["_Lines", list[object]]:
+    """Read the ways that a function makes something of, but no areas that these rules make something of."""
+    source, lines = _source_of(file), _Lines(allowance_of(file))
+    about: list[object] = []
+    with _errors_of(file):
+        for way in _ways(source, *keys) if keys else ():
+            tags = {tag.k: tag.v for tag in way.tags}
+            is_other = but is not None and _is_area(way, tags) and but.wall_of(tags)
+            found = None if way.deleted or way.id in lines.row_of or is_other else about_of(tags)
+            if found is not None:
+                about.append(found)
+                lines.add(way)
+        lines.complete(source, lambda _: None)
+    return lines, about
 
 
 def _is_area(way: "osm.Way", tags: Mapping[str, str]) -> bool:
@@ -339,10 +378,10 @@ def _is_area(way: "osm.Way", tags: Mapping[str, str]) -> bool:
 class _Footprints:
     """Which lines enclose what, while a file is being read."""
 
-    def __init__(self, rules: WallRules, allowance: Allowance) -> None:
+    def __init__(self, rules: AreaRules, allowance: Allowance) -> None:
         self.rules = rules
         self.lines = _Lines(allowance)
-        self.walls: list[Wall] = []
+        self.walls: list[object] = []
         self.ways_of: list[list[int]] = []  # ids of the ways around each footprint
         self.relations: set[int] = set()
 

@@ -118,8 +118,8 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
 
 def _load_file(ctx: Context, given: MapFile, file: Path, mode: osm.Mode | None) -> None:
     options, is_saved, is_geojson = _options_of(given, mode), file.suffix == ".gamms", osm.is_geojson(file)
-    named = {*options, "buildings"} if given.buildings else set(options)
-    for option in named if is_saved else {"osm_type", "buildings", "tags"} & named if is_geojson else ():
+    named = {*options, *(name for name in ("buildings", "scenery") if getattr(given, name))}
+    for option in named if is_saved else {"osm_type", "buildings", "scenery", "tags"} & named if is_geojson else ():
         raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
     if is_saved:
         ctx.graph.load(file)
@@ -129,6 +129,8 @@ def _load_file(ctx: Context, given: MapFile, file: Path, mode: osm.Mode | None) 
         ctx.graph.attach_networkx_graph(osm.graph_from_file(file, **options))
     if given.buildings:
         ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs, barriers=given.barriers))
+    if given.scenery:
+        ctx.graph.graph.scenery = osm.scenery_from_file(file, ctx, buildings=not given.buildings)
 
 
 def _load_place(ctx: Context, given: MapPlace, mode: osm.Mode | None) -> None:
@@ -136,11 +138,14 @@ def _load_place(ctx: Context, given: MapPlace, mode: osm.Mode | None) -> None:
     if given.buildings:
         options: Values = {"barriers": given.barriers, "offline": given.offline}
         ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, **options))
+    if given.scenery:
+        drawn: dict[str, bool] = {"buildings": not given.buildings, "offline": given.offline}
+        ctx.graph.graph.scenery = osm.scenery_from_osm(given.location, ctx, **drawn)
 
 
 def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None) -> Values:
     """Return what is set for the streets of a map, as functions of `gamms.osm` take it."""
-    ours = ("path", "location", "buildings", "barriers", "modes")
+    ours = ("path", "location", "buildings", "scenery", "barriers", "modes")
     options = {name: one for name, one in given_values(given).items() if name not in ours}
     return options if mode is None else {**options, "osm_type": mode}
 

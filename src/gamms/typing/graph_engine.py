@@ -12,6 +12,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue, NotOffered
 from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir.scenery import Scenery
 from gamms.text import shown
 from gamms.typing.graph_values import (
     Corner,
@@ -61,8 +62,8 @@ class IGraph(ABC):
     never changed and never kept. A call that raises has changed nothing.
     """
 
-    scenery: str | None = None
-    """The name of the buildings that are drawn with the graph and are no obstacles; None: there are none."""
+    scenery: str | Scenery | None = None
+    """What is drawn with the graph and blocks no sight, or the name of one that comes with GAMMS; None: nothing."""
 
     # -- must write ---------------------------------------------------------------------------------------------
 

@@ -11,6 +11,7 @@ from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray, ObstacleColumns
+from gamms.ir.scenery import Scenery, no_scenery
 from gamms.typing.graph_values import Corner, NodeIds, ObsFace
 
 Faces = ArrayLike | Iterable[Mapping[str, Any]]
@@ -61,9 +62,9 @@ class IObstacles(ABC):
         """Return all quadrangles as read-only arrays, in insertion order."""
         return face_columns([self.get_obstacle_face(id) for id in self.get_obstacle_faces()])
 
-    def scenery_columns(self) -> ObstacleColumns:
-        """Return faces of buildings that are drawn where there are no obstacles, and block no sight: none."""
-        return ObstacleColumns(np.zeros(0, np.int64), np.zeros((0, 4, 3)), np.zeros(0, np.int64))
+    def scenery_columns(self) -> Scenery:
+        """Return what is drawn around the streets and blocks no sight; its buildings only if no obstacle is there."""
+        return no_scenery()
 
     def visible(self, origin: ArrayLike, targets: ArrayLike) -> BoolArray:
         """Return whether no face blocks the straight line from one place to each of others.

@@ -35,6 +35,7 @@ class Layer(IntEnum):
     """The layers of built-in artists, from the ground up; custom artists may use any number between."""
 
     TEAMS = 1  # their legend, which comes first
+    BASE_MAP = 2
     TUNNELS = 4
     OBSTACLES = 5
     GRAPH = 10

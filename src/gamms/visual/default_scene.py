@@ -20,7 +20,7 @@ from gamms.visual.appearance import AgentData, GraphData, Rgb, color_group
 from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
-from gamms.visual.drawers.graph import obstacles_to_draw
+from gamms.visual.drawers.graph import obstacles_to_draw, render_base_map
 from gamms.visual.drawers.messages import has_messages, render_messages
 from gamms.visual.drawers.rules import (
     TerritoryDrawer,
@@ -129,7 +129,7 @@ class DefaultScene:
 
     def _renew_map(self) -> None:
         graph = self._ctx.graph
-        key = graph.columns().revision, graph.obstacle_revision
+        key = graph.columns().revision, graph.obstacle_revision  # the first one changes with the scenery, too
         if key == self._map_key and None not in key:  # which are engines that do not count
             return
         columns, tones = graph.columns(), self._theme.map
@@ -138,6 +138,8 @@ class DefaultScene:
         size = (0.35 if columns.crs is None else 0.15) * self._unit  # where paths are slim, larger ones would be beads
         streets.data = {"graph_data": GraphData(tones.nodes, size, tones.streets), "tunnels": "below"}
         self._map = {"graph": streets}
+        if len(graph.scenery_columns().kinds):
+            self._map["base_map"] = self._static(render_base_map, Layer.BASE_MAP)
         if has_tunnels(columns):
             self._map["tunnels"] = tunnels = self._static(render_tunnels, Layer.TUNNELS)
             tunnels.data = streets.data

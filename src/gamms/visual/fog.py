@@ -22,7 +22,7 @@ from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
 from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
 from gamms.visual.drawers import render_input_overlay, render_obstacles
-from gamms.visual.drawers.graph import typical_edge_length
+from gamms.visual.drawers.graph import render_base_map, typical_edge_length
 from gamms.visual.drawers.messages import legend_of_messages, render_messages
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
 from gamms.visual.drawers.streets import one_way_each, polylines
@@ -30,7 +30,7 @@ from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import legend_only
 from gamms.visual.shown_turn import Sight
 
-_OPEN = (render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
+_OPEN = (render_base_map, render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
 

@@ -16,12 +16,22 @@ class WallTones(NamedTuple):
     wall: Rgb  # of walls that stand around nothing
 
 
+class GroundTones(NamedTuple):
+    """How the base map looks, which lies below all else."""
+
+    green: Rgb  # of parks and woods
+    water: Rgb  # of areas of water
+    waterway: Rgb  # of rivers and streams that are lines
+    rail: Rgb
+
+
 class MapTones(NamedTuple):
     """The colours of the map."""
 
     streets: Rgb
     nodes: Rgb
     walls: WallTones
+    ground: GroundTones
 
 
 Shades = tuple[Rgb, Rgb, Rgb]  # of streets that a team has never seen, has seen, and sees now
@@ -51,6 +61,9 @@ THEMES = {
             streets=(165, 168, 172),
             nodes=(140, 143, 148),
             walls=WallTones(low=(240, 236, 228), high=(206, 197, 181), outline=(193, 184, 168), wall=(139, 128, 110)),
+            ground=GroundTones(
+                green=(231, 239, 222), water=(213, 227, 236), waterway=(196, 215, 228), rail=(206, 198, 204)
+            ),
         ),
         fog=((235, 236, 237), (205, 207, 211), (135, 139, 146)),
     ),
@@ -64,6 +77,7 @@ THEMES = {
             streets=(112, 119, 132),
             nodes=(122, 129, 142),
             walls=WallTones(low=(37, 40, 45), high=(70, 68, 66), outline=(86, 84, 81), wall=(140, 130, 116)),
+            ground=GroundTones(green=(28, 38, 32), water=(26, 39, 54), waterway=(34, 51, 70), rail=(62, 58, 66)),
         ),
         fog=((42, 45, 51), (104, 109, 118), (206, 210, 216)),
         teams=((50, 114, 208), (230, 80, 68), (60, 172, 108), (222, 158, 204), (246, 190, 76), (150, 226, 252)),
@@ -79,6 +93,9 @@ THEMES = {
             streets=(150, 150, 150),
             nodes=(130, 130, 130),
             walls=WallTones(low=(244, 244, 244), high=(212, 212, 212), outline=(190, 190, 190), wall=(110, 110, 110)),
+            ground=GroundTones(
+                green=(244, 247, 240), water=(224, 232, 238), waterway=(204, 216, 224), rail=(196, 192, 196)
+            ),
         ),
         fog=((232, 232, 232), (196, 196, 196), (110, 110, 110)),
         teams=((0, 52, 116), (192, 64, 84), (18, 102, 62), (196, 112, 156), (228, 172, 56), (164, 220, 240)),

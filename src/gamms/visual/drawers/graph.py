@@ -1,4 +1,4 @@
-"""Drawers of what is on the map: values of nodes and edges, the choices of a person, and obstacles."""
+"""Drawers of what is on the map: values of nodes and edges, choices of a person, obstacles and the base map."""
 
 from typing import Any, NamedTuple
 
@@ -7,6 +7,7 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import COLOR_TYPES, OTHER_OBSTACLE, BoolArray, ObstacleColumns
+from gamms.ir.scenery import SceneryKind
 from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, Rgb, Rgba, rgba
 from gamms.visual.camera import inside
@@ -241,7 +242,29 @@ def render_obstacles(ctx: IContext, data: dict[str, Any]) -> None:
 def obstacles_to_draw(ctx: IContext) -> ObstacleColumns:
     """Return the obstacles of a context; of one without any, the buildings that are drawn and block no sight."""
     obstacles = ctx.graph.obstacle_columns()
-    return obstacles if len(obstacles.ids) else ctx.graph.scenery_columns()
+    return obstacles if len(obstacles.ids) else ctx.graph.scenery_columns().buildings
+
+
+_LINES_M = {SceneryKind.WATERWAY: 2.0, SceneryKind.TRAM: 0.5, SceneryKind.RAIL: 0.8}  # how broad lines are drawn
+
+
+def render_base_map(ctx: IContext, data: dict[str, Any]) -> None:  # noqa: ARG001 - of every drawer
+    """Draw the areas and lines of the scenery: parks, water, then rails."""
+    scenery, visual = ctx.graph.scenery_columns(), drawing_of(ctx)
+    tones = visual.theme.map.ground
+    colors = {
+        SceneryKind.GREEN: tones.green,
+        SceneryKind.WATER: tones.water,
+        SceneryKind.WATERWAY: tones.waterway,
+        SceneryKind.TRAM: tones.rail,
+        SceneryKind.RAIL: tones.rail,
+    }
+    for kind, color in colors.items():
+        take, offsets = kernels.chosen_runs(scenery.offsets, np.flatnonzero(scenery.kinds == kind))
+        if kind in _LINES_M and len(take):
+            visual.render_lines(scenery.points[take], offsets, color, _LINES_M[kind], in_world=True)
+        elif len(take):
+            visual.render_polygons(scenery.points[take], offsets, color)
 
 
 def _draw_tops(visual: Drawing, columns: ObstacleColumns, chosen: BoolArray, color: AnyColor, thickness: float) -> None:

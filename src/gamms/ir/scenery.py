@@ -1,0 +1,71 @@
+"""Scenery: what is drawn around the streets and blocks no sight, as columns: buildings, and the areas and lines below.
+
+It comes with a map, in the same units; files, recordings and snapshots keep it. Nothing but drawers reads it.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from gamms.errors import BadValue
+from gamms.ir.draw import FARTHEST
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray, ObstacleColumns
+
+MOST_POINTS = 1 << 20  # of shapes and of walls, so that what a file draws stays bounded
+
+
+class SceneryKind(IntEnum):
+    """What a shape is; those below `WATERWAY` are areas, the others lines. Others than these are not drawn."""
+
+    GREEN = 1  # parks, grass, woods and cemeteries
+    WATER = 2
+    WATERWAY = 16
+    TRAM = 17
+    RAIL = 18
+
+
+@dataclass(slots=True, frozen=True, eq=False)
+class Scenery:
+    """Buildings, and shapes that lie below all else; areas as polygons whose holes are joined to them by a seam.
+
+    Raises:
+        BadValue: the columns do not fit together, are not finite, or hold too much.
+    """
+
+    kinds: IntArray  # (shapes,)  SceneryKind
+    offsets: IntArray  # (shapes + 1,)  shape `i` is `points[offsets[i]:offsets[i + 1]]`
+    points: FloatArray  # (points, 2)
+    buildings: ObstacleColumns
+
+    def __post_init__(self) -> None:
+        """Check the columns, and make them read-only."""
+        shapes = len(self.kinds)
+        if self.kinds.shape != (shapes,) or self.offsets.shape != (shapes + 1,) or self.points.shape[1:] != (2,):
+            raise BadValue("The columns of a scenery must be kinds (n,), offsets (n + 1,) and points (m, 2).")
+        sizes = np.diff(self.offsets)
+        if self.offsets[0] != 0 or self.offsets[-1] != len(self.points) or (sizes < 2 + self.are_areas()).any():
+            raise BadValue(
+                "An area of a scenery needs three points or more, a line two; offsets go from 0 to their end."
+            )
+        points = len(self.points) + len(self.buildings.ids)
+        if points > MOST_POINTS:
+            raise BadValue(
+                f"A scenery holds at most {MOST_POINTS} points and walls, not {points}. Take a smaller area."
+            )
+        if not all((np.abs(places) <= FARTHEST).all() for places in (self.points, self.buildings.corners)):
+            raise BadValue(f"A point of a scenery is not finite, or farther away than {FARTHEST:g}.")
+        for column in (self.kinds, self.offsets, self.points, *self.buildings):
+            column.setflags(write=False)
+
+    def are_areas(self) -> BoolArray:
+        """Return which shapes, (shapes,), are areas."""
+        areas: BoolArray = self.kinds < SceneryKind.WATERWAY
+        return areas
+
+
+def no_scenery() -> Scenery:
+    """Return a scenery without anything."""
+    nothing = ObstacleColumns(np.zeros(0, np.int64), np.zeros((0, 4, 3)), np.zeros(0, np.int64))
+    return Scenery(np.zeros(0, np.int64), np.zeros(1, np.int64), np.zeros((0, 2)), nothing)

@@ -1,0 +1,281 @@
+"""Scenery from the same maps as streets: buildings, parks, water and rails, which are drawn and block no sight."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from itertools import chain
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gamms.errors import BadValue
+from gamms.ir.graph import FloatArray
+from gamms.ir.obstacles import ObstacleColumns
+from gamms.ir.projection import WGS84, crs_of, project
+from gamms.ir.scenery import Scenery, SceneryKind, no_scenery
+from gamms.osm import footprints
+from gamms.osm.constants import wall_estimates
+from gamms.osm.footprints import Shapes, Wall, WallRules, layer_of
+from gamms.osm.osmium_reader import as_file, read_footprints, read_lines
+from gamms.osm.overpass import Location, features_of_place
+from gamms.osm.walls import Tolerance, faces_of
+from gamms.typing import IContext
+
+if TYPE_CHECKING:
+    from shapely.geometry.base import BaseGeometry
+
+Tags = Mapping[str, str]
+_Feature = tuple[Any, Any]  # a shapely shape in degrees, and what it is: a Wall, a SceneryKind or _COAST
+
+_AREAS = {
+    **dict.fromkeys(
+        (("leisure", one) for one in ("park", "garden", "golf_course", "nature_reserve")), SceneryKind.GREEN
+    ),
+    **dict.fromkeys((("natural", one) for one in ("wood", "grassland", "scrub", "heath")), SceneryKind.GREEN),
+    **dict.fromkeys(
+        (("landuse", one) for one in ("grass", "forest", "cemetery", "meadow", "village_green", "recreation_ground")),
+        SceneryKind.GREEN,
+    ),
+    **dict.fromkeys((("landuse", one) for one in ("reservoir", "basin", "pond")), SceneryKind.WATER),
+    **dict.fromkeys((("waterway", one) for one in ("riverbank", "dock")), SceneryKind.WATER),
+    ("natural", "water"): SceneryKind.WATER,
+}
+_LINES = {
+    **dict.fromkeys((("waterway", one) for one in ("river", "canal", "stream")), SceneryKind.WATERWAY),
+    **dict.fromkeys((("railway", one) for one in ("rail", "light_rail", "subway", "narrow_gauge")), SceneryKind.RAIL),
+    ("railway", "tram"): SceneryKind.TRAM,
+}
+_COAST = "coastline"  # land at its left, the sea at its right
+_LINE_KEYS = "railway", "waterway", "natural"
+_MARGIN_M = 20.0  # around the streets
+_LEAST_M2, _AREA_M, _LINE_M = 60.0, 1.0, 0.5  # smaller areas are left out; by how much outlines and lines may move
+_TOLERANCE = Tolerance(0.5, 0.01)  # of buildings
+_MOST_WALLS = 200_000
+_GRID = 16.0  # places are rounded to 1 / 16 metre, so that files stay small
+_BESIDE_M, _SURE = 0.25, 0.9  # where it is asked what lies beside a coast, and how much of it has to agree
+_REACH_M = 100.0  # how far from the edge of the area a coast may end
+_POLYGON, _LINE = 3, 1  # shapely's numbers of types
+
+
+def scenery_from_file(filepath: str | os.PathLike[str], ctx: IContext, *, buildings: bool = True) -> Scenery:
+    """Return what an OpenStreetMap file has around the streets of a context, for `ctx.graph.graph.scenery`.
+
+    Buildings of more than 200,000 walls are left out, with a warning. Areas that the file holds in part are left out.
+    The sea is drawn where coastlines divide the area of the streets; one that ends up to 100 m from its edge is
+    continued to it.
+
+    Args:
+        filepath: the map file that the streets were read from.
+        ctx: the context with these streets.
+        buildings: whether buildings are drawn, too.
+
+    Raises:
+        FileNotFoundError, IsADirectoryError: there is no such file.
+        BadFile: it is damaged or not OpenStreetMap data.
+        BadValue: the context has no streets with a CRS in metres, or there is too much around them.
+        MissingExtra: osmium or pyproj is not installed.
+    """
+    crs, box = _place_of(ctx)
+    file, rules = as_file(filepath), _Rules(buildings=buildings)
+    areas, lines = read_footprints(file, rules), read_lines(file, _LINE_KEYS, _line_of)
+    shapes = chain(
+        zip(footprints.footprints_of(areas), areas.about, strict=True),
+        zip(footprints.lines_of(lines), (lines.about[row] for row in lines.owners.tolist()), strict=True),
+    )
+    return _without_crowds(ctx, _scenery(list(shapes), crs, box))
+
+
+def scenery_from_osm(location: Location, ctx: IContext, *, buildings: bool = True, offline: bool = False) -> Scenery:
+    """Return what a place, such as `"Monaco"`, has around the streets of a context, from OpenStreetMap's servers.
+
+    Everything but `location` is as for `scenery_from_file`. `offline` takes what the servers answered before.
+
+    Raises:
+        BadType, BadValue: the location is impossible, or as for `scenery_from_file`.
+        PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
+        MissingExtra: requests or pyproj is not installed.
+    """
+    crs, box = _place_of(ctx)
+    rules, wanted = _Rules(buildings=buildings), dict[str, bool | list[str]]()
+    for key, value in _AREAS:
+        wanted.setdefault(key, []).append(value)  # type: ignore[union-attr] # a list, as each of them is
+    if buildings:
+        wanted["building"] = True
+    found = features_of_place(location, wanted, _LINE_KEYS, offline=offline)
+    about = [
+        rules.wall_of(tags) if shape.geom_type in ("Polygon", "MultiPolygon") else _line_of(tags)
+        for shape, tags in found
+    ]
+    return _without_crowds(
+        ctx, _scenery([(shape, what) for (shape, _), what in zip(found, about, strict=True) if what], crs, box)
+    )
+
+
+class _Rules:
+    """What is made of an area: a building, an area of the base map, or nothing.
+
+    Args:
+        buildings: whether buildings are wanted.
+    """
+
+    def __init__(self, *, buildings: bool) -> None:
+        self._walls = WallRules({"building": True}, wall_estimates()) if buildings else None
+        self.keys = sorted({key for key, _ in _AREAS} | ({"building"} if buildings else set()))
+
+    def wall_of(self, tags: Tags) -> "Wall | SceneryKind | None":
+        """Return the walls around an area with these tags, or the kind of an area that has none; None for others."""
+        wall = None if self._walls is None else self._walls.wall_of(tags)
+        return wall or _kind_of(tags, _AREAS)
+
+
+def _line_of(tags: Tags) -> SceneryKind | str | None:
+    """Return the kind of a line with these tags; `_COAST` for a coast, None for what is not drawn."""
+    return _COAST if tags.get("natural") == _COAST else _kind_of(tags, _LINES)
+
+
+def _kind_of(tags: Tags, table: Mapping[tuple[str, str], SceneryKind]) -> SceneryKind | None:
+    """Return the kind of a thing that lies on the ground; None where it lies below, or is of no kind."""
+    if layer_of(tags) < 0 or tags.get("tunnel", "no") != "no" or tags.get("location") in ("underground", "underwater"):
+        return None
+    return next((kind for (key, value), kind in table.items() if tags.get(key) == value), None)
+
+
+def _place_of(ctx: IContext) -> tuple[str, "BaseGeometry"]:
+    """Return the CRS of the streets of a context, and the rectangle around them in its metres."""
+    import shapely
+
+    columns = ctx.graph.columns()
+    if columns.crs is None or not len(columns.xy):
+        raise BadValue("The context has no streets with a CRS. Load them first: ctx.graph.attach_networkx_graph(…).")
+    crs, in_degrees = crs_of(columns.crs)
+    if in_degrees:
+        raise BadValue(f"The streets are in {crs}, which counts in degrees; scenery needs metres.")
+    low, high = columns.xy.min(axis=0) - _MARGIN_M, columns.xy.max(axis=0) + _MARGIN_M
+    return crs, shapely.box(*low.tolist(), *high.tolist())
+
+
+def _without_crowds(ctx: IContext, scenery: Scenery) -> Scenery:
+    """Return a scenery without its buildings where these are too many to be drawn."""
+    walls = len(scenery.buildings.ids)
+    if walls <= _MOST_WALLS:
+        return scenery
+    ctx.logger.warning(f"The buildings around the streets have {walls} walls; above {_MOST_WALLS}, they are not drawn.")
+    return replace(scenery, buildings=no_scenery().buildings)
+
+
+def _scenery(features: list[_Feature], crs: str, box: "BaseGeometry") -> Scenery:
+    """Return what lies in a rectangle of shapes in degrees."""
+    import shapely
+
+    to_metres = partial(project, source=WGS84, target=crs)
+    shapes: Shapes = np.empty(len(features), object)
+    shapes[:] = [shape for shape, _ in features]
+    projected = shapely.transform(shapes, to_metres)
+    shapely.prepare(box)
+    is_near = np.isfinite(shapely.bounds(projected)).all(axis=1)
+    is_near[is_near] = shapely.intersects(box, shapely.envelope(projected[is_near]))
+    rows = np.flatnonzero(is_near).tolist()
+    walls = [row for row in rows if isinstance(features[row][1], Wall)]
+    by_kind = {kind: projected[[row for row in rows if features[row][1] == kind]] for kind in (*SceneryKind, _COAST)}
+    kinds, lines = list[int](), list[FloatArray]()
+    for kind in SceneryKind:
+        if kind < SceneryKind.WATERWAY:
+            more = _sea(by_kind[_COAST], box) if kind is SceneryKind.WATER else []
+            found = list(_outlines(by_kind[kind], more, box))
+        else:
+            found = list(_drawn_lines(by_kind[kind], box))
+        lines += found
+        kinds += [int(kind)] * len(found)
+    offsets = np.cumsum([0, *map(len, lines)])
+    points = np.round(np.concatenate([np.zeros((0, 2)), *lines]) * _GRID) / _GRID
+    about = [features[row][1] for row in walls]
+    return Scenery(np.array(kinds, np.int64), offsets, points, _buildings(shapes[walls], about, to_metres, box))
+
+
+def _buildings(
+    shapes: Shapes, walls: Sequence[Wall], to_metres: Callable[[FloatArray], FloatArray], box: "BaseGeometry"
+) -> ObstacleColumns:
+    """Return the walls of the buildings whose middle lies in a rectangle."""
+    import shapely
+
+    bounds = shapely.bounds(shapes).reshape(-1, 4)
+    is_in = (
+        footprints.is_inside(box, to_metres((bounds[:, :2] + bounds[:, 2:]) / 2)) if len(bounds) else np.zeros(0, bool)
+    )
+    chosen = [wall for wall, inside in zip(walls, is_in.tolist(), strict=True) if inside]
+    if not chosen:
+        return no_scenery().buildings
+    faces = faces_of(shapes[is_in], chosen, to_metres, _TOLERANCE)
+    return ObstacleColumns(np.arange(len(faces.types)), np.round(faces.corners * _GRID) / _GRID, faces.types)
+
+
+def _outlines(shapes: Shapes, more: "list[BaseGeometry]", box: "BaseGeometry") -> Iterator[FloatArray]:
+    """Yield the polygons of the union of areas in a rectangle, holes joined by seams."""
+    import shapely
+
+    union = shapely.union_all([*shapely.intersection(footprints.repaired(shapes), box), *more])
+    for part in shapely.get_parts(shapely.simplify(union, _AREA_M)):
+        if shapely.get_type_id(part) == _POLYGON and part.area >= _LEAST_M2:
+            yield _seamed(shapely.normalize(part))
+
+
+def _seamed(polygon: "BaseGeometry") -> FloatArray:
+    """Return one line around a normal polygon, whose holes run the other way around; a seam leads to each and back."""
+    import shapely
+
+    outer, *holes = (shapely.get_coordinates(ring) for ring in shapely.get_rings(polygon))
+    return np.concatenate([outer[:-1], *(np.concatenate([outer[:1], hole]) for hole in holes)])
+
+
+def _drawn_lines(shapes: Shapes, box: "BaseGeometry") -> Iterator[FloatArray]:
+    """Yield the lines in a rectangle, joined where they meet."""
+    import shapely
+
+    parts = shapely.get_parts(shapely.intersection(shapes, box))
+    parts = parts[shapely.get_type_id(parts) == _LINE]
+    joined = shapely.get_parts(shapely.line_merge(shapely.multilinestrings(parts)))
+    for line in shapely.simplify(joined, _LINE_M):
+        if line.length:
+            yield shapely.get_coordinates(line)
+
+
+def _sea(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
+    """Return the parts of a rectangle that lie at the right of coastlines, and not at the left of any."""
+    import shapely
+
+    if not len(coasts):
+        return []
+    points, line = shapely.get_coordinates(coasts, return_index=True)
+    start = np.flatnonzero((line[:-1] == line[1:]) & (points[:-1] != points[1:]).any(axis=1))
+    ways = points[start + 1] - points[start]
+    pieces = shapely.intersection(shapely.linestrings(np.stack([points[start], points[start + 1]], axis=1)), box)
+    is_in = shapely.length(pieces) > 0.0
+    pieces, ways = pieces[is_in], ways[is_in]
+    middles = shapely.get_coordinates(shapely.line_interpolate_point(pieces, 0.5, normalized=True))
+    right, lengths = ways[:, ::-1] / np.hypot(*ways.T)[:, None] * (1.0, -1.0), shapely.length(pieces)
+    cut = shapely.union_all([*shapely.intersection(coasts, box), box.boundary, *_ways_out(coasts, box)])
+    parts = shapely.get_parts(shapely.polygonize(shapely.get_parts(cut)))
+    found, tree = [], shapely.STRtree(parts)
+    votes = np.zeros((2, len(parts)))
+    for side, sign in enumerate((1.0, -1.0)):
+        beside = shapely.points(middles + sign * _BESIDE_M * right)
+        rows, hit = tree.query(beside, predicate="within")
+        np.add.at(votes[side], hit, lengths[rows])
+    for part, at_right, at_left in zip(parts, *votes.tolist(), strict=True):
+        if at_right > 0.0 and at_right >= _SURE * (at_right + at_left):
+            found.append(part)
+    return found
+
+
+def _ways_out(coasts: Shapes, box: "BaseGeometry") -> "list[BaseGeometry]":
+    """Return lines from where coasts end near the edge of a rectangle to that edge."""
+    import shapely
+
+    points, line = shapely.get_coordinates(coasts, return_index=True)
+    is_end = np.append(True, np.diff(line) > 0) | np.append(np.diff(line) > 0, True)
+    ends, count = np.unique(points[is_end], axis=0, return_counts=True)
+    places = shapely.points(ends[count == 1])
+    ways = shapely.shortest_line(places, box.boundary)
+    is_way = shapely.within(places, box) & (shapely.length(ways) <= _REACH_M)
+    return list(ways[is_way])
