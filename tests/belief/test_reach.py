@@ -29,7 +29,8 @@ def worlds(draw):
         "fov": draw(st.sampled_from([None, 0.8, 2.0])),
         "is_one_sensor": draw(st.booleans()),
         "changes": draw(st.dictionaries(st.integers(0, 7), st.tuples(node, node, st.floats(0.5, 9.0)), max_size=5)),
-        "phase": draw(st.sampled_from(["before", "after"])),
+        "phase": draw(st.sampled_from(["before", "deeds", "after"])),
+        "order": draw(st.sampled_from([None, [["a"], ["b"]], [["b"], ["a"]]])),
         "respawns": draw(st.sets(st.integers(0, 7), max_size=2)),
         "out": draw(st.sets(st.integers(0, 7), max_size=1)),
         "share": draw(st.booleans()),
@@ -79,19 +80,15 @@ def test_the_truth_is_always_in_the_set(world):
         checked = []
 
         def watch(state):
-            known = belief.observe(ctx, state, share=world["share"], horizon=world["horizon"])
-            checked.append((known.turn, known.reachable("prey")))
+            known, prey = (
+                belief.observe(ctx, state, share=world["share"], horizon=world["horizon"]),
+                ctx.agent.get_agent("prey"),
+            )
+            where = prey.current_node_id if prey.alive else None
+            checked.append((known.turn, known.reachable("prey"), where))
             state["action"] = state["draw"].choice(state["legal"])
 
-        where = {}
-
-        @ctx.game.add(phase="before")
-        def note_truth(ctx):
-            prey = ctx.agent.get_agent("prey")
-            where[ctx.game.turn] = prey.current_node_id if prey.alive else None
-
         ctx.game.add(changing(world), phase=world["phase"])
-        ctx.game.add(ctx.game.remove("note_truth") or note_truth, phase="before")  # after what changes the world
         ctx.agent.create_agent("prey", start_node_id=world["starts"][0], team="a", strategy=rover)
         if world["speed"] is not None:
             ctx.agent.get_agent("prey").speed = world["speed"]
@@ -104,9 +101,10 @@ def test_the_truth_is_always_in_the_set(world):
                 eyes = ctx.sensor.create_sensor(f"eyes {i}", kind, **options)
             start = world["starts"][i + 1]
             ctx.agent.create_agent(f"w{i}", start_node_id=start, team="b", sensors={"eyes": eyes}, strategy=watch)
+        ctx.game.order = world["order"]
         ctx.game.run(9)
-        for turn, reachable in checked:
-            assert where[turn] in reachable or (where[turn] is None and not reachable), turn
+        for turn, reachable, where in checked:
+            assert where in reachable or (where is None and not reachable), turn
 
 
 def test_a_target_gets_one_edge_farther_in_each_turn(make_ctx, add):
@@ -270,3 +268,27 @@ def test_agents_that_are_dead_fly_or_are_unknown(make_ctx, add):
         known.reachable("drone")
     with pytest.raises(UnknownName, match="nobody"):
         known.probability("nobody")
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("order", [None, [["red"], ["blue"]], [["blue"], ["red"]]])
+def test_an_agent_that_was_respawned_is_no_longer_believed_where_it_was_seen(make_ctx, add, phase, order):
+    ctx, checked = make_ctx(40), []
+
+    def watch(state):
+        known, node = belief.observe(ctx, state), ctx.agent.get_agent("prey").current_node_id
+        checked.append((node in known.reachable("prey"), known.probability("prey").get(node, 0.0) > 0.0))
+        state["action"] = state["curr_pos"]
+
+    def put(ctx):
+        if ctx.game.turn in (3, 9):
+            ctx.game.respawn("prey")
+
+    add(
+        ctx, "spy", 14, "red", sight=25.0, strategy=watch
+    )  # who sees the prey on nodes 12 to 16, also when it is put back
+    add(ctx, "prey", 10, "blue", strategy=lambda state: state.update(action=state["curr_pos"] + 1))
+    ctx.game.order = order
+    ctx.game.add(put, phase=phase)
+    ctx.game.run(14)
+    assert checked == [(True, True)] * 14

@@ -7,11 +7,11 @@ team, what all have observed in a turn is joined, once all know it, to one entry
 observers to their entries. So the memory of a large team, which each member copies in each turn, stays small.
 
 What is reported of an earlier turn is in an entry of its own, because the team may have joined that turn already:
-`("belief reports", turn, observer)` -> JSON, a list of (agent, node, turn in which it was there).
+`("belief reports", turn, observer)` -> JSON, a list of (agent, node, turn when it was there, whether it was put there).
 """
 
 import json
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from hashlib import blake2b
 from typing import Any, NamedTuple
@@ -60,6 +60,15 @@ class Observation(NamedTuple):
     found: Mapping[str, int]  # agent -> node
     looks: tuple[Look, ...]
     closed: tuple[Arc, ...] | None  # edges that were open until this turn; None: it is not known which
+
+
+class Report(NamedTuple):
+    """Where an agent was in an earlier turn, as it became known later."""
+
+    name: str
+    node: int
+    turn: int
+    is_put: bool  # there by a rule, so that what was seen in that turn does not hold any more
 
 
 class Sighting(NamedTuple):
@@ -112,15 +121,15 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
     """Return what was observed in each turn, by all that is in several memories."""
     joined: dict[int, set[str]] = {}
     alone: dict[int, dict[str, str]] = {}
-    reports: dict[int, dict[str, dict[str, int]]] = {}
+    reports: dict[int, list[tuple[str, Report]]] = {}
     for memory in memories:
         for key, text in memory.items():
             if type(key) is not tuple or len(key) != 3:
                 continue
             kind, turn, by = key
             if kind == _REPORTS:
-                for name, node, then in _reports_in(turn, by, text):
-                    reports.setdefault(then, {}).setdefault(by, {})[name] = node
+                for report in _reports_in(turn, by, text):
+                    reports.setdefault(report.turn, []).append((by, report))
             elif kind == ENTRY and by == _ALL:
                 joined.setdefault(turn, set()).add(text)
             elif kind == ENTRY:
@@ -132,14 +141,19 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
     return dict(sorted(found.items()))
 
 
-def _with_reports(turn: int, texts: Mapping[str, str], reported: Mapping[str, Mapping[str, int]]) -> Turn:
-    """Return a turn with what was reported of it later: observer -> agent -> node; what was seen then counts more."""
-    joined = dict(texts)
-    for by, places in reported.items():
-        entry = json.loads(joined.get(by, "{}"))
-        found = dict(sorted({**places, **entry.get("found", {})}.items()))
-        joined[by] = _as_text({"found": found, **{part: entry[part] for part in entry if part != "found"}})
-    return Turn(turn, joined)
+def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[str, Report]]) -> Turn:
+    """Return a turn with what observers learnt of it later."""
+    entries = {by: json.loads(text) for by, text in texts.items()}
+    found: dict[str, dict[str, int]] = {by: entry.pop("found", {}) for by, entry in entries.items()}
+    for by, report in sorted(reports):
+        if report.is_put:
+            for places in found.values():
+                places.pop(report.name, None)
+        found.setdefault(by, {}).setdefault(report.name, report.node)
+    return Turn(
+        turn,
+        {by: _as_text({"found": dict(sorted(places.items())), **entries.get(by, {})}) for by, places in found.items()},
+    )
 
 
 def _turn_of(turn: int, joined: Collection[str], alone: Mapping[str, str]) -> Turn:
@@ -191,7 +205,7 @@ def last_sightings(turns: Mapping[int, Turn]) -> dict[str, Sighting]:
 def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
     """Write into memory what the sensors of an agent show in this turn of agents that are not of its team."""
     agent = ctx.agent.get_agent(_required(state, "name"))
-    found, looks = _respawned(ctx, state), []
+    found, looks = _respawned(ctx, state, share=share), []
     for name, (kind, data) in state["sensor"].items():
         if kind not in _ON_GROUND | _IN_AIR:
             continue
@@ -240,8 +254,7 @@ def note(
     if then == now:
         _note(ctx, state, {"found": {agent.name: where}, "looks": []}, share=share)
         return
-    memory, key = _required(state, "memory"), (_REPORTS, now, _required(state, "name"))
-    _write(state, key, _as_text([*json.loads(memory.get(key, "[]")), [agent.name, where, then]]), share=share)
+    _report(state, Report(agent.name, where, then, is_put=False), share=share)
 
 
 def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, share: bool) -> None:
@@ -253,6 +266,13 @@ def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, shar
     entry = {"found": found, "looks": looks, "closed": known.get("closed", []) or _closed(ctx, memory)}
     text = _as_text({name: part for name, part in entry.items() if part not in ({}, [])})
     _write(state, key, text, share=share)
+
+
+def _report(state: State | AerialState, report: Report, *, share: bool) -> None:
+    key = (_REPORTS, _required(state, "turn"), _required(state, "name"))
+    known = json.loads(_required(state, "memory").get(key, "[]"))
+    if list(report) not in known:
+        _write(state, key, _as_text([*known, report]), share=share)
 
 
 def _write(state: State | AerialState, key: Key, text: str, *, share: bool) -> None:
@@ -286,8 +306,11 @@ def _nodes_under(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, 
     }
 
 
-def _respawned(ctx: Context, state: State | AerialState) -> dict[str, int]:
-    """Return where agents were put by `ctx.game.respawn` since the last turn, which all strategies can read."""
+def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict[str, int]:
+    """Return where agents were put by `ctx.game.respawn` since the last turn, which all strategies can read.
+
+    What may have moved since is reported of an earlier turn.
+    """
     found: dict[str, int] = {}
     if ctx.current_game is None:
         return found
@@ -299,7 +322,19 @@ def _respawned(ctx: Context, state: State | AerialState) -> dict[str, int]:
         name = event.get("agent")
         if event["kind"] == "respawned" and name in ctx.agent.agents and _is_other(ctx, state, name):
             found.setdefault(name, event["node"])
+    for name in [one for one in found if _may_have_moved(ctx, state, one)]:
+        report = Report(name, found.pop(name), state["turn"] - 1, is_put=True)
+        if state["turn"]:  # before the first turn it can be anywhere
+            _report(state, report, share=share)
     return found
+
+
+def _may_have_moved(ctx: Context, state: State | AerialState, name: str) -> bool:
+    """Return whether an agent may have moved between a respawn of the last turn and this observation."""
+    part_of = {team: part for part, teams in enumerate(ctx.game.order or ()) for team in teams}
+    is_earlier = part_of.get(getattr(ctx.agent.get_agent(name), "team", None), 0) < part_of.get(state["team"], 0)
+    # A rule for deeds may have put it where it was already, and then it has moved on; no event says which rule it was.
+    return is_earlier or any(rule.phase == "deeds" for rule in ctx.game.rules)
 
 
 def _look(ctx: Context, node_ids: IntArray, detection: FloatArray, not_shown: list[str]) -> list[Any]:
@@ -329,10 +364,9 @@ def _read(turn: int, by: str, text: str) -> Observation:
 
 
 @lru_cache(maxsize=1 << 10)
-def _reports_in(turn: int, by: str, text: str) -> list[tuple[str, int, int]]:
-    """Return agent, node and the turn when it was there."""
+def _reports_in(turn: int, by: str, text: str) -> list[Report]:
     try:
-        return [(str(name), int(node), int(then)) for name, node, then in json.loads(text)]
+        return [Report(str(name), int(node), int(then), bool(put)) for name, node, then, put in json.loads(text)]
     except (TypeError, ValueError) as error:
         raise _nonsense(turn, by, text) from error
 
@@ -344,7 +378,7 @@ def _nonsense(turn: int, by: str, text: str) -> BadType:
     )
 
 
-def _as_text(entry: Mapping[str, Any] | list[Any]) -> str:
+def _as_text(entry: Mapping[str, Any] | Sequence[Any]) -> str:
     return json.dumps(entry, separators=(",", ":"))
 
 
@@ -386,9 +420,9 @@ def _prune(memory: Memory, turn: int, horizon: int) -> None:
             if found or closed:
                 memory[ENTRY, then, by] = _as_text(({"found": found} if found else {}) | closed)
     for key in [key for key in memory if type(key) is tuple and key[0] == _REPORTS]:
-        kept = [report for report in _reports_in(key[1], key[2], memory.pop(key)) if report[2] >= turn - horizon]
+        kept = [report for report in _reports_in(key[1], key[2], memory.pop(key)) if report.turn >= turn - horizon]
         if kept:
-            memory[key] = _as_text([list(report) for report in kept])
+            memory[key] = _as_text(kept)
 
 
 def _join(memory: Memory, turn: int) -> None:
