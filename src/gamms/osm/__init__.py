@@ -11,7 +11,7 @@ Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` re
 columns, `modes.py` says who may use them, `tags.py` what they keep, `areas.py` leads across squares, `topology.py`
 simplifies, merges and cuts, `networkx_bridge.py` makes the graph, `fidelity.py` compares it with the map.
 `buildings.py` makes obstacles of maps; `footprints.py` says what is a wall and where, `walls.py` makes faces of that.
-`scenery.py` makes what is only drawn.
+`scenery.py` makes what is only drawn, `elevation.py` puts roads on the ground.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;
 everything after that is the same.
 """
@@ -25,6 +25,7 @@ from gamms.osm.buildings import (
     obstacle_from_xml,
 )
 from gamms.osm.constants import BARRIER_HEIGHTS, HEIGHT_ESTIMATES_TYPES, OSM_OBSTACLE_TAGS, wall_estimates
+from gamms.osm.elevation import Elevation, add_elevation
 from gamms.osm.fidelity import Report, report
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import (
@@ -53,9 +54,11 @@ __all__ = [
     "HEIGHT_ESTIMATES_TYPES",
     "OSM_OBSTACLE_TAGS",
     "Access",
+    "Elevation",
     "Mode",
     "OSMType",
     "Report",
+    "add_elevation",
     "consolidate",
     "create_osm_graph",
     "extract_osm_polygon_faces",

@@ -16,8 +16,10 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
 from gamms.osm.areas import with_ways_across
+from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
 from gamms.osm.geojson import is_geojson, read_lines
 from gamms.osm.modes import (
+    Mode,
     ModeFunction,
     as_mode,
     closed_rule,
@@ -96,9 +98,13 @@ class MapOptions(TypedDict, total=False):
 
     `tags` names tags that edges keep besides the usual ones, and nodes where they have them: a node of the map with one
     of them is a node of the graph.
+
+    `elevation` is a .hgt file of SRTM, or a folder of them: nodes get their height as `z` and edges their `grade`, and
+    walkers take longer uphill.
     """
 
     tags: Sequence[str]
+    elevation: "ElevationPath | Elevation | None"
 
 
 Made = TypeVar("Made", bound=Callable[..., Any])
@@ -166,7 +172,7 @@ def graph_from_xml(
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
-@with_options(MapOptions, {"tags": ()})
+@with_options(MapOptions, {"tags": (), "elevation": None})
 def graph_from_file(
     filepath: FilePath,
     resolution: float = 10.0,
@@ -206,7 +212,8 @@ def graph_from_file(
     tolerance = tolerance_of(mode) if tolerance is None else tolerance
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     recipe = for_mode(recipe, mode, bidirectional, strong)
-    return _graph(filepath, recipe, read_ways, selection_of(recipe, mode, as_tags(more.get("tags", ()))))
+    selection = selection_of(recipe, mode, as_tags(more.get("tags", ())))
+    return _graph(filepath, recipe, read_ways, selection, as_ground(more.get("elevation"), mode))
 
 
 def for_mode(recipe: Recipe, mode: ModeFunction | None, bidirectional: bool | None, strong: bool | None) -> Recipe:
@@ -308,20 +315,42 @@ def resample_columns(columns: GraphColumns, resolution: float = 10.0, bidirectio
         return cut(network_of_columns(columns), recipe, show)
 
 
-def _graph(filepath: FilePath, recipe: Recipe, read: _Reader, selection: Selection) -> "nx.DiGraph[int]":
+class Ground(NamedTuple):
+    """Where roads get their heights from."""
+
+    elevation: Elevation
+    is_walked: bool  # whether slopes count in travel times
+
+
+def as_ground(elevation: "ElevationPath | Elevation | None", mode: ModeFunction | None) -> Ground | None:
+    """Return the ground for a mode of travel; None without heights.
+
+    Raises:
+        FileNotFoundError, BadFile, BadType: there are no such heights.
+    """
+    heights = as_elevation(elevation)
+    is_walked = isinstance(mode, Mode) and mode.slope == "walked"
+    return None if heights is None else Ground(heights, is_walked)
+
+
+def _graph(
+    filepath: FilePath, recipe: Recipe, read: _Reader, selection: Selection, ground: Ground | None = None
+) -> "nx.DiGraph[int]":
     file = as_file(filepath)
     # Nothing can be shown while osmium reads its first nodes: say so before, where that takes a second.
     with progress(0.0 if file.stat().st_size > _SLOW_BYTES else 1.0) as show:
         network = read_network(file, show, selection, read)
         show(f"Joining {len(network.sources)} roads")
         network = topology.simplify(network) if recipe.simplify else network
-        return cut(topology.consolidate(network, recipe.tolerance), recipe, show)
+        return cut(topology.consolidate(network, recipe.tolerance), recipe, show, ground)
 
 
-def cut(network: RoadNetwork, recipe: Recipe, show: Show) -> "nx.DiGraph[int]":
+def cut(network: RoadNetwork, recipe: Recipe, show: Show, ground: Ground | None = None) -> "nx.DiGraph[int]":
     """Cut joined roads as the recipe says, and make the graph."""
     show(f"Cutting {len(network.sources)} roads")
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
+    if ground is not None:
+        pieces = on_ground(pieces, ground.elevation, is_walked=ground.is_walked)
     show(f"Making a graph of {len(pieces.sources)} pieces")
     return to_digraph(pieces, _about(recipe, network))
 

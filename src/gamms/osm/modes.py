@@ -61,6 +61,7 @@ class Mode:
     maxspeed: Literal["ignored", "limit", "speed"]  # what a sign is: nothing, an upper bound, or the speed itself
     tolerance: Annotated[float, Meta(ge=0.0)]  # metres: the default of loaders for merging junctions
     barriers: tuple[str, ...] = ()  # values of `barrier` of nodes that stop agents unless the mode's own key opens them
+    slope: Literal["ignored", "walked"] = "ignored"  # whether the times on slopes are those of walkers
 
     def __call__(self, tags: Mapping[str, str]) -> Access | None:
         """Return how a way with these tags may be used; None: it is closed."""

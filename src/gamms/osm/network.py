@@ -417,6 +417,8 @@ class RoadNetwork:
     attribution: str | None = ATTRIBUTION
     refs: IntArray | None = None  # (nodes,)  OpenStreetMap node ids; 0 for a node that it does not have
     nodes: NodeTags = _NO_NODE_TAGS
+    z: FloatArray | None = None  # (nodes,)  metres above sea level
+    is_walked: bool = False  # whether slopes count in travel times
 
 
 def network_of_part(segments: Segments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:

@@ -102,6 +102,42 @@ def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
     return np.where(np.isnan(given), needed, given * share)
 
 
+def grades(z: FloatArray, ends: IntArray, lengths: FloatArray) -> FloatArray:
+    """Return the rise of each edge from its first to its second end, as a share of its length."""
+    rise = z[ends[:, 1]] - z[ends[:, 0]]
+    grade: FloatArray = np.divide(rise, lengths, out=np.zeros(len(lengths)), where=lengths > 0.0)
+    return grade
+
+
+def walking_factor(grade: FloatArray) -> FloatArray:
+    """Return how many times longer walking takes on a slope than on level ground.
+
+    By the hiking function of Tobler ("Three presentations on geographical analysis and modeling", 1993): the speed is
+    proportional to exp(-3.5 |grade + 0.05|), the greatest on a gentle way down.
+    """
+    steep = np.clip(grade, -_STEEPEST, _STEEPEST)
+    factor: FloatArray = np.exp(3.5 * (np.abs(steep + 0.05) - 0.05))
+    return factor
+
+
+def _is_upright(tags: Mapping[str, Any]) -> bool:
+    """Return whether a way is stairs or the like, whose speed takes its climb into account already."""
+    return tags.get("highway") in _UPRIGHT
+
+
+def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[FloatArray, FloatArray] | None:
+    """Return the grade of each of some roads, walked there or back, and what it does to the travel time.
+
+    None where the nodes have no heights.
+    """
+    if network.z is None:
+        return None
+    grade = grades(network.z, np.column_stack((network.sources, network.targets)), network.lengths)[roads]
+    grade = np.where(is_back, -grade, grade)
+    is_upright = np.array([_is_upright(of_way) for of_way in network.tags], np.bool_)[network.ways][roads]
+    return grade, np.where(is_upright | (not network.is_walked), 1.0, walking_factor(grade))
+
+
 def _texts(value: object) -> list[str]:
     if isinstance(value, (list, tuple)):
         return [text for part in value for text in _texts(part)]
@@ -123,6 +159,8 @@ def _of_sign(text: str) -> float | None:
 
 G = TypeVar("G", bound="nx.DiGraph[int]")
 _NOTHING = object()
+_STEEPEST = 1.0  # steeper is a fault of the data
+_UPRIGHT = ("steps", "escalator", "elevator")  # whose speed takes the climb into account
 _RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names that a graph gives to what is no tag
 _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
 
@@ -209,7 +247,7 @@ def to_columns(network: RoadNetwork) -> GraphColumns:
     order = np.lexsort((first, ends[0][first]))
     chosen = last[order]
     sources, targets = ends[:, chosen]
-    attributes = _attribute_columns(network, roads[chosen])
+    attributes = _attribute_columns(network, roads[chosen], is_back[chosen])
     if len(pairs) < len(keys):
         _keep_older_tags(network, attributes, roads, np.argsort(order)[group])
     xy = network.xy[firsts]
@@ -239,11 +277,11 @@ def _node_columns(network: RoadNetwork, rows: IntArray) -> dict[str, dict[int, A
     for row, ref in numbers.items():
         for name, value in network.nodes.of.get(ref, {}).items():
             columns.setdefault(name, {})[row] = value
-    return columns
+    return columns if network.z is None else {**columns, "z": dict(enumerate(network.z[rows].tolist()))}
 
 
-def _attribute_columns(network: RoadNetwork, roads: IntArray) -> dict[str, dict[int, Any]]:
-    """Return name -> row -> value of the edges of some roads."""
+def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> dict[str, dict[int, Any]]:
+    """Return name -> row -> value of the edges of some roads, there or back."""
     tags = [{**deepcopy(dict(of_way)), "speed_kph": speed_kph(of_way)} for of_way in network.tags]
     ways = network.ways[roads]
     columns: dict[str, dict[int, Any]] = {}
@@ -253,8 +291,13 @@ def _attribute_columns(network: RoadNetwork, roads: IntArray) -> dict[str, dict[
         if len(rows):
             columns[name] = dict(zip(rows.tolist(), (values[way] for way in ways[rows].tolist()), strict=True))
     speeds = np.array([of_way["speed_kph"] for of_way in tags], np.float64)
-    times = travel_times(network, speeds)[roads].tolist()
-    return {**columns, "travel_time": dict(enumerate(times))} if times else columns
+    times, slopes = travel_times(network, speeds)[roads], _slopes(network, roads, is_back)
+    if not len(times):
+        return columns
+    if slopes is None:
+        return {**columns, "travel_time": dict(enumerate(times.tolist()))}
+    grade, factor = (dict(enumerate(values.tolist())) for values in (slopes[0], times * slopes[1]))
+    return {**columns, "travel_time": factor, "grade": grade}
 
 
 def _keep_older_tags(network: RoadNetwork, columns: dict[str, dict[int, Any]], roads: IntArray, rows: IntArray) -> None:
@@ -321,14 +364,25 @@ def _edges(network: RoadNetwork, numbers: IntArray) -> Iterator[tuple[int, int, 
     there = line_strings(network.points, line)
     back = line_strings(network.points[reversed_points(network.offsets)], line)
     tags = [{**deepcopy(dict(of_way)), "speed_kph": speed_kph(of_way)} for of_way in network.tags]
-    times = travel_times(network, np.array([of_way["speed_kph"] for of_way in tags], np.float64)).tolist()
+    times = travel_times(network, np.array([of_way["speed_kph"] for of_way in tags], np.float64))
+    climbs = [_climbs(network, times, is_back=is_back) for is_back in (False, True)]
     sources, targets = numbers[network.sources].tolist(), numbers[network.targets].tolist()
     lengths, two_way, ways = network.lengths.tolist(), network.two_way.tolist(), network.ways.tolist()
     for road, id in enumerate(ids):
-        u, v, length, time, of_way = sources[road], targets[road], lengths[road], times[road], tags[ways[road]]
-        yield u, v, {"id": id, "linestring": there[road], "length": length, **of_way, "travel_time": time}
+        u, v, length, of_way = sources[road], targets[road], lengths[road], tags[ways[road]]
+        yield u, v, {"id": id, "linestring": there[road], "length": length, **of_way, **climbs[0][road]}
         if two_way[road]:
-            yield v, u, {"id": id + 1, "linestring": back[road], "length": length, **of_way, "travel_time": time}
+            yield v, u, {"id": id + 1, "linestring": back[road], "length": length, **of_way, **climbs[1][road]}
+
+
+def _climbs(network: RoadNetwork, times: FloatArray, *, is_back: bool) -> list[dict[str, float]]:
+    """Return the travel time of each road, and its grade where that is known."""
+    roads = np.arange(len(times))
+    slopes = _slopes(network, roads, np.full(len(times), is_back))
+    if slopes is None:
+        return [{"travel_time": time} for time in times.tolist()]
+    pairs = zip((times * slopes[1]).tolist(), slopes[0].tolist(), strict=True)
+    return [{"travel_time": time, "grade": grade} for time, grade in pairs]
 
 
 def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:

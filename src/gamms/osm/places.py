@@ -13,7 +13,7 @@ from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, project, utm_crs
-from gamms.osm.load import MapOptions, Recipe, cut, for_mode, recipe_of, refuse_unknown, with_options
+from gamms.osm.load import Ground, MapOptions, Recipe, as_ground, cut, for_mode, recipe_of, refuse_unknown, with_options
 from gamms.osm.modes import ModeFunction, as_mode, honouring_traffic, tolerance_of
 from gamms.osm.network import OSMType, RoadNetwork, as_osm_type
 from gamms.osm.overpass import Location, StreetOptions, streets_of_place, streets_of_polygon
@@ -30,7 +30,12 @@ if TYPE_CHECKING:
 _MOST_RADIUS_M = 75_000.0
 _CORNERS = 64  # of a circle
 
-_DEFAULTS = {**StreetOptions()._asdict(), "tolerance": None, "strong": None}  # of areas; None: as the mode says
+_DEFAULTS = {
+    **StreetOptions()._asdict(),
+    "tolerance": None,
+    "strong": None,
+    "elevation": None,
+}  # of areas; None: as the mode says
 
 
 class PlaceOptions(MapOptions, total=False):
@@ -158,12 +163,13 @@ def _graph_of_area(
     mode, bidirectional, strong = as_mode(rest.pop("osm_type")), rest["bidirectional"], rest.pop("strong")
     if rest["tolerance"] is None:
         rest["tolerance"] = tolerance_of(mode)
+    ground = as_ground(rest.pop("elevation"), mode)
     options = StreetOptions(**{**rest, "mode": mode, "tags": as_tags(rest["tags"])})
     recipe = for_mode(_recipe(options), mode, bidirectional, strong)
     if recipe.bidirectional is False:
         mode = honouring_traffic(mode)
     options = options._replace(mode=mode, strong=recipe.strong and not recipe.bidirectional)
-    return _graph(streets_of, area, name, options, recipe)
+    return _graph(streets_of, area, name, options, recipe, ground)
 
 
 def _recipe(options: StreetOptions) -> Recipe:
@@ -179,6 +185,7 @@ def _graph(
     name: str,
     options: StreetOptions,
     recipe: Recipe,
+    ground: Ground | None = None,
 ) -> "nx.DiGraph[int]":
     _check_filter(options.custom_filter)
     # Servers take their time before they answer: show at once what is asked.
@@ -188,7 +195,7 @@ def _graph(
         joined = consolidate(network, recipe.tolerance)
         if not len(joined.sources):
             raise PlaceError(f"All of {name} is within the tolerance of {recipe.tolerance} m. Lower it.")
-        return cut(joined, recipe, show)
+        return cut(joined, recipe, show, ground)
 
 
 def _check_filter(custom_filter: object) -> None:

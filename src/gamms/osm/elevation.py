@@ -1,0 +1,235 @@
+"""Heights of the ground from files of the Shuttle Radar Topography Mission (.hgt), and slopes of roads.
+
+A file covers one degree by one degree and is named after its south-western corner, such as N60E024.hgt: rows from north
+to south of 1201 (SRTM3) or 3601 (SRTM1) big-endian numbers of 16 bits, metres above sea level, -32768 where none is
+known (USGS, "SRTM Topography", 2015). decisions/0039 says what heights mean to walking times and sight lines.
+"""
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from gamms.arguments import as_path
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.projection import WGS84, crs_of, project
+from gamms.osm.network import RoadNetwork, components
+from gamms.osm.networkx_bridge import grades
+from gamms.text import shown
+
+if TYPE_CHECKING:
+    import networkx as nx
+
+_NAME = re.compile(r"([NS])(\d{2})([EW])(\d{3})(?:\.SRTMGL[13])?\.hgt", re.IGNORECASE)
+_ENDINGS = (".hgt", ".SRTMGL1.hgt", ".SRTMGL3.hgt", ".HGT")
+_POSTS = {2 * posts * posts: posts for posts in (1201, 3601)}  # bytes of a file -> posts along a side
+_VOID = -32768
+_REACH = 16  # posts, as far as a void is filled from its rim
+_AT_GROUND = ("no", "building_passage")
+_WAY_OUT = (
+    "Give a .hgt file of SRTM (1201 x 1201 or 3601 x 3601 posts, named after its corner, such as N60E024.hgt), or a "
+    "folder of them. GeoTIFF and .zip are not read: unpack, or convert by gdal_translate -of SRTMHGT."
+)
+ElevationPath = str | os.PathLike[str]
+
+
+class Elevation:
+    """The heights in a .hgt file, or in those of a folder; each is read when a place in it is asked for.
+
+    Raises:
+        FileNotFoundError: there is no such file or folder.
+        BadFile: the file is no .hgt file.
+        BadType: it is no path.
+    """
+
+    def __init__(self, path: ElevationPath) -> None:
+        self._path = as_path(path, "elevation")
+        if not self._path.exists():
+            raise FileNotFoundError(f"There is no file or folder {str(self._path)!r} of heights. {_WAY_OUT}")
+        self._corner = None if self._path.is_dir() else _corner_of(self._path)
+
+    def heights(self, lonlat: FloatArray) -> FloatArray:
+        """Return metres above sea level of places (places, 2) in degrees, between the posts bilinearly.
+
+        Where no height is known it is that of the other posts around, or of the nearest one within 16 posts.
+
+        Raises:
+            BadFile: a file is damaged.
+            BadValue: a place is in none, or in the middle of a void.
+        """
+        south_west = np.floor(lonlat).astype(np.int64)
+        if self._corner is not None:  # the last row and column are the first ones of the next file
+            is_rim = (lonlat == self._corner + 1) & (south_west == self._corner + 1)
+            south_west[is_rim] -= 1
+        heights = np.empty(len(lonlat))
+        for corner in np.unique(south_west, axis=0):
+            inside = (south_west == corner).all(axis=1)
+            file = self._file_at(int(corner[0]), int(corner[1]), lonlat[inside][0])
+            heights[inside] = _interpolated(_read(file), lonlat[inside] - corner, file)
+        return heights
+
+    def _file_at(self, west: int, south: int, place: FloatArray) -> Path:
+        name = f"{'NS'[south < 0]}{abs(south):02d}{'EW'[west < 0]}{abs(west):03d}"
+        if self._corner is not None:
+            if (self._corner == (west, south)).all():
+                return self._path
+        else:
+            for ending in _ENDINGS:
+                if (file := self._path / (name + ending)).is_file():
+                    return file
+        raise BadValue(f"{str(self._path)!r} has no heights at {place.tolist()}: {name}.hgt is needed. {_WAY_OUT}")
+
+
+def as_elevation(value: object) -> Elevation | None:
+    """Return heights, given as such or as a path; None for None."""
+    return value if value is None or isinstance(value, Elevation) else Elevation(value)  # type: ignore[arg-type] # checked
+
+
+def _corner_of(file: Path) -> IntArray:
+    """Return (west, south), by the name of a file."""
+    match = _NAME.fullmatch(file.name)
+    if match is None:
+        raise BadFile(f"{str(file)!r} is not named as a file of heights. {_WAY_OUT}")
+    south = int(match[2]) * (-1 if match[1] in "sS" else 1)
+    return np.array((int(match[4]) * (-1 if match[3] in "wW" else 1), south))
+
+
+def _read(file: Path) -> "np.ndarray[Any, np.dtype[np.int16]]":
+    """Return the heights in a file (posts, posts), from south to north."""
+    size = file.stat().st_size
+    if size not in _POSTS:
+        raise BadFile(f"{str(file)!r} has {size} bytes, and {' or '.join(map(str, _POSTS))} are right. {_WAY_OUT}")
+    return np.fromfile(file, ">i2").reshape(_POSTS[size], _POSTS[size])[::-1]
+
+
+def _interpolated(posts: "np.ndarray[Any, np.dtype[np.int16]]", share: FloatArray, file: Path) -> FloatArray:
+    """Return heights at places (places, 2), as shares of the width and the height of a file."""
+    at = share * (len(posts) - 1)
+    low = np.minimum(at.astype(np.int64), len(posts) - 2)
+    east, north = (at - low).T
+    weights = np.stack([(1.0 - east) * (1.0 - north), east * (1.0 - north), (1.0 - east) * north, east * north])
+    column, row = low.T
+    corners = np.stack([posts[row, column], posts[row, column + 1], posts[row + 1, column], posts[row + 1, column + 1]])
+    weights[corners == _VOID] = 0.0
+    known = weights.sum(axis=0)
+    found: FloatArray = (weights * corners).sum(axis=0) / np.where(known > 0.0, known, 1.0)
+    for lost in np.flatnonzero(known <= 0.0).tolist():
+        found[lost] = _nearest_known(posts, at[lost], file)
+    return found
+
+
+def _nearest_known(posts: "np.ndarray[Any, np.dtype[np.int16]]", at: FloatArray, file: Path) -> float:
+    column, row = np.rint(at).astype(np.int64).tolist()
+    west, south = max(column - _REACH, 0), max(row - _REACH, 0)
+    around = posts[south : row + _REACH + 1, west : column + _REACH + 1]
+    rows, columns = np.nonzero(around != _VOID)
+    if not len(rows):
+        raise BadValue(
+            f"{str(file)!r} has a void around column {column}, row {row} from the south, wider than {_REACH} posts. "
+            "Take a file whose voids are filled."
+        )
+    nearest = np.hypot(rows + south - at[1], columns + west - at[0]).argmin()
+    return float(around[rows[nearest], columns[nearest]])
+
+
+# -- roads on the ground --------------------------------------------------------------------------------------------
+
+
+def on_ground(network: RoadNetwork, elevation: Elevation, *, is_walked: bool) -> RoadNetwork:
+    """Return a network whose nodes have heights; `is_walked` says whether slopes count in its travel times.
+
+    Raises: as `Elevation.heights`.
+    """
+    raised = np.array([_is_structure(tags) for tags in network.tags], np.bool_)[network.ways]
+    ends = np.column_stack((network.sources, network.targets))
+    z = _ground(network.xy, network.crs, elevation)
+    return replace(network, z=_spanned(z, ends, network.lengths, raised), is_walked=is_walked)
+
+
+def add_elevation(graph: "nx.Graph[Any]", elevation: "ElevationPath | Elevation") -> None:
+    """Give the nodes of a networkx graph their height `z`, in metres above sea level, and its edges their `grade`.
+
+    The grade of an edge is its rise divided by its length. Travel times stay as they are: the loaders' option
+    `elevation` counts slopes in them.
+
+    Args:
+        graph: nodes have `x` and `y` in the CRS `graph.graph["crs"]`, edges a `length` in metres.
+        elevation: a .hgt file, or a folder of them.
+
+    Raises:
+        FileNotFoundError, BadFile: there are no such heights.
+        BadValue: the graph has no CRS, or a place has no height.
+        BadType: an argument is of the wrong type.
+    """
+    if not hasattr(graph, "is_directed"):
+        raise BadType(f"graph must be a networkx graph, not {shown(graph)}. For a context: ctx.graph.to_networkx().")
+    heights = elevation if isinstance(elevation, Elevation) else Elevation(elevation)
+    crs = graph.graph.get("crs")
+    if crs is None:
+        raise BadValue("The graph has no CRS, so nothing says where it is: set graph.graph['crs'].")
+    row_of = {node: row for row, node in enumerate(graph)}
+    try:
+        xy = np.array([(data["x"], data["y"]) for _, data in graph.nodes(data=True)], np.float64).reshape(-1, 2)
+        lengths = np.array([data["length"] for *_, data in graph.edges(data=True)], np.float64)
+    except (KeyError, TypeError, ValueError) as error:
+        raise BadValue(f"Nodes need numbers x and y, and edges a length: {error!r}.") from None
+    ends = np.array([(row_of[u], row_of[v]) for u, v in graph.edges()], np.int64).reshape(-1, 2)
+    raised = np.array([_is_structure(data) for *_, data in graph.edges(data=True)], np.bool_)
+    z = _spanned(_ground(xy, crs_of(crs)[0], heights), ends, lengths, raised)
+    for node, height in zip(graph, z.tolist(), strict=True):
+        graph.nodes[node]["z"] = height
+    for (*_, data), grade in zip(graph.edges(data=True), grades(z, ends, lengths).tolist(), strict=True):
+        data["grade"] = grade
+
+
+def _is_structure(tags: Mapping[str, Any]) -> bool:
+    """Return whether a road runs above or below the ground, on a bridge or in a tunnel."""
+    return any(str(tags.get(key, "no")) not in _AT_GROUND for key in ("bridge", "tunnel"))
+
+
+def _ground(xy: FloatArray, crs: str | None, elevation: Elevation) -> FloatArray:
+    if crs is None:
+        raise BadValue("The graph has no CRS, so nothing says where it is.")
+    return elevation.heights(project(xy, crs, WGS84))
+
+
+def _spanned(z: FloatArray, ends: IntArray, lengths: FloatArray, raised: BoolArray) -> FloatArray:
+    """Return the heights of nodes, to the millimetre; on bridges and in tunnels they rise evenly from end to end.
+
+    There the ground is elsewhere. The heights of nodes without another road are those for which the grades balance at
+    each (the solution of Laplace's equation), found by conjugate gradients.
+    """
+    count = len(z)
+    inner = (np.bincount(ends.ravel(), minlength=count) > 0) & (
+        np.bincount(ends[~raised].ravel(), minlength=count) == 0
+    )
+    a, b = ends[raised].T
+    pull = 1.0 / np.maximum(lengths[raised], 1e-3)
+    label = components(a, b, count)
+    met = np.unique(ends[raised])
+    inner &= np.isin(label, label[met[~inner[met]]])  # what leads nowhere has no other height
+    z = np.where(inner, 0.0, z)
+
+    def balance(height: FloatArray) -> FloatArray:
+        flow = pull * (height[a] - height[b])
+        total = np.bincount(a, flow, count) - np.bincount(b, flow, count)
+        return np.asarray(np.where(inner, total, 0.0), np.float64)
+
+    rest: FloatArray = -balance(z)
+    direction, size = rest, float(rest @ rest)
+    least = 1e-20 * size
+    for _ in range(int(inner.sum())):
+        if size <= least:
+            break
+        turned = balance(np.where(inner, direction, 0.0))
+        step = size / float(direction @ turned)
+        z, rest = z + step * direction, rest - step * turned
+        before, size = size, float(rest @ rest)
+        direction = rest + (size / before) * direction
+    return np.round(z, 3)

@@ -1,0 +1,215 @@
+"""Heights from .hgt files: read, interpolated, and what they do to nodes, grades and walking times."""
+
+import math
+
+import networkx as nx
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.ir.projection import WGS84, project
+from gamms.osm import Elevation, add_elevation, graph_from_file, modes
+from gamms.osm.networkx_bridge import walking_factor
+
+POSTS = 1201
+VOID = -32768
+NODES = {1: (60.17, 24.940), 2: (60.17, 24.950), 3: (60.18, 24.940)}
+
+
+@pytest.fixture
+def heights(tmp_path):
+    """Write the heights of N60E024, given from south to north as a function of column and row, and give the path."""
+
+    def heights(of, name="N60E024.hgt", posts=POSTS):
+        row, column = np.mgrid[0:posts, 0:posts]
+        path = tmp_path / name
+        np.asarray(of(column, row), ">i2")[::-1].tofile(path)
+        return path
+
+    return heights
+
+
+def plain_bilinear(posts, lon, lat):
+    """The reference: in the file's own order, one place at a time."""
+    side = len(posts) - 1
+    x, y = lon * side, (1.0 - lat) * side  # from the north-western post
+    column, row = min(int(x), side - 1), min(int(y), side - 1)
+    fx, fy = x - column, y - row
+    upper = posts[row][column] * (1.0 - fx) + posts[row][column + 1] * fx
+    lower = posts[row + 1][column] * (1.0 - fx) + posts[row + 1][column + 1] * fx
+    return upper * (1.0 - fy) + lower * fy
+
+
+def test_heights_lie_bilinearly_between_posts(tmp_path):
+    rng = np.random.default_rng(5)
+    posts = rng.integers(-50, 4000, (POSTS, POSTS)).astype(">i2")
+    posts.tofile(tmp_path / "S01W001.hgt")
+    elevation, plain = Elevation(tmp_path), posts.astype(float).tolist()
+
+    @given(st.floats(0.0, 0.9999), st.floats(0.0, 0.9999))
+    @settings(max_examples=200, deadline=None, derandomize=True)
+    def check(lon, lat):
+        (found,) = elevation.heights(np.array([[lon - 1.0, lat - 1.0]]))
+        assert found == pytest.approx(plain_bilinear(plain, lon - 1.0 + 1.0, lat - 1.0 + 1.0), abs=1e-6)
+
+    check()
+    corners = elevation.heights(np.array([(-1.0, -1.0), (-0.5, -0.5), (-1e-12, -1e-12)]))
+    assert corners.tolist() == pytest.approx([posts[-1, 0], posts[600, 600], posts[0, -1]], abs=1e-3)
+
+
+def test_both_sizes_are_read_and_a_folder_has_many_files(heights, tmp_path):
+    heights(lambda column, row: column // 12 + row * 0)
+    heights(lambda column, row: row // 36 + column * 0, "n60e025.srtmgl1.hgt".upper().replace(".HGT", ".hgt"), 3601)
+    found = Elevation(tmp_path).heights(np.array([(24.5, 60.1), (25.9, 60.5)]))
+    assert found.tolist() == pytest.approx([50.0, 50.0], abs=0.1)
+
+
+def test_a_file_reaches_to_its_last_row_and_column(heights):
+    path = heights(lambda column, row: column + row)
+    assert Elevation(path).heights(np.array([(25.0, 61.0), (24.0, 60.0), (25.0, 60.5)])).tolist() == [2400, 0, 1800]
+
+
+def test_a_small_void_is_filled_from_its_rim_and_a_large_one_is_refused(heights):
+    def of(column, row):
+        posts = 100 + column * 0
+        posts[600, 600] = VOID
+        posts[300:310, 300:310] = VOID
+        posts[800:900, 800:900] = VOID
+        return posts
+
+    elevation = Elevation(heights(of))
+    places = np.array([(24 + 600.4 / 1200, 60 + 600.4 / 1200), (24 + 305 / 1200, 60 + 305 / 1200)])
+    assert elevation.heights(places).tolist() == [100.0, 100.0]
+    with pytest.raises(BadValue, match="void around column 850, row 850"):
+        elevation.heights(np.array([(24 + 850 / 1200, 60 + 850 / 1200)]))
+
+
+@pytest.mark.parametrize("name", ["N60E024.tif", "heights.hgt", "60N24E.hgt"])
+def test_a_file_of_another_name_is_refused(tmp_path, name):
+    (tmp_path / name).write_bytes(b"x")
+    with pytest.raises(BadFile, match=r"GeoTIFF and \.zip are not read"):
+        Elevation(tmp_path / name)
+
+
+@pytest.mark.parametrize("size", [0, 1, 2 * 1201 * 1201 - 1, 2 * 1201 * 1201 + 1, 2 * 1000 * 1000])
+def test_a_file_of_another_size_is_refused_before_it_is_read(tmp_path, size):
+    path = tmp_path / "N60E024.hgt"
+    with path.open("wb") as file:
+        file.truncate(size)
+    with pytest.raises(BadFile, match=f"has {size} bytes"):
+        Elevation(path).heights(np.array([(24.5, 60.5)]))
+
+
+def test_what_is_not_there_is_named(heights, tmp_path):
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        Elevation(tmp_path / "nowhere")
+    with pytest.raises(BadType, match="elevation"):
+        Elevation(7)
+    path = heights(lambda column, _: column)
+    for elevation in (Elevation(path), Elevation(tmp_path)):
+        with pytest.raises(BadValue, match=r"S34W071\.hgt is needed"):
+            elevation.heights(np.array([(-70.6, -33.4)]))
+
+
+# -- roads ------------------------------------------------------------------------------------------------------
+
+
+def test_nodes_have_heights_and_edges_grades(make_map, heights):
+    path = make_map(NODES, ([2, 1, 3], {"highway": "residential"}))
+    graph = graph_from_file(path, resolution=100.0, osm_type="walk", elevation=heights(lambda column, row: row))
+    for node, data in graph.nodes(data=True):
+        ((_, lat),) = project(np.array([[data["x"], data["y"]]]), graph.graph["crs"], WGS84)
+        assert data["z"] == pytest.approx((lat - 60.0) * 1200, abs=2e-3), node
+    for u, v, data in graph.edges(data=True):
+        rise = graph.nodes[v]["z"] - graph.nodes[u]["z"]
+        assert data["grade"] == pytest.approx(rise / data["length"])
+        assert graph.edges[v, u]["grade"] == pytest.approx(-data["grade"])
+    steepest = max(data["grade"] for *_, data in graph.edges(data=True))
+    assert steepest == pytest.approx(1200 / 111_400, rel=0.01)  # 1200 posts, one metre each, in a degree
+
+
+def test_walkers_take_longer_uphill_by_toblers_function(make_map, heights):
+    path, hill = make_map(NODES, ([1, 3], {"highway": "residential"})), heights(lambda column, row: 30 * (row - 200))
+    flat, steep = (graph_from_file(path, osm_type="walk", elevation=one) for one in (None, hill))
+    for (u, v, level), (_, _, data) in zip(flat.edges(data=True), steep.edges(data=True), strict=True):
+        wanted = math.exp(-3.5 * 0.05) / math.exp(-3.5 * abs(data["grade"] + 0.05))
+        assert data["travel_time"] / level["travel_time"] == pytest.approx(wanted), (u, v)
+    up, down = (nx.path_weight(steep, path, "travel_time") for path in (range(len(steep)), range(len(steep))[::-1]))
+    assert up > 2.4 * nx.path_weight(flat, range(len(flat)), "travel_time")
+    assert down < up
+    assert not any("grade" in data or "z" in data for *_, data in flat.edges(data=True))
+
+
+def test_slopes_slow_only_walkers_and_not_on_stairs(make_map, heights):
+    hill = heights(lambda column, row: 30 * (row - 200))
+    for highway, mode in (("residential", "drive"), ("residential", "bike"), ("steps", "walk"), ("residential", None)):
+        path = make_map(NODES, ([1, 3], {"highway": highway}))
+        times = [
+            [data["travel_time"] for *_, data in graph_from_file(path, osm_type=mode, elevation=one).edges(data=True)]
+            for one in (None, hill)
+        ]
+        assert times[0] == times[1]
+    assert [name for name, mode in modes().items() if mode.slope == "walked"] == ["walk"]
+
+
+def test_tobler_walks_fastest_on_a_gentle_way_down():
+    assert walking_factor(np.array([0.0, -0.1])).tolist() == pytest.approx([1.0, 1.0])
+    assert walking_factor(np.array([-0.05, 0.2])).tolist() == pytest.approx([math.exp(-0.175), math.exp(0.7)])
+    assert np.isfinite(walking_factor(np.array([1e9, -1e9]))).all()
+
+
+def test_a_bridge_and_a_tunnel_rise_evenly_between_their_ends(make_map, heights):
+    """A valley of 50 m: the road goes across it, and the path down into it."""
+    nodes = {1: (60.17, 24.94), 2: (60.17, 24.945), 3: (60.17, 24.955), 4: (60.17, 24.96), 5: (60.1705, 24.95)}
+    ways = [
+        ([1, 2], {"highway": "residential"}),
+        ([2, 3], {"highway": "residential", "bridge": "yes", "layer": "1"}),
+        ([3, 4], {"highway": "residential"}),
+        ([2, 5, 3], {"highway": "path"}),
+    ]
+    valley = heights(lambda column, row: np.abs(column - 1140) * 10 + row * 0)
+    graph = graph_from_file(make_map(nodes, *ways), resolution=20.0, elevation=valley)
+    bridge = {n for u, v, data in graph.edges(data=True) if data.get("bridge") for n in (u, v)}
+    on_bridge = [graph.nodes[node]["z"] for node in bridge]
+    assert min(on_bridge) == pytest.approx(60.0, abs=0.01)  # both ends are as high
+    assert max(on_bridge) == pytest.approx(60.0, abs=0.01)
+    assert min(height for _, height in graph.nodes(data="z")) < 5.0
+    sloping = heights(lambda column, row: column * 2 + np.abs(column - 1140) * 5 + row * 0)
+    graph = graph_from_file(make_map(nodes, *ways), resolution=20.0, elevation=sloping)
+    grades = [abs(data["grade"]) for *_, data in graph.edges(data=True) if data.get("bridge")]
+    assert max(grades) == pytest.approx(min(grades), abs=1e-4)
+
+
+def test_a_bridge_that_leads_nowhere_lies_on_the_ground(make_map, heights):
+    path = make_map(NODES, ([1, 2], {"highway": "path", "bridge": "yes"}))
+    graph = graph_from_file(path, resolution=20.0, elevation=heights(lambda column, row: row * 0 + 7))
+    assert {height for _, height in graph.nodes(data="z")} == {7.0}
+
+
+def test_a_graph_gets_heights_of_its_own(make_map, heights):
+    path, hill = make_map(NODES, ([2, 1, 3], {"highway": "residential"})), heights(lambda column, row: column + row)
+    graph, loaded = graph_from_file(path), graph_from_file(path, elevation=hill)
+    add_elevation(graph, hill)
+    assert dict(graph.nodes(data="z")) == dict(loaded.nodes(data="z"))
+    for u, v, data in graph.edges(data=True):
+        assert data["grade"] == pytest.approx(loaded.edges[u, v]["grade"], abs=1e-12)
+    with pytest.raises(BadValue, match="no CRS"):
+        add_elevation(nx.path_graph(2), hill)
+    with pytest.raises(BadType, match="networkx graph"):
+        add_elevation(7, hill)
+    with pytest.raises(BadValue, match="length"):
+        add_elevation(nx.Graph([(0, 1)], crs="EPSG:32635"), hill)
+
+
+def test_heights_go_through_contexts_and_files(make_map, heights, tmp_path):
+    path, hill = make_map(NODES, ([2, 1, 3], {"highway": "residential"})), heights(lambda column, row: column + row)
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(graph_from_file(path, elevation=hill))
+        ctx.graph.save(tmp_path / "hill.gamms")
+        ctx.graph.load(tmp_path / "hill.gamms")
+        ((*_, z),) = [(n, ctx.graph.graph.node_attributes(n)["z"]) for n in [0]]
+        assert z == graph_from_file(path, elevation=hill).nodes[0]["z"]
+        assert "grade" in ctx.graph.graph.edge_attributes(0)
