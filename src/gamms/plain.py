@@ -7,18 +7,21 @@ scalars of NumPy: `to_plain` gives Python's own.
 """
 
 import re
+from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping
+from math import isfinite, isnan
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from gamms.text import shown
+from gamms.text import as_text, shown, written
 
 Plain: TypeAlias = Any
 """A plain value; type checkers know no type of lists and dicts, which are invariant, that holds all of them."""
 
 MOST_DEPTH = 24
 MOST_DIMENSIONS = 8
+_MOST_BITS = 14_000  # of an integer that Python writes out
 
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
 _SCALARS = frozenset(_BUILT_IN)
@@ -39,6 +42,21 @@ def to_plain(value: Plain) -> Plain:
     every run.
     """
     return _converted(value, 0, _described)
+
+
+def as_json(value: Plain) -> Plain:
+    """Return what JSON can hold of a plain value; integers of more than 4,300 digits become hexadecimal texts."""
+    if isinstance(value, dict):
+        return {key if isinstance(key, str) else as_text(key): as_json(one) for key, one in value.items()}
+    if isinstance(value, (list, tuple, set, frozenset)):
+        return [as_json(one) for one in (sorted(value, key=written) if isinstance(value, (set, frozenset)) else value)]
+    if isinstance(value, np.ndarray):
+        return as_json(value.tolist())
+    if isinstance(value, bytes):
+        return b64encode(value).decode()
+    if isinstance(value, float) and not isfinite(value):
+        return None if isnan(value) else str(value)
+    return hex(value) if isinstance(value, int) and value.bit_length() > _MOST_BITS else value
 
 
 def plain_subset(values: Mapping[Plain, Plain], left_out: list[Plain] | None = None) -> dict[Plain, Plain]:

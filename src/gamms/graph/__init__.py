@@ -2,8 +2,8 @@
 
 Read `graph.py` first (every verb), then `store.py` and `tables.py` (where the data is), `indexes.py` (what makes
 queries fast), `routes.py`, `positions.py` and `finding.py`; for obstacles `obstacles.py`, then `visibility.py`.
-May import: typing, kernels, ir and below, never another engine. To add a file format, write a module that turns
-`map_file.SavedMap` into bytes and back; to add a query, give `IGraph` a slow default and override it in `graph.py`.
+May import: typing, kernels, ir and below, never another engine. To add a format of other programs, add a function to
+`export.py`; to add a query, give `IGraph` a slow default and override it in `graph.py`.
 """
 
 from importlib import import_module

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Iterator
 from functools import wraps
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gamms.arguments import as_int
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from numpy.random import Generator
     from numpy.typing import ArrayLike
 
+    from gamms.graph.export import Frames
     from gamms.graph.map_file import MapDatabase
     from gamms.graph.visibility import TablePath, Visibility, VisibilityTables
     from gamms.typing.memory_engine import IPathLike
@@ -353,6 +355,33 @@ class GraphEngine(Guarded, IGraphEngine):
         else:
             raise BadValue("A graph in memory needs a path to be loaded from: ctx.graph.load('map.gamms').")
         return graph
+
+    @refused_while_deciding
+    def export(self, path: str | os.PathLike[str]) -> list[Path]:
+        """Write nodes and edges for other programs: `.graphml`, `.geojson`, `.gpkg` or `.csv`.
+
+        On a map with a CRS places are in degrees, and nodes also have `x` and `y`; edges have their polylines.
+        `town.csv` gives `town_nodes.csv` and `town_edges.csv`. Attributes that are no number, text or bool become JSON.
+
+        Returns:
+            The files; those that were there are replaced.
+
+        Raises:
+            UnknownType (ValueError): there is no format of this suffix.
+            BadValue (ValueError): GeoJSON is asked of a graph without a CRS.
+            MissingExtra (ImportError): the CRS is no zone of UTM, and pyproj is not installed.
+            OSError: a file cannot be written.
+        """
+        from gamms.graph import export
+
+        return export.export(path, self.graph.columns(), self.attribution)
+
+    @property
+    def frames(self) -> "Frames":
+        """Nodes and edges as tables, for NumPy, pandas, polars and igraph, as they are now."""
+        from gamms.graph.export import Frames
+
+        return Frames(self.graph.columns())
 
     @refused_while_deciding
     def terminate(self) -> None:

@@ -435,11 +435,16 @@ class Graph(Guarded, IGraph):
             raise BadValue(f"Failed to attach {kind} graph: {error}") from error
         return self
 
-    def to_networkx(self) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel."""
+    def to_networkx(self, *, plain: bool = False) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+        """Return the graph as a networkx graph: a DiGraph, or a MultiDiGraph where edges are parallel.
+
+        Args:
+            plain: whether attributes are numbers, texts and bools only, for networkx's writers of files: polylines are
+                well-known text, and other values JSON.
+        """
         from gamms.graph.networkx_bridge import export
 
-        return export(self.columns(), self.attribution)
+        return export(self.columns(), self.attribution, plain=plain)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

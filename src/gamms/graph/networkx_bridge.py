@@ -12,6 +12,7 @@ from gamms import kernels
 from gamms.arguments import as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
+from gamms.graph.export import plain_cell, shapes_of, wkt_of
 from gamms.graph.store import GraphStore
 from gamms.graph.tables import CONTAINERS, own
 from gamms.ir import geometry
@@ -44,8 +45,13 @@ def attach(store: GraphStore, G: "nx.Graph[Any]") -> None:  # noqa: N803 - publi
         raise BadValue(f"Failed to attach NetworkX graph: {error}") from error
 
 
-def export(columns: GraphColumns, attribution: str | None) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
-    """Return a DiGraph with our ids as labels; a MultiDiGraph, keyed by edge id, where edges are parallel."""
+def export(
+    columns: GraphColumns, attribution: str | None, *, plain: bool = False
+) -> "nx.MultiDiGraph[int] | nx.DiGraph[int]":
+    """Return a DiGraph with our ids as labels; a MultiDiGraph, keyed by edge id, where edges are parallel.
+
+    `plain` makes all attributes numbers, texts and bools.
+    """
     import networkx as nx
 
     ids = columns.node_ids.tolist()
@@ -55,14 +61,18 @@ def export(columns: GraphColumns, attribution: str | None) -> "nx.MultiDiGraph[i
     about = {"crs": columns.crs, "attribution": attribution}
     exported.graph.update({key: value for key, value in about.items() if value})
     nodes = [{"x": x, "y": y} for x, y in columns.xy.tolist()]
-    edges = [
+    lines = list(map(wkt_of, shapes_of(columns))) if plain else _lines(columns)
+    edges: list[dict[str, Any]] = [
         {"id": id, "length": length, "linestring": line}
-        for id, length, line in zip(columns.edge_ids.tolist(), columns.lengths.tolist(), _lines(columns), strict=True)
+        for id, length, line in zip(columns.edge_ids.tolist(), columns.lengths.tolist(), lines, strict=True)
     ]
     for rows, attributes in ((nodes, columns.node_attributes), (edges, columns.edge_attributes)):
         for name, values in attributes.items():
             for row, value in values.items():
-                rows[row][name] = own(value)
+                if not plain:
+                    rows[row][name] = own(value)
+                elif (cell := plain_cell(value)) is not None:
+                    rows[row][name] = cell
     exported.add_nodes_from(zip(ids, nodes, strict=True))
     keys = [columns.edge_ids.tolist()] if is_multi else []
     exported.add_edges_from(zip(sources, targets, *keys, edges, strict=True))
@@ -70,8 +80,7 @@ def export(columns: GraphColumns, attribution: str | None) -> "nx.MultiDiGraph[i
 
 
 def _lines(columns: GraphColumns) -> "list[LineString]":
-    pairs = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
-    shapes = [columns.polylines.get(row, pair) for row, pair in enumerate(pairs)]
+    shapes = shapes_of(columns)
     rows = np.repeat(np.arange(len(shapes)), [len(shape) for shape in shapes])
     return geometry.line_strings(np.concatenate([np.zeros((0, 2)), *shapes]), rows)
 

@@ -35,12 +35,13 @@ def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]
 
 
 def points_of(shape: object, name: str) -> FloatArray:
-    """Return the points (points, 2) of a LineString or a sequence of coordinates.
+    """Return the points (points, 2) of a LineString, of its well-known text, or of a sequence of coordinates.
 
     Raises:
         BadValue: fewer than two points, or points that are not finite pairs of numbers.
     """
     try:
+        shape = _line_of_text(shape) if isinstance(shape, str) else shape
         coordinates: Any = getattr(shape, "coords", shape)  # of a shape with several parts this raises
         given = np.array([tuple(point)[:2] for point in coordinates])
         if given.dtype.kind in "USb":
@@ -54,6 +55,16 @@ def points_of(shape: object, name: str) -> FloatArray:
         raise BadValue(f"{name} has a coordinate that is not finite: {shown(shape)}.")
     points.setflags(write=False)
     return points
+
+
+def _line_of_text(text: str) -> "LineString":
+    import shapely
+
+    try:
+        with np.errstate(invalid="ignore"):  # `points_of` says what is not finite
+            return shapely.from_wkt(text)
+    except shapely.errors.ShapelyError as error:
+        raise ValueError(f"this is no well-known text ({error})") from None
 
 
 def polylines_of(shapes: Mapping[int, object], name_of: Callable[[int], str]) -> dict[int, FloatArray]:

@@ -1,4 +1,4 @@
-"""A connection to SQLite whose errors name the file; the only module that imports sqlite3.
+"""A connection to SQLite whose errors name the file; others that import sqlite3 only write GeoPackages.
 
 Nothing in a foreign file is run, and nothing takes more time or memory than the size of the file explains.
 """

@@ -4,9 +4,9 @@ The command line is made of this; a program may call the same. A client: it uses
 would. Read `conversion.py` first: a new context for any recording; then `comparison.py`.
 """
 
+from gamms.plain import as_json
 from gamms.recordings.comparison import Difference, first_difference, re_recorded, verify
 from gamms.recordings.conversion import (
-    as_json,
     context_for,
     records_of,
     to_csv,

@@ -4,36 +4,30 @@ import csv
 import json
 import os
 import re
-from base64 import b64encode
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from itertools import chain, islice
-from math import isfinite, isnan
 from pathlib import Path
 from typing import Any, TextIO
-
-import numpy as np
 
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadValue
 from gamms.folders import whole_file
 from gamms.ir import events as kinds
-from gamms.plain import Plain, to_plain
+from gamms.plain import Plain, as_json, to_plain
 from gamms.recorder import Recording, RecordingError
 from gamms.recorder import open as opened
 from gamms.recorder.formats import version2
 from gamms.recorder.maps import HASH
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.streams import format_of, named, refuse_other
-from gamms.text import as_text, written
 from gamms.typing.actions import known_node
 from gamms.visual import Engine
 
 _PROVENANCE = {"converted": "from a recording of version 2"}
 _Record = dict[str, Any]
 _ESCAPED = "backslashreplace"  # of halves of surrogate pairs, as JSON escapes them
-_MOST_BITS = 14_000  # of an integer that Python writes out
 _QUIET = {"level": "CRITICAL"}  # what a recording cannot say, such as the sensors of version 2, is no news
 _NODES = {kinds.AGENT_CURRENT_NODE, kinds.AGENT_PREV_NODE}
 
@@ -331,18 +325,3 @@ def _cell(value: Plain) -> str | int | float | bool | None:
     """Return a value as CSV has it."""
     plain = as_json(value)
     return plain if plain is None or isinstance(plain, (str, int, float, bool)) else json.dumps(plain)
-
-
-def as_json(value: Plain) -> Plain:
-    """Return what JSON can hold of a plain value; integers of more than 4,300 digits become hexadecimal texts."""
-    if isinstance(value, dict):
-        return {key if isinstance(key, str) else as_text(key): as_json(one) for key, one in value.items()}
-    if isinstance(value, (list, tuple, set, frozenset)):
-        return [as_json(one) for one in (sorted(value, key=written) if isinstance(value, (set, frozenset)) else value)]
-    if isinstance(value, np.ndarray):
-        return as_json(value.tolist())
-    if isinstance(value, bytes):
-        return b64encode(value).decode()
-    if isinstance(value, float) and not isfinite(value):
-        return None if isnan(value) else str(value)
-    return hex(value) if isinstance(value, int) and value.bit_length() > _MOST_BITS else value

@@ -1,0 +1,382 @@
+"""A graph as files of other programs: GraphML, GeoJSON, GeoPackage and CSV; and as data frames and igraph graphs.
+
+What is no number, text or bool becomes JSON. A file is written whole or not at all.
+"""
+
+import csv
+import json
+import os
+import re
+import struct
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from gamms.arguments import as_path
+from gamms.errors import BadType, BadValue, MissingExtra, MissingFolder, UnknownType, nearest
+from gamms.folders import whole_file
+from gamms.graph import positions
+from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir.tables import frame_of, table_of
+from gamms.plain import as_json, to_plain
+from gamms.text import written
+
+if TYPE_CHECKING:
+    import igraph
+    import pandas as pd
+    import polars as pl
+
+Scalar = str | int | float | bool | None
+Table = dict[str, list[Scalar]]
+_NOT_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_ESCAPED = "backslashreplace"  # of halves of surrogate pairs
+_MOST_COLUMNS = 1_900  # SQLite allows 2,000
+_DECIMALS = 9  # of degrees: a tenth of a millimetre
+_LONG = 1 << 63
+
+
+class Layers(NamedTuple):
+    """A graph as a table of nodes and one of edges, and where these are.
+
+    Attributes:
+        nodes: column -> a value for each node.
+        edges: column -> a value for each edge.
+        drawn: (points, 2) of each edge, in map units.
+        lines: (points, 2) of each edge, and
+        points: (nodes, 2) of the nodes; in map units, too, or
+        in_degrees: in longitude and latitude.
+        attribution: the authors of the data.
+        crs: of the columns x and y.
+    """
+
+    nodes: Table
+    edges: Table
+    drawn: list[FloatArray]
+    lines: list[FloatArray]
+    points: FloatArray
+    in_degrees: bool
+    attribution: str | None
+    crs: str | None
+
+
+def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str | None) -> list[Path]:
+    """Write a graph in the format that the suffix names, and return the files.
+
+    Raises:
+        UnknownType (ValueError): no format has this suffix.
+        BadValue (ValueError): the format cannot hold this graph.
+        MissingExtra (ImportError): its CRS is no zone of UTM, and pyproj is not installed.
+        OSError: a file cannot be written.
+    """
+    target = as_path(path, "path")
+    write = _FORMATS.get(target.suffix.lower())
+    if write is None:
+        hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
+        raise UnknownType(f"No graph can be written as {target.suffix or 'a file without a suffix'!r}.{hint}")
+    if not target.parent.is_dir():
+        raise MissingFolder(target.name, target.parent)
+    return write(target, layers_of(columns, attribution))
+
+
+def layers_of(columns: GraphColumns, attribution: str | None) -> Layers:
+    """Return a graph as tables; on a map with a CRS, places are in degrees, and nodes have `lat` and `lon`."""
+    ids, (sources, targets) = columns.node_ids, (columns.sources, columns.targets)
+    drawn = shapes_of(columns)
+    points, lines, in_degrees = columns.xy, drawn, columns.crs is not None
+    nodes: Table = {"id": ids.tolist(), "x": columns.xy[:, 0].tolist(), "y": columns.xy[:, 1].tolist()}
+    if in_degrees:
+        sizes = np.cumsum([len(points), *map(len, lines)])
+        flat = np.concatenate([points, *lines])
+        lat, lon = positions.to_latlon(columns.crs, flat[:, 0], flat[:, 1])
+        points, *lines = np.split(np.column_stack((lon, lat)).round(_DECIMALS), sizes[:-1])
+        nodes |= {"lat": points[:, 1].tolist(), "lon": points[:, 0].tolist()}
+    edges: Table = {
+        "id": columns.edge_ids.tolist(),
+        "source": ids[sources].tolist(),
+        "target": ids[targets].tolist(),
+        "length": columns.lengths.tolist(),
+    }
+    _add_attributes(nodes, columns.node_attributes, len(ids))
+    _add_attributes(edges, columns.edge_attributes, len(columns.edge_ids))
+    return Layers(nodes, edges, drawn, lines, points, in_degrees, attribution, columns.crs)
+
+
+def plain_cell(value: object) -> Scalar:
+    """Return a value of an attribute as a number, a text, a bool or None; other values as JSON."""
+    if value is None or type(value) in (str, int, float, bool):
+        return value  # type: ignore[return-value] # as the line before says
+    plain = to_plain(value)
+    if isinstance(plain, (str, int, float, bool)):
+        return plain
+    try:
+        return json.dumps(as_json(plain), ensure_ascii=False)
+    except (TypeError, ValueError):
+        return written(plain)
+
+
+def shapes_of(columns: GraphColumns) -> list[FloatArray]:
+    """Return the points (points, 2) of every edge."""
+    pairs = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
+    return [columns.polylines.get(row, pair) for row, pair in enumerate(pairs)]
+
+
+def wkt_of(line: FloatArray) -> str:
+    """Return a polyline (points, 2) as well-known text."""
+    return f"LINESTRING ({', '.join(f'{x!r} {y!r}' for x, y in line.tolist())})"
+
+
+def _add_attributes(table: Table, attributes: Mapping[str, Mapping[int, object]], count: int) -> None:
+    """Add a column for each attribute; with a number where it is called like another one, but for capital letters."""
+    taken = {name.lower() for name in (*table, "fid", "geom", "geometry")}
+    for name, values in sorted(attributes.items()):
+        column: list[Scalar] = [None] * count
+        for row, value in values.items():
+            column[row] = plain_cell(value)
+        unique, number = name, 2
+        while unique.lower() in taken:
+            unique, number = f"{name}_{number}", number + 1
+        taken.add(unique.lower())
+        table[unique] = column
+
+
+def _rows(table: Table) -> Iterator[dict[str, Scalar]]:
+    names = list(table)
+    return (dict(zip(names, row, strict=True)) for row in zip(*table.values(), strict=True))
+
+
+# -- CSV ----------------------------------------------------------------------------------------------------------
+
+
+def _write_csv(target: Path, layers: Layers) -> list[Path]:
+    files = [target.with_name(f"{target.stem}_{part}.csv") for part in ("nodes", "edges")]
+    shapes: list[Scalar] = [wkt_of(line) for line in layers.lines]
+    for file, table in zip(files, (layers.nodes, {**layers.edges, "geometry": shapes}), strict=True):
+        with whole_file(file) as beside, beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
+            writer = csv.writer(stream)
+            writer.writerow(table)
+            writer.writerows(zip(*table.values(), strict=True))
+    return files
+
+
+# -- GeoJSON ------------------------------------------------------------------------------------------------------
+
+
+def _write_geojson(target: Path, layers: Layers) -> list[Path]:
+    if not layers.in_degrees:
+        raise BadValue(
+            "GeoJSON counts in degrees, and this graph has no CRS: set ctx.graph.graph.crs, such as to 'EPSG:32635', "
+            "or write .gpkg, .graphml or .csv."
+        )
+    nodes = (("Point", point, row) for point, row in zip(layers.points.tolist(), _rows(layers.nodes), strict=True))
+    edges = (("LineString", line.tolist(), row) for line, row in zip(layers.lines, _rows(layers.edges), strict=True))
+    with whole_file(target) as beside, beside.open("w", encoding="utf-8", errors=_ESCAPED) as stream:
+        stream.write('{"type": "FeatureCollection"')
+        if layers.attribution is not None:
+            stream.write(f', "attribution": {json.dumps(layers.attribution)}')
+        stream.write(', "features": [')
+        stream.writelines(_features((*nodes, *edges)))
+        stream.write("\n]}\n")
+    return [target]
+
+
+def _features(parts: Iterable[tuple[str, list[Any], dict[str, Scalar]]]) -> Iterator[str]:
+    comma = "\n"
+    for kind, coordinates, row in parts:
+        properties = {name: as_json(value) for name, value in row.items() if value is not None}
+        feature = {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
+        yield comma + json.dumps(feature, ensure_ascii=False, allow_nan=False)
+        comma = ",\n"
+
+
+# -- GraphML ------------------------------------------------------------------------------------------------------
+
+
+def _write_graphml(target: Path, layers: Layers) -> list[Path]:
+    shapes: list[Scalar] = [wkt_of(line) for line in layers.drawn]
+    tables: dict[str, Table] = {"node": layers.nodes, "edge": {**layers.edges, "geometry": shapes}}
+    with whole_file(target) as beside, beside.open("w", encoding="utf-8") as stream:
+        stream.write(
+            '<?xml version="1.0" encoding="UTF-8"?>\n<graphml xmlns="http://graphml.graphdrawing.org/xmlns">\n'
+        )
+        about: dict[str, Scalar] = {"crs": layers.crs, "attribution": layers.attribution}
+        described: dict[str, Table] = {**tables, "graph": {name: [one] for name, one in about.items() if one}}
+        for kind, table in described.items():
+            for number, (name, values) in enumerate(table.items()):
+                if name not in _IN_TAGS[kind]:
+                    attributes = f'attr.name={quoteattr(_xml(name))} attr.type="{_graphml_type(values)}"'
+                    stream.write(f'<key id="{kind}{number}" for="{kind}" {attributes}/>\n')
+        stream.write('<graph edgedefault="directed">\n')
+        stream.write(_data("graph", {name: one for name, one in about.items() if one}))
+        for row in _rows(tables["node"]):
+            stream.write(f'<node id="{row["id"]}">{_data("node", row)}</node>\n')
+        for row in _rows(tables["edge"]):
+            stream.write(f'<edge source="{row["source"]}" target="{row["target"]}">{_data("edge", row)}</edge>\n')
+        stream.write("</graph>\n</graphml>\n")
+    return [target]
+
+
+_IN_TAGS = {"node": {"id"}, "edge": {"source", "target"}, "graph": set[str]()}
+
+
+def _data(kind: str, row: Mapping[str, Scalar]) -> str:
+    return "".join(
+        f'<data key="{kind}{number}">{_xml(str(value).lower() if isinstance(value, bool) else value)}</data>'
+        for number, (name, value) in enumerate(row.items())
+        if value is not None and name not in _IN_TAGS[kind]
+    )
+
+
+def _xml(value: Scalar) -> str:
+    return escape(_NOT_IN_XML.sub("\ufffd", value if isinstance(value, str) else repr(value)))
+
+
+def _graphml_type(values: Iterable[Scalar]) -> str:
+    kinds = {type(value) for value in values} - {type(None)}
+    if kinds == {bool}:
+        return "boolean"
+    if kinds == {int}:
+        return "long"
+    return "double" if kinds and kinds <= {int, float} else "string"
+
+
+# -- GeoPackage -----------------------------------------------------------------------------------------------------
+
+_SCHEMA = """
+PRAGMA application_id = 0x47504B47;
+PRAGMA user_version = 10300;
+CREATE TABLE gpkg_spatial_ref_sys (srs_name TEXT NOT NULL, srs_id INTEGER PRIMARY KEY, organization TEXT NOT NULL,
+    organization_coordsys_id INTEGER NOT NULL, definition TEXT NOT NULL, description TEXT);
+INSERT INTO gpkg_spatial_ref_sys VALUES
+    ('Undefined Cartesian SRS', -1, 'NONE', -1, 'undefined', NULL),
+    ('Undefined geographic SRS', 0, 'NONE', 0, 'undefined', NULL),
+    ('WGS 84', 4326, 'EPSG', 4326, 'GEOGCS["WGS 84",DATUM["WGS_1984",SPHEROID["WGS 84",6378137,298.257223563]],'
+     || 'PRIMEM["Greenwich",0],UNIT["degree",0.0174532925199433],AUTHORITY["EPSG","4326"]]', NULL);
+CREATE TABLE gpkg_contents (table_name TEXT NOT NULL PRIMARY KEY, data_type TEXT NOT NULL, identifier TEXT UNIQUE,
+    description TEXT DEFAULT '', last_change DATETIME NOT NULL DEFAULT (strftime('%Y-%m-%dT%H:%M:%fZ','now')),
+    min_x DOUBLE, min_y DOUBLE, max_x DOUBLE, max_y DOUBLE, srs_id INTEGER,
+    CONSTRAINT fk_gc_r_srs_id FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys(srs_id));
+CREATE TABLE gpkg_geometry_columns (table_name TEXT NOT NULL, column_name TEXT NOT NULL,
+    geometry_type_name TEXT NOT NULL, srs_id INTEGER NOT NULL, z TINYINT NOT NULL, m TINYINT NOT NULL,
+    CONSTRAINT pk_geom_cols PRIMARY KEY (table_name, column_name), CONSTRAINT uk_gc_table_name UNIQUE (table_name),
+    CONSTRAINT fk_gc_tn FOREIGN KEY (table_name) REFERENCES gpkg_contents(table_name),
+    CONSTRAINT fk_gc_srs FOREIGN KEY (srs_id) REFERENCES gpkg_spatial_ref_sys (srs_id));
+"""
+_SQL_TYPES = {"boolean": "BOOLEAN", "long": "INTEGER", "double": "REAL", "string": "TEXT"}
+
+
+def _write_geopackage(target: Path, layers: Layers) -> list[Path]:
+    """Write a GeoPackage (OGC 12-128r18): a database of SQLite with geometries in well-known binary."""
+    import sqlite3
+
+    srs = 4326 if layers.in_degrees else -1
+    head = struct.pack("<2sBBi", b"GP", 0, 1, srs)  # version 1, little-endian, without a bounding box
+    points = (head + struct.pack("<BI", 1, 1) + point.tobytes() for point in layers.points)
+    lines = (
+        head + struct.pack("<BII", 1, 2, len(line)) + np.ascontiguousarray(line).tobytes() for line in layers.lines
+    )
+    bounds = _bounds([layers.points, *layers.lines])
+    parts = [("nodes", "POINT", layers.nodes, points), ("edges", "LINESTRING", layers.edges, lines)]
+    with whole_file(target) as beside:
+        database = sqlite3.connect(beside)
+        try:
+            database.executescript(_SCHEMA)
+            for name, kind, table, geometries in parts:
+                if len(table) > _MOST_COLUMNS:
+                    raise BadValue(f"A GeoPackage holds at most {_MOST_COLUMNS} attributes, not {len(table)}.")
+                typed = ", ".join(f"{_quoted(one)} {_SQL_TYPES[_graphml_type(table[one])]}" for one in table)
+                database.execute(
+                    f"CREATE TABLE {name} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom {kind}, {typed})"
+                )
+                database.execute(
+                    "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, min_x, min_y, max_x, "
+                    "max_y, srs_id) VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?)",
+                    (name, name, layers.attribution or "", *bounds, srs),
+                )
+                database.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 0, 0)", (name, kind, srs))
+                marks = ", ".join("?" * (len(table) + 1))
+                names = ", ".join(["geom", *map(_quoted, table)])
+                cells = (map(_sql, row) for row in zip(*table.values(), strict=True))
+                rows = ((geometry, *row) for geometry, row in zip(geometries, cells, strict=True))
+                database.executemany(f"INSERT INTO {name} ({names}) VALUES ({marks})", rows)  # noqa: S608 - quoted
+            database.commit()
+        finally:
+            database.close()
+    return [target]
+
+
+def _quoted(name: str) -> str:
+    clean = name.encode("utf-8", _ESCAPED).decode().replace("\0", "")
+    return '"' + clean.replace('"', '""') + '"'
+
+
+def _sql(value: Scalar) -> Scalar:
+    if isinstance(value, str):
+        return value.encode("utf-8", _ESCAPED).decode()
+    return str(as_json(value)) if type(value) is int and not -_LONG <= value < _LONG else value
+
+
+def _bounds(parts: list[FloatArray]) -> list[float | None]:
+    points = np.concatenate(parts)
+    return [None] * 4 if not len(points) else np.concatenate((points.min(axis=0), points.max(axis=0))).tolist()
+
+
+_FORMATS: dict[str, Callable[[Path, Layers], list[Path]]] = {
+    ".graphml": _write_graphml,
+    ".geojson": _write_geojson,
+    ".gpkg": _write_geopackage,
+    ".csv": _write_csv,
+}
+
+
+# -- other libraries ------------------------------------------------------------------------------------------------
+
+
+class Frames:
+    """The nodes and edges of a graph as tables of other libraries: `ctx.graph.frames`.
+
+    Nodes have `id`, `x`, `y` and their attributes, on a map with a CRS also `lat` and `lon`; edges have `id`, `source`,
+    `target`, `length` and their attributes. What is no number, text or bool is JSON.
+
+    Args:
+        columns: the graph.
+    """
+
+    def __init__(self, columns: GraphColumns) -> None:
+        self._columns = columns
+
+    @cached_property
+    def _layers(self) -> Layers:
+        return layers_of(self._columns, None)
+
+    def arrays(self, part: Literal["nodes", "edges"]) -> "dict[str, np.ndarray[Any, Any]]":
+        """Return the nodes or the edges as a dict of arrays of equal length."""
+        if part not in ("nodes", "edges"):
+            raise BadType(f"The tables of a graph are 'nodes' and 'edges', not {part!r}.")
+        return table_of(self._layers.nodes if part == "nodes" else self._layers.edges)
+
+    def to_pandas(self) -> "tuple[pd.DataFrame, pd.DataFrame]":
+        """Return nodes and edges as data frames of pandas (MissingExtra: it is not installed)."""
+        return frame_of(self.arrays("nodes")), frame_of(self.arrays("edges"))
+
+    def to_polars(self) -> "tuple[pl.DataFrame, pl.DataFrame]":
+        """Return nodes and edges as data frames of polars (MissingExtra: it is not installed)."""
+        try:
+            import polars as pl
+        except ImportError:
+            raise MissingExtra("A table for polars", "frames") from None
+        nodes, edges = (pl.DataFrame(part, strict=False) for part in (self._layers.nodes, self._layers.edges))
+        return nodes, edges
+
+    def to_igraph(self) -> "igraph.Graph":
+        """Return a directed graph of igraph; vertex `i` is the i-th node (MissingExtra: igraph is not installed)."""
+        try:
+            import igraph
+        except ImportError:
+            raise MissingExtra("A graph for igraph", "frames") from None
+        ends = np.column_stack((self._columns.sources, self._columns.targets)).tolist()
+        parts = {"vertex_attrs": self._layers.nodes, "edge_attrs": self._layers.edges}
+        return igraph.Graph(len(self._columns.node_ids), ends, directed=True, **parts)
