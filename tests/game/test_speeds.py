@@ -135,14 +135,6 @@ def test_on_the_way_to_one_node_nothing_is_lost_or_gained(lengths, speed, unit):
         assert node == max(i for i, end in enumerate(ends) if end <= turn * Fraction(speed))
 
 
-def test_metres_cannot_be_banked(ctx, play):
-    ctx.game.speed_unit = "metres"
-    ctx.graph.graph.add_node({"id": 99, "x": 0.0, "y": -5000.0})
-    ctx.graph.graph.add_edge({"id": 999, "source": 0, "target": 99, "length": 5000.0})
-    agent = play("a", 0, *[99] * 15, 3, 3, speed=10.0)
-    assert places(agent, ctx.game.run(17))[-3:] == [0, 1, 2]
-
-
 def set_elsewhere(ctx, agent):
     agent.state["action"] = 2  # an edge leads from there to the same node
     agent.set_state()
@@ -155,10 +147,9 @@ def set_elsewhere(ctx, agent):
         set_elsewhere,
         lambda ctx, agent: setattr(agent, "current_node_id", 5),
         lambda ctx, agent: ctx.game.respawn(agent),
-        lambda ctx, agent: (ctx.game.eliminate(agent), setattr(agent, "alive", True)),
         lambda ctx, agent: ctx.graph.graph.remove_edge(edge_of(ctx, 5, 6)),
     ],
-    ids=["set elsewhere", "set there", "respawned", "out of the game", "edge gone"],
+    ids=["set elsewhere", "set there", "respawned", "edge gone"],
 )
 def test_a_part_of_an_edge_lapses_unless_the_agent_goes_on(ctx, play, unit, lapse):
     ctx.game.speed_unit = unit
@@ -170,6 +161,15 @@ def test_a_part_of_an_edge_lapses_unless_the_agent_goes_on(ctx, play, unit, laps
     lapse(ctx, agent)
     ctx.game.step()
     assert agent.current_node_id != 6
+
+
+def test_who_has_left_a_game_of_edges_begins_its_edge_again(ctx, play):
+    agent = play("a", 5, *[6] * 4, speed=0.5)
+    ctx.game.step()
+    ctx.game.eliminate(agent)
+    agent.alive = True
+    ctx.game.step()
+    assert agent.current_node_id == 5
 
 
 def edge_of(ctx, source, target):

@@ -107,7 +107,7 @@ def test_in_metres_the_time_is_the_distance_over_the_speed():
 def test_a_part_of_an_edge_that_was_covered_before_makes_an_agent_earlier():
     ctx = open_road(("r", "red", 0, 15.0, 9), ("b", "blue", 2, None, 2), unit="metres")
     assert met(ctx) == []  # it is five metres behind 1
-    assert met(ctx) == [("r", "b", round(5 / 15, 9), 2, 2)]
+    assert met(ctx) == [("r", "b", pytest.approx(5 / 15), 2, 2)]
     ctx = open_road(("r", "red", 0, 0.5, 9), ("b", "blue", 1, None, 1))
     assert met(ctx) == []
     assert met(ctx) == [("r", "b", 1.0, 1, 1)]  # in edges it takes the whole turn
@@ -236,7 +236,7 @@ def games(draw):
     edges = draw(st.lists(st.sampled_from(pairs), min_size=2, max_size=14, unique=True))
     edges += [(b, a) for a, b in edges if (b, a) not in edges and draw(st.booleans())]
     lengths = {edge: Fraction(draw(st.sampled_from([1, 2, 3, 5])), 2) for edge in edges}
-    unit = draw(st.sampled_from(["edges", "metres"]))
+    unit = "edges"  # for metres see tests/travel
     speeds = [Fraction(1, 2), Fraction(1), Fraction(3, 2), Fraction(2), Fraction(3)]
 
     def route(node):

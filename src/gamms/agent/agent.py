@@ -29,6 +29,7 @@ from gamms.typing.actions import (
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
 from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 from gamms.typing.graph_engine import IGraph
+from gamms.typing.on_edges import OnEdge, located
 from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of, refuse_no_sensor
 
 _KINDS = tuple(AgentType)
@@ -39,6 +40,19 @@ _AT_FIRST = ("_phase", "_ctx", "_block", "_near", "_sensor_list", "_shared", "_c
 
 class NoStrategy(GammsError, AttributeError):
     """An agent is to decide and has no strategy."""
+
+
+class _Derived:
+    """What follows from where an agent is; an attribute of the caller's by the same name hides it.
+
+    Programs written for 1.0.0 may use these names for what they like.
+    """
+
+    def __init__(self, value_of: Callable[["BaseAgent"], Any]) -> None:
+        self._value_of = value_of
+
+    def __get__(self, agent: "BaseAgent | None", owner: type) -> Any:
+        return self if agent is None else self._value_of(agent)
 
 
 class BaseAgent(Guarded, IAgent):
@@ -134,6 +148,10 @@ class BaseAgent(Guarded, IAgent):
         if not self._is_closed:
             self._set("previous", self._known(node_id))
 
+    edge = _Derived(lambda one: None if (place := one._on_edge()) is None else place.edge)
+    offset_m = _Derived(lambda one: 0.0 if (place := one._on_edge()) is None else place.offset_m)
+    xy = _Derived(lambda one: one._xy())
+
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
 
     @refused_while_deciding
@@ -176,21 +194,26 @@ class BaseAgent(Guarded, IAgent):
         if block.journal is CLOSED:
             return self._last[0] or self._state_of(self._held_data())
         node = block.node[self._row]
+        if block.progress[self._row] is not None:
+            state: State = {"curr_pos": node, "sensor": self.sense()}
+            self._last[0] = state
+            return state
         sensed = {}
         for name, sense, sensor, last in self._carried:
             sense(node)
             sensed[name] = (sensor.type, last[0])
-        state: State = {"curr_pos": node, "sensor": sensed}
+        state = {"curr_pos": node, "sensor": sensed}
         self._last[0] = state
         return state
 
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Ask all sensors; return name -> (kind, data), as `get_state` has it under `sensor`."""
-        node = self.current_node_id
+        node, place = self.current_node_id, self._on_edge()
+        where: Any = node if place is None else place.xy
         sensed = {}
         for name, sense, sensor, last in self._carried:
-            sense(node)
+            sense(where if getattr(sensor, "looks_from_points", False) else node)
             sensed[name] = (sensor.type, last[0])
         return sensed
 
@@ -241,7 +264,7 @@ class BaseAgent(Guarded, IAgent):
     def _begin(self, ctx: IContext, block: AgentBlock, attributes: Iterable[str]) -> IGraph:
         """Begin as a view of a row that a subclass adds to a block; check the names of attributes; return the graph."""
         for key in attributes:
-            if key not in self._SETTABLE and hasattr(type(self), key):
+            if key not in self._SETTABLE and not isinstance(getattr(type(self), key, None), (_Derived, type(None))):
                 raise AttributeError(f"{key!r} cannot be set when an agent is created.")
         values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, _NOT_SHARED, (), [{}], None)
         for name, value in zip(_AT_FIRST, values, strict=True):
@@ -257,6 +280,17 @@ class BaseAgent(Guarded, IAgent):
 
     def _set(self, column: str, value: object) -> None:
         self._block.set(self._row, column, value)
+
+    def _on_edge(self) -> OnEdge | None:
+        progress = self._block.on_edge(self._row)
+        return None if progress is None else located(self._ctx.graph.graph, progress)
+
+    def _xy(self) -> tuple[float, float]:
+        place = self._on_edge()
+        if place is not None:
+            return place.xy
+        node = self._ctx.graph.graph.get_node(self.current_node_id)
+        return node.x, node.y
 
     def _note(self, kind: int, name: str, sensor: ISensor) -> None:
         """Note that the agent carries a sensor, or stops carrying it."""
@@ -363,6 +397,9 @@ class Agent(BaseAgent):
         heading = block.heading[row]
         if heading is not None:
             return heading
+        place = self._on_edge()
+        if place is not None:
+            return place.ahead
         here, before = block.node[row], block.previous[row]
         if here == before:
             return (0.0, 0.0)

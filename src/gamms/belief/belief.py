@@ -99,7 +99,8 @@ class Belief:
         """Return the ids of all nodes on which a target can be; it is on one of them.
 
         It has gone along edges that were open at some time since it was seen last, as fast as it can, and was on no
-        node on which a sensor would have shown it for certain.
+        node on which a sensor would have shown it for certain. In games by metres a node stands for the edges that
+        leave it, too, so that a node in view that is empty rules nothing out.
 
         Args:
             target: the name of an agent on the ground; one that is dead is nowhere.
@@ -117,13 +118,14 @@ class Belief:
         agents = [agent_on_ground(self._ctx, name) for name in targets]
         paces = [getattr(agent, "speed", None) if speed is None else as_range(speed, "speed") for agent in agents]
         game = None if self._ctx.current_game is None else self._ctx.game
-        in_metres = game is not None and game.speed_unit == "metres"
+        in_metres = game is not None and game.speed_unit != "edges"
+        turns = game.turn_seconds if game is not None and game.speed_unit == "metres_per_second" else 1.0
         found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size), bool)
         # An agent without a speed goes along one edge of any length, also where others have metres.
         for has_pace in (False, True):
             lines = [line for line, pace in enumerate(paces) if (pace is not None) is has_pace]
             if lines:
-                names, speeds = tuple(targets[line] for line in lines), [paces[line] or 0.0 for line in lines]
+                names, speeds = tuple(targets[line] for line in lines), [(paces[line] or 0.0) * turns for line in lines]
                 labels = self._reached(names, speeds if has_pace else [1.0] * len(lines), has_pace and in_metres)
                 found[lines] = (labels > -np.inf).T
         found[[not getattr(agent, "alive", True) for agent in agents]] = False

@@ -67,7 +67,7 @@ class Reach:
         labels = anywhere.copy() if any(one.closed is None for one in seen) else labels.copy()
         found = {name: self._ground.row(node) for one in seen for name, node in one.found.items()}
         is_clear = np.zeros(labels.shape, bool)
-        for look in (look for one in seen for look in one.looks):
+        for look in (look for one in seen for look in one.looks if not self._in_metres):
             rows = _certain_rows(self._ground, look)
             is_shown = [name not in look.not_shown and name not in found for name in targets]
             is_clear[rows] |= is_shown

@@ -23,6 +23,7 @@ from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
+from gamms.typing.on_edges import located
 
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
 _ANTENNA_M = 1.6  # above the ground, of agents there: the height of their sight lines
@@ -47,6 +48,12 @@ class Places(NamedTuple):
         for row, position in enumerate(positions):
             if position is not None:
                 xyz[row] = position
+        block = ctx.agent.block
+        for row, agent in enumerate(agents):
+            progress = block.on_edge(block.row_of(agent.name))
+            place = None if progress is None else located(ctx.graph.graph, progress)
+            if place is not None:
+                xyz[row, :2] = place.xy
         flies = np.array([position is not None for position in positions], bool)
         return cls([agent.name for agent in agents], [agent.team for agent in agents], nodes, xyz, flies)
 

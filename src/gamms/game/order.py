@@ -1,28 +1,29 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
-from collections.abc import Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from itertools import pairwise
-from math import inf
+from math import floor, inf
 from operator import add, ne
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_float, as_range
+from gamms.arguments import as_range
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
 from gamms.game.facts import FactsOf
 from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Plan, Settings
+from gamms.game.travel import Travel, Way
 from gamms.ir.agents import Position, Progress, Quat, Selection
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import shortest_edges
 from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.agent_engine import IAgent, TurnAccess
 from gamms.typing.context import HostContext
+from gamms.typing.game import Leg, Track
 
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
@@ -43,6 +44,7 @@ class AgentSlot:
         name, team, row: its own.
         flies: whether it is in the air.
         speed: how far it may go in a turn, in the unit of the game; None for one edge.
+        travels: whether it may be anywhere on an edge.
         is_plain: whether it moves along one edge, on the ground.
         draws, rng: its random numbers.
         carried: its sensors, in the form in which they are asked.
@@ -55,7 +57,7 @@ class AgentSlot:
 
     __slots__ = (
         *("agent", "carried", "counts", "draws", "flies", "foreign", "is_plain", "last", "name", "rng", "row"),
-        *("sees_world_only", "speed", "team", "template"),
+        *("sees_world_only", "speed", "team", "template", "travels"),
     )
 
     def __init__(
@@ -72,12 +74,15 @@ class AgentSlot:
         self.row, self.carried, self.last = access
         self.flies = agent.type is AgentType.AERIAL
         self.speed = None if self.flies else _speed(agent)
-        self.is_plain = not self.flies and self.speed is None and settings.legal == "edges"
+        self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
+        self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
         self.draws, self.rng = Draws(seed, state, self.name), TurnGenerator(seed, state, self.name)
         self.template: dict[str, Any] = _with_shared_keys(
             {
                 "curr_pos": None,
                 **({"quat": None} if self.flies else {}),
+                **({"edge": None, "offset_m": 0.0, "xy": None} if self.travels else {}),
+                **({"time": 0.0} if settings.decide == "arrival" else {}),
                 "sensor": None,
                 "name": self.name,
                 "team": self.team,
@@ -145,7 +150,7 @@ class Part:
         ground = [i for i, slot in pairs if not slot.flies]
         self.on_ground = None if len(ground) == len(slots) else ground
         self.ground = Selection([slots[i].row for i in ground])
-        self.paced = [i for i, slot in pairs if slot.speed is not None or progress[slot.row]]
+        self.paced = [i for i, slot in pairs if slot.speed is not None or slot.travels or progress[slot.row]]
 
     def of_ground(self, values: list[Any]) -> list[Any]:
         """Return those values, one per slot, that are of agents on the ground."""
@@ -162,7 +167,7 @@ class TurnOrder:
         order: the teams that move at once, in their order; None: all.
 
     Attributes:
-        slots: the slots.
+        slots, progress: as given.
         whole: all of them.
         parts: those that move at once, in their order.
         unlisted: the first of an agent whose team is in no part; None: there is no such.
@@ -177,7 +182,7 @@ class TurnOrder:
         plans: Mapping[Any, Plan],
         order: Sequence[Sequence[Any]] | None,
     ) -> None:
-        self.slots = slots
+        self.slots, self.progress = slots, progress
         self.whole = Part(slots, None, progress, plans)
         self.parts, self.unlisted = [self.whole], None
         if order is not None:
@@ -238,7 +243,7 @@ def _speed(agent: IAgent) -> float | None:
         raise
 
 
-_SLACK = 1e-9  # of the edges or metres of a turn: a path that is as long as these must not fail by rounding
+_SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding
 
 
 class IllegalAction(GammsError, ValueError):
@@ -253,6 +258,8 @@ class ResolvedAction(NamedTuple):
     heading: Any = ()  # (cos, sin) to face from now on, None to follow moves again; () leaves it
     times: tuple[float, ...] = ()  # when it is at each node of the path, from 0 to 1; (): evenly
     progress: Progress | None = None  # along the edge behind the end of the path
+    legs: tuple[Leg, ...] = ()  # of one that travels by metres
+    begun: Progress | None = None  # where on an edge such a one is before the turn
     position: Position | None = None  # of a flyer
     quat: Quat | None = None
     deeds: Mapping[str, dict[str, Any]] | None = None  # what it does besides: deed -> the values of its fields
@@ -268,7 +275,7 @@ class Legality:
 
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
-        self._lengths: tuple[int | None, dict[tuple[int, int], float]] = (None, {})
+        self.travel = Travel(ctx, settings)
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return what an action leads to.
@@ -281,7 +288,7 @@ class Legality:
             deeds = wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
             action = {key: value for key, value in action.items() if key != "do"}
             if not mover.flies:
-                action.setdefault("node_id", here)
+                action.setdefault("node_id", None if mover.travels else here)
         if mover.flies:
             position, quat = flight(self._ctx.agent.block, mover.row, action)
             return ResolvedAction(here, (here,), position=position, quat=quat, deeds=deeds)
@@ -289,17 +296,34 @@ class Legality:
         if isinstance(action, dict):
             heading = heading_in(action)
             action = action["node_id"]
-        if isinstance(action, (list, np.ndarray)) and np.ndim(action) == 1:
-            path, is_route = self._checked_path(here, action), True
+        if mover.travels and action is None:
+            resolved = self.travelled(mover, here, None)
+        elif isinstance(action, (list, np.ndarray)) and np.ndim(action) == 1:
+            nodes = list(map(self._node, action))
+            resolved = self.travelled(mover, here, nodes) if mover.travels else self._walk(mover, here, nodes, True)
         else:
-            path, is_route = [self._node(action)], False
-        resolved = self._walk(mover, here, path, is_route=is_route)
+            node = self._node(action)
+            resolved = self.travelled(mover, here, node) if mover.travels else self._walk(mover, here, [node], False)
         if heading == () and deeds is None:
             return resolved
         return resolved._replace(heading=heading, deeds=deeds)
 
-    def is_open(self, path: Sequence[int]) -> bool:
-        """Return whether all edges of a path of a legal move are there still."""
+    def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
+        """Return where an agent that travels gets on its way to a node, along nodes, or to a stop."""
+        travel, row = self.travel, mover.row
+        if wanted is None:
+            way = travel.stay(row, here)
+        elif isinstance(wanted, list):
+            way = travel.along(row, here, mover.speed, wanted)
+        else:
+            way = travel.towards(row, here, mover.speed, wanted)
+        return action_of(way, travel.place(row))
+
+    def is_open(self, track: Track) -> bool:
+        """Return whether all edges of a legal move are there still."""
+        path, _, legs = track
+        if legs:
+            return all(self.travel.roads.on(leg.edge) is not None for leg in legs)
         near = self._ctx.graph.graph.neighborhoods
         has_node = self._ctx.graph.graph.has_node
         if self._settings.legal == "any" or not all(map(has_node, path)):
@@ -313,13 +337,15 @@ class Legality:
         graph = self._ctx.graph.graph
         if mover.is_plain:
             return tuple(graph.neighborhoods[here])
+        if mover.travels:
+            return self.travel.reachable(mover.row, here, mover.speed)
         if self._settings.legal == "any":
             return (here, *(id for id in graph.get_nodes() if id != here))
         speed = mover.speed or 0.0
         near = [*graph.neighborhoods[here], *self._around(here, speed)]
         begun, covered = self._begun(mover, here)
         if begun is not None:
-            left = _limit(speed + covered) - self._cost(here, begun)  # less than the speed
+            left = _limit(speed + covered) - 1.0  # less than the speed
             near += [node for node, far in self._around(begun, speed).items() if far <= left]
         return tuple(dict.fromkeys(near))
 
@@ -335,9 +361,8 @@ class Legality:
             raise UnknownName("node", node)
         return node
 
-    def _checked_path(self, here: int, action: Iterable[object]) -> list[int]:
+    def _checked_path(self, here: int, path: list[int]) -> list[int]:
         """Return a list of nodes that was given as an action, without the node the agent is on."""
-        path = [self._node(node) for node in action]
         path = path[1:] if path and path[0] == here else path
         near = self._ctx.graph.graph.neighborhoods
         if self._settings.legal == "edges":
@@ -346,8 +371,9 @@ class Legality:
                     raise BadValue(f"No edge leads from node {start} to node {end}.")
         return path
 
-    def _walk(self, mover: AgentSlot, here: int, path: list[int], *, is_route: bool) -> ResolvedAction:
+    def _walk(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
         """Return where a path, or the shortest one to its only node, leads in this turn."""
+        path = self._checked_path(here, nodes) if is_route else nodes
         if not path or (path == [here] and not is_route):
             return ResolvedAction(here, (here,))
         if self._settings.legal == "any":
@@ -364,78 +390,47 @@ class Legality:
 
     def _shortest(self, here: int, target: int, begun: int | None, covered: float) -> list[int]:
         """Return the shortest path to a node, on from `here` or along the edge that the agent has begun."""
-        graph, weight = self._ctx.graph.graph, self._weight()
+        graph = self._ctx.graph.graph
         try:
-            path: list[int] = graph.shortest_path(here, target, weight)[1:]
+            path: list[int] = graph.shortest_path(here, target, None)[1:]
             if begun is not None and begun != path[0]:
-                left = self._cost(here, begun) - covered + graph.distance(begun, target, weight)
-                if left <= graph.distance(here, target, weight):
-                    path = graph.shortest_path(begun, target, weight)
+                left = 1.0 - covered + graph.distance(begun, target, None)
+                if left <= graph.distance(here, target, None):
+                    path = graph.shortest_path(begun, target, None)
         except NoPath as error:
             raise BadValue(str(error)) from None
         return path
 
     def _advance_along(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
-        """Follow a path as far as the edges or metres of this turn go; `covered` is what was gone before it."""
-        budget, gone, path, reached = speed + covered, 0.0, [here], [0.0]
-        limit = _limit(budget)
-        for node in route:
-            cost = self._cost(path[-1], node)
-            if gone + cost > limit:
-                share = (budget - gone) / cost
-                progress = Progress(path[-1], node, share) if _SLACK < share < 1.0 and node != path[-1] else None
-                break
-            gone += cost
-            path.append(node)
-            reached.append(gone)
-        else:
-            progress = None
-        return ResolvedAction(path[-1], tuple(path), times=self._times(speed, reached, covered), progress=progress)
-
-    def _times(self, speed: float, reached: list[float], covered: float) -> tuple[float, ...]:
-        """Return when an agent is at each node of its path, by their distances; () for evenly from 0 to 1."""
-        if self._settings.speed_unit == "edges":
-            return ()
-        pace = speed if speed < inf else reached[-1]
-        return (0.0, *(min(1.0, round((far - covered) / pace, 9)) if far > covered else 0.0 for far in reached[1:]))
+        """Follow a path as far as the edges of this turn go; `covered` is the part of one that was gone before it."""
+        budget = speed + covered
+        whole = len(route) if budget >= len(route) else floor(_limit(budget))
+        path, left, progress = (here, *route[:whole]), budget - whole, None
+        if whole < len(route) and route[whole] != path[-1] and _SLACK < left < 1.0:
+            progress = Progress(path[-1], route[whole], left)
+        return ResolvedAction(path[-1], path, progress=progress)
 
     def _begun(self, mover: AgentSlot, here: int) -> tuple[int | None, float]:
-        """Return the end of the edge that an agent has covered part of, and how much of it in edges or metres."""
+        """Return the end of the edge that an agent has covered part of, and how much of it."""
         progress = self._ctx.agent.block.progress[mover.row]
-        if (
-            progress is None
-            or progress.source != here
-            or progress.target not in self._ctx.graph.graph.neighborhoods[here]
-        ):
+        near = self._ctx.graph.graph.neighborhoods
+        if progress is None or progress.source != here or progress.target not in near[here]:
             return None, 0.0
-        return progress.target, progress.share * self._cost(here, progress.target)
+        return progress.target, progress.share
 
     def _around(self, node: int, speed: float) -> dict[int, float]:
-        """Return the nodes within one turn at a speed, with their distances."""
+        """Return the nodes within one turn at a speed, with the number of edges to each."""
         # NOTE: always by a speed, because the graph keeps what it has found around a node for one cutoff.
         cutoff = None if speed == inf else _limit(speed)
-        near: dict[int, float] = self._ctx.graph.graph.distances(source=node, weight=self._weight(), cutoff=cutoff)
+        near: dict[int, float] = self._ctx.graph.graph.distances(source=node, weight=None, cutoff=cutoff)
         return near
 
-    def _cost(self, source: int, target: int) -> float:
-        """Return the edges or metres to the next node; to wait costs one edge, and no metres."""
-        if self._settings.speed_unit == "edges":
-            return 1.0
-        return 0.0 if source == target else self._length_of(source, target)
 
-    def _weight(self) -> str | None:
-        return "length" if self._settings.speed_unit == "metres" else None
-
-    def _length_of(self, source: int, target: int) -> float:
-        """Return the length of the shortest edge from one node to another, map units."""
-        revision, lengths = self._lengths
-        graph = self._ctx.graph.graph
-        if revision != graph.revision:
-            lengths = shortest_edges(self._ctx.graph.columns())
-            self._lengths = graph.revision, lengths
-        return as_float(lengths[source, target], "length")
+def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
+    """Return a way as an action; it began on an edge, or on a node."""
+    return ResolvedAction(way.path[-1], way.path, times=way.times, progress=way.progress, legs=way.legs, begun=begun)
 
 
 def _limit(budget: float) -> float:
-    """Return the largest length that counts as within a budget."""
+    """Return the largest number of edges that counts as within a budget."""
     return budget * (1.0 + _SLACK)

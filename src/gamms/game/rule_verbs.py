@@ -117,7 +117,7 @@ class RuleVerbs(Settings):
         """
         moves = self._state.moves
         tracks: list[Track] | None = None if moves is None else moves.tracks(agents)
-        return [((agent.current_node_id,), (1.0,)) for agent in agents] if tracks is None else tracks
+        return [Track((agent.current_node_id,), (1.0,)) for agent in agents] if tracks is None else tracks
 
     @overload
     def observation(self, agent: IAerialAgent) -> AerialState: ...  # type: ignore[overload-overlap] # as `get_state`

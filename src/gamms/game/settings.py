@@ -1,9 +1,10 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from math import inf
 from typing import Any, Literal, NamedTuple, Unpack
 
-from gamms.arguments import as_bool, as_count, as_float, as_function_of, as_items, as_key, as_name
+from gamms.arguments import as_bool, as_count, as_float, as_function_of, as_items, as_key, as_name, as_text
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
@@ -15,12 +16,15 @@ from gamms.text import as_code, shown
 from gamms.typing.context import HostContext
 from gamms.typing.game import ChannelOptions, IConflicts, Rule
 
+_ALWAYS_NOTED = ("legal", "on_illegal", "on_error", "speed_unit", "time_budget", "deadline_s", "max_turns")
+_TRAVEL = ("turn_seconds", "weight", "decide")
 _ORDER_FORM = "lists of teams, each team once, such as [['cops'], ['robber']]"
 _CHOICES = {
     "legal": ("edges", "any"),
     "on_illegal": ("stay", "raise"),
     "on_error": ("raise", "stay"),
-    "speed_unit": ("edges", "metres"),
+    "speed_unit": ("edges", "metres", "metres_per_second"),
+    "decide": ("turn", "arrival"),
 }
 
 
@@ -46,7 +50,13 @@ class Settings(Guarded):
         legal: "edges": a move follows edges out of the node, or stays; "any": it may lead to any node.
         on_illegal: what an action that is not legal, or nonsense, leads to: "stay", counted in the result, or "raise".
         on_error: what a strategy that raises leads to: "raise", or "stay", counted in the result.
-        speed_unit: what `agent.speed` of an agent on the ground counts per turn: "edges" or "metres".
+        speed_unit: what `agent.speed` of an agent on the ground counts: "edges" per turn, "metres" per turn, or
+            "metres_per_second". By metres agents may be anywhere on an edge; see docs/travel.md.
+        turn_seconds: how long a turn lasts, for speeds in metres per second.
+        weight: by what agents that travel by metres choose shortest paths, as for `graph.shortest_path`. By
+            "travel_time" with speeds in metres per second no agent is faster on an edge than its length and its
+            travel time allow.
+        decide: when agents that travel by metres decide: every "turn", or at each "arrival" at a node.
         conflicts: what decides where moves conflict, such as `gamms.rules.Conflicts`; None: all moves are made.
         time_budget: seconds that a strategy or a plan may take; what takes longer does not count, and is noted as an
             overrun. None: no bound.
@@ -67,7 +77,10 @@ class Settings(Guarded):
     legal: Literal["edges", "any"] = "edges"
     on_illegal: Literal["stay", "raise"] = "stay"
     on_error: Literal["raise", "stay"] = "raise"
-    speed_unit: Literal["edges", "metres"] = "edges"
+    speed_unit: Literal["edges", "metres", "metres_per_second"] = "edges"
+    turn_seconds: float = 1.0
+    weight: str = "length"
+    decide: Literal["turn", "arrival"] = "turn"
     conflicts: IConflicts | None = None
     time_budget: float | None = None
     deadline_s: float | None = None
@@ -109,7 +122,8 @@ class Settings(Guarded):
 
     def plain_settings(self) -> dict[str, Any]:
         """Return the settings that are plain values, defaults included; `configure` takes them."""
-        plain = {name: getattr(self, name) for name in (*_CHOICES, "time_budget", "deadline_s", "max_turns")}
+        plain = {name: getattr(self, name) for name in _ALWAYS_NOTED}
+        plain.update((name, getattr(self, name)) for name in _TRAVEL if getattr(self, name) != getattr(Settings, name))
         default, channels = self.default_action, {name: one.options() for name, one in self.channels.items()}
         declared = {"order": self.order, "deeds": to_plain(self.deeds), "channels": channels}
         plain.update((name, value) for name, value in declared.items() if value)
@@ -164,6 +178,23 @@ class Settings(Guarded):
         if as_key(name, "The name of a channel") not in self.channels:
             raise UnknownName("channel", name, self.channels)
         self.channels = {key: one for key, one in self.channels.items() if key != name}
+
+
+def refuse_unused(settings: Settings) -> None:
+    """Refuse settings of travel in a game that does not travel.
+
+    Raises:
+        BadValue: one of them would change nothing.
+    """
+    for name in _TRAVEL:
+        value, needs_seconds = getattr(settings, name), name == "turn_seconds"
+        idle = ("edges", "metres") if needs_seconds else ("edges",)
+        if value != getattr(Settings, name) and settings.speed_unit in idle:
+            unit = "metres_per_second" if needs_seconds else "metres"
+            raise BadValue(
+                f"ctx.game.{name} = {shown(value)} counts nothing with ctx.game.speed_unit = {settings.speed_unit!r}: "
+                f"set ctx.game.speed_unit = {unit!r}."
+            )
 
 
 def _choice(name: str, value: object) -> str:
@@ -222,6 +253,13 @@ def _seconds(name: str, value: object) -> float | None:
     return seconds
 
 
+def _duration(name: str, value: object) -> float:
+    seconds = as_float(value, f"ctx.game.{name}")
+    if not 0.0 < seconds < inf:
+        raise BadValue(f"ctx.game.{name} must be positive and finite, not {seconds}.")
+    return seconds
+
+
 def _action(_: str, value: object) -> Any:
     if isinstance(value, str) and value != "stay":
         raise BadValue(f'ctx.game.default_action must be "stay", an action or a function, not {shown(value)}.')
@@ -230,6 +268,8 @@ def _action(_: str, value: object) -> Any:
 
 _CHECKS: dict[str, Callable[[str, Any], Any]] = {
     **dict.fromkeys(_CHOICES, _choice),
+    "turn_seconds": _duration,
+    "weight": lambda name, value: as_text(value, f"ctx.game.{name}"),
     "conflicts": _conflicts,
     "time_budget": _seconds,
     "deadline_s": _seconds,

@@ -10,11 +10,12 @@ import numpy as np
 
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, GammsError
+from gamms.game.moves import TurnMoves
 from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
-from gamms.game.turn import Observer, TurnEngine, TurnMoves
+from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState
 from gamms.text import Called

@@ -1,8 +1,8 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from copy import copy
-from functools import lru_cache
+from heapq import heapify, heappop, heappush
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -13,19 +13,20 @@ from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import FactsOf
 from gamms.game.messages import Inboxes, sent
-from gamms.game.order import AgentSlot, IllegalAction, Legality, Part, ResolvedAction, TurnOrder
-from gamms.game.settings import RuleSet, Settings
+from gamms.game.moves import Refusals, TurnMoves
+from gamms.game.order import AgentSlot, IllegalAction, Legality, Part, TurnOrder, action_of
+from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.text import shown
-from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import Deed, Move, Track
+from gamms.typing.on_edges import located
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
+_MOST_ARRIVALS = 1000  # in one turn; more, and an agent goes to and fro on edges of no length
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
@@ -71,6 +72,7 @@ class TurnEngine:
         key = (block, block.structure_version, settings.changes, state.stream_version, is_public)
         if self._order is None or self._order_key != key:
             self.update_counts()
+            refuse_unused(settings)
             living = sorted([(name, agent) for name, agent in agents.agents.items() if agent.alive], key=itemgetter(0))
             access_of = agents.storage.turn_access
             groups = self._groups if self.is_moving else settings.order
@@ -125,6 +127,16 @@ class TurnEngine:
         else:
             state["curr_pos"] = here
             state["legal"] = self._legality.reachable(slot, here)
+        if slot.travels:
+            progress = block.on_edge(row)
+            place = None if progress is None else located(self._ctx.graph.graph, progress)
+            if place is None:
+                node = self._ctx.graph.graph.get_node(here)
+                state["edge"], state["offset_m"], state["xy"] = None, 0.0, (node.x, node.y)
+            else:
+                state["edge"], state["offset_m"], state["xy"] = place[:3]
+        if "time" in state:
+            state["time"] = self._legality.travel.now
         state["turn"] = self._state.turn
         if self._settings.team_memory:
             known = self._state.team_memories.get(slot.team)
@@ -167,10 +179,12 @@ class TurnEngine:
             if self._settings.order is not self._groups:  # a rule has set another one, which counts from now on
                 self._order_key = ()
 
-    def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> "TurnMoves":
+    def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
         part = order.parts[number]
         began = perf_counter()
-        turn = self._state.moves = self._ask(order, part, observers)
+        is_by_arrival = self._settings.decide == "arrival" and any(order.slots[i].travels for i in part.paced)
+        ask = self._ask_at_arrivals if is_by_arrival else self._ask
+        turn = self._state.moves = ask(order, part, observers)
         asked = decided = perf_counter()
         if self._settings.deeds or rules.act_before_moves:
             turn = self._do_deeds(turn, part, rules)
@@ -188,7 +202,7 @@ class TurnEngine:
         spent["apply"] += applied - resolved
         return turn
 
-    def _do_deeds(self, turn: "TurnMoves", part: Part, rules: RuleSet) -> "TurnMoves":
+    def _do_deeds(self, turn: TurnMoves, part: Part, rules: RuleSet) -> TurnMoves:
         """Let rules refuse moves and deeds, note the deeds that remain, and let rules carry them out.
 
         Return the moves of the agents that there are now; one that was put elsewhere stays there, and one whose way
@@ -208,13 +222,13 @@ class TurnEngine:
         if not rules.apply("deeds", self._state):
             return turn
         turn = self._state.moves = turn.on(self.order())
-        turn.give_up(turn.order.selection.of(self._ctx.agent.block.node))
+        turn.give_up(self._ctx.agent.block)
         if self._ctx.graph.graph.revision != revision:
-            closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.path(i))]
+            closed = [i for i in range(len(turn.slots)) if not self._legality.is_open(turn.track(i))]
             self._stop(turn, closed, "its way was closed")
         return turn
 
-    def _refuse(self, turn: "TurnMoves", part: Part) -> None:
+    def _refuse(self, turn: TurnMoves, part: Part) -> None:
         """Take back the moves and deeds that rules have refused."""
         refusals = self.refusals
         assert refusals is not None  # noqa: S101 - set by the only caller
@@ -229,7 +243,7 @@ class TurnEngine:
                 self._note_illegal(slots[i], message)
                 turn.refuse_deed(i, kind)
 
-    def _stop(self, turn: "TurnMoves", indices: Iterable[int], why: str) -> None:
+    def _stop(self, turn: TurnMoves, indices: Iterable[int], why: str) -> None:
         """Keep agents where they are."""
         for i in indices:
             if turn.stop(i):
@@ -239,7 +253,7 @@ class TurnEngine:
         known = self._state.blocked.get(slot.name)
         slot.template["blocked"] = self._state.blocked[slot.name] = why if known is None else f"{known}; {why}"
 
-    def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> "TurnMoves":
+    def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
         """Ask the agents of a part what they do.
 
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
@@ -247,6 +261,7 @@ class TurnEngine:
         """
         starts, state = order.selection.of(self._ctx.agent.block.node), self._state
         decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
+        self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
         try:
             seen = self._observe_first(order, part, observers)
@@ -281,6 +296,64 @@ class TurnEngine:
         for slot, why in unsent:
             self._note_illegal(slot, why)
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
+
+    def _ask_at_arrivals(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
+        """Ask the agents of a part what they do, first those that are not on their way, then each where it arrives."""
+        block, travel, slots = self._ctx.agent.block, self._legality.travel, order.slots
+        places = {i: block.on_edge(slots[i].row) for i in part.paced if slots[i].travels}
+        going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
+        resting = [i for i in part.members if i not in going]
+        turn = self._ask(order, Part(slots, resting, order.progress, self._settings.plans), observers)
+        for i, place in going.items():
+            turn.go(i, action_of(travel.go_on(slots[i].row, block.node[slots[i].row], slots[i].speed), place))
+        arrivals = [(turn.arrival(i), slots[i].name, i) for i in part.members]
+        heapify(arrivals)
+        asked = Counter[int]()
+        try:
+            while arrivals[0][0] < 1.0:
+                now, _, first = heappop(arrivals)
+                here = [first]
+                while arrivals and arrivals[0][0] == now:
+                    here.append(heappop(arrivals)[2])
+                turn.show(block, now)
+                travel.now = now
+                later = self._ask(order, Part(slots, here, order.progress, self._settings.plans), [])
+                for i in here:
+                    asked[i] += 1
+                    goes_on = asked[i] < _MOST_ARRIVALS and self._continue(turn, later, i)
+                    if asked[i] >= _MOST_ARRIVALS:
+                        self._note_illegal(slots[i], f"it arrived {_MOST_ARRIVALS} times in one turn, and waits")
+                    heappush(arrivals, (turn.arrival(i) if goes_on else 1.0, slots[i].name, i))
+        finally:
+            travel.now = 0.0
+            turn.show(block, None)
+        return turn
+
+    def _continue(self, turn: TurnMoves, later: TurnMoves, i: int) -> bool:
+        """Let an agent that has arrived do what it has decided there; return whether it goes on."""
+        action = later.actions.get(i)
+        if action is None:
+            return False
+        if action.deeds:
+            self._note_illegal(turn.slots[i], "deeds are done where a turn begins, not at an arrival in it")
+        turn.go_on(i, action._replace(deeds=None))
+        return bool(action.legs)
+
+    def _stand_on_edges(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
+        """Let agents that are on an edge stay there, unless they decide something else; those on a closed one left it.
+
+        An edge that is gone has no places: whoever was on it is on the node that it had passed last.
+        """
+        block, travel = self._ctx.agent.block, self._legality.travel
+        for i in part.paced:
+            slot = order.slots[i]
+            place = block.on_edge(slot.row) if slot.travels else None
+            if place is not None and travel.roads.on(place.edge) is None:
+                block.set_progress(slot.row, None)
+                self._block(slot, f"the edge from node {place.source} to node {place.target} was closed")
+            elif place is not None:
+                here = block.node[slot.row]
+                decisions.actions[i] = self._legality.travelled(slot, here, None)
 
     def _take_outboxes(self, order: TurnOrder, part: Part, failed: set[int]) -> list[tuple[AgentSlot, str]]:
         """Take what agents send whose decisions count, and return what cannot be sent: by whom, and why."""
@@ -367,7 +440,7 @@ class TurnEngine:
             observe([order.slots[i].agent for i in seen], list(seen.values()))
         return seen
 
-    def _resolve(self, turn: "TurnMoves") -> None:
+    def _resolve(self, turn: TurnMoves) -> None:
         """Stop the agents that the conflict resolver stops."""
         whole, conflicts = turn.order.whole, self._settings.conflicts
         ground = whole.on_ground
@@ -375,17 +448,18 @@ class TurnEngine:
         if involved is None:
             few = list(range(len(turn.slots))) if ground is None else ground
         else:
-            few = involved(whole.of_ground(turn.starts), whole.of_ground(turn.ends))
+            few = involved(*map(whole.of_ground, turn.places()))
             few = few if ground is None else [ground[i] for i in few]
         if few:
             names = conflicts.resolve(turn.named(few), self._ctx)  # type: ignore[union-attr] # asked where there is one
             for i in few:
                 if turn.slots[i].name in names:
-                    end = turn.ends[i]
+                    end = turn.places()[1][i]
                     if turn.stop(i):
-                        self._block(turn.slots[i], f"in conflict with other agents on the way to node {end}")
+                        where = f"node {end}" if isinstance(end, int) else str(end)
+                        self._block(turn.slots[i], f"in conflict with other agents on the way to {where}")
 
-    def _apply(self, turn: "TurnMoves", part: Part) -> None:
+    def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""
         block = self._ctx.agent.block
         block.move_all(part.ground, part.of_ground(turn.ends))
@@ -402,175 +476,6 @@ class TurnEngine:
                     block.fly(slot.row, action.position)
                 if action.quat is not None:
                     block.turn(slot.row, action.quat)
-
-
-class Refusals:
-    """What rules refuse in a turn, and why.
-
-    Args:
-        turn: the moves and deeds of the turn.
-
-    Attributes:
-        moves: agent -> why it may not move.
-        deeds: agent -> deed -> why it may not do that.
-    """
-
-    def __init__(self, turn: "TurnMoves") -> None:
-        self._turn = turn
-        self.moves: dict[str, set[str]] = {}
-        self.deeds: dict[str, dict[str, set[str]]] = {}
-
-    def add(self, agent: str, why: str, deed: str | None) -> None:
-        """Refuse the move of an agent, or a deed of it."""
-        if deed is None:
-            self.moves.setdefault(agent, set()).add(why)
-        elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
-            self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
-
-
-class TurnMoves:
-    """The moves of one turn by slot: as lists for the engine, by name for rules and resolvers."""
-
-    def __init__(
-        self, order: TurnOrder, starts: list[int], ends: list[int], actions: dict[int, ResolvedAction]
-    ) -> None:
-        self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
-        self.slots = order.slots
-        self._by_name: dict[str, Move] | None = None
-
-    @property
-    def deeds(self) -> list[Deed]:
-        """What agents do besides moving, in the order of their names."""
-        slots, starts = self.slots, self.starts
-        return [
-            Deed(slots[i].name, slots[i].team, kind, starts[i], values)
-            for i, action in sorted(self.actions.items())
-            if action.deeds is not None
-            for kind, values in action.deeds.items()
-        ]
-
-    def of_agents(self, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
-        """Return the same moves of other agents, of which each takes the place of one of these."""
-        order = copy(self.order)
-        order.slots = [copy(slot) for slot in self.slots]
-        for slot in order.slots:
-            slot.agent = twin_of(slot.agent)
-        return TurnMoves(order, self.starts, self.ends, self.actions)
-
-    def by_name(self) -> dict[str, Move]:
-        """Return agent -> its move, of all on the ground, in the order of the names."""
-        if self._by_name is None:
-            self._by_name = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
-        return self._by_name
-
-    def named(self, indices: list[int]) -> dict[str, Move]:
-        """Return agent -> its move, of these slots."""
-        moves = {}
-        for i in indices:
-            slot = self.slots[i]
-            moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], self._track(i)[0])
-        return moves
-
-    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
-        """Return how agents reached their nodes; those that were placed or flew there are there only at 1."""
-        index_of, slots, ends, track = self.order.index_of, self.slots, self.ends, self._track
-        tracks: list[Track] = []
-        for agent in agents:
-            node, i = agent.current_node_id, index_of.get(agent.name)
-            if i is None or ends[i] != node or slots[i].agent is not agent or (slots[i].flies and self._flew(i)):
-                tracks.append(((node,), (1.0,)))
-            else:
-                tracks.append(track(i))
-        return tracks
-
-    def path(self, i: int) -> tuple[int, ...]:
-        """Return the nodes of the move of a slot."""
-        return self._track(i)[0]
-
-    def _track(self, i: int) -> Track:
-        """Return the nodes of a move, and when the agent is at each."""
-        action = self.actions.get(i)
-        if action is not None:
-            return action.path, action.times or _evenly(len(action.path))
-        start, end = self.starts[i], self.ends[i]
-        return ((start,), (0.0,)) if start == end else ((start, end), (0.0, 1.0))
-
-    def _flew(self, i: int) -> bool:
-        """Return whether a flyer has changed its position."""
-        action = self.actions.get(i)
-        return action is not None and action.position not in (None, self.slots[i].agent.prev_position)
-
-    def stop(self, i: int) -> bool:
-        """Keep the agent of a slot where it is; return whether it was about to go elsewhere."""
-        slot, here, action = self.slots[i], self.starts[i], self.actions.get(i)
-        goes = self.ends[i] != here
-        if action is not None:
-            goes = goes or len(action.path) > 1 or action.progress is not None or action.position is not None
-        if goes:
-            slot.counts["blocked"] += 1
-            self._stay(i, here)
-        return goes
-
-    def give_up(self, nodes: list[int]) -> None:
-        """Let agents that are on other nodes than those where their moves begin stay there."""
-        for i, (start, node) in enumerate(zip(self.starts, nodes, strict=True)):
-            if start != node:
-                self.starts[i] = node
-                self._stay(i, node)
-
-    def refuse_deed(self, i: int, kind: str) -> None:
-        """Take back a deed of the agent of a slot."""
-        action = self.actions[i]
-        self.actions[i] = action._replace(deeds={one: of for one, of in (action.deeds or {}).items() if one != kind})
-
-    def _stay(self, i: int, node: int) -> None:
-        self.ends[i] = node
-        if i in self.actions:
-            self.actions[i] = self.actions[i]._replace(end=node, path=(node,), times=(), progress=None, position=None)
-        self._by_name = None
-
-    # -- turns of several parts -----------------------------------------------------------------------------------
-
-    def on(self, order: TurnOrder) -> "TurnMoves":
-        """Return the moves of the agents of another order; those that are new in it stay."""
-        if order is self.order:
-            return self
-        old = {id(slot.agent): i for i, slot in enumerate(self.slots)}
-        pairs = [(i, old[id(slot.agent)]) for i, slot in enumerate(order.slots) if id(slot.agent) in old]
-        starts = [slot.agent.current_node_id for slot in order.slots]
-        ends = starts.copy()
-        for i, j in pairs:
-            starts[i], ends[i] = self.starts[j], self.ends[j]
-        return TurnMoves(order, starts, ends, {i: self.actions[j] for i, j in pairs if j in self.actions})
-
-    def between(self, number: int, parts: int) -> "TurnMoves":
-        """Return the same moves, made in that one of several equal parts of the turn."""
-        actions = dict(self.actions)
-        for i, (start, end) in enumerate(zip(self.starts, self.ends, strict=True)):
-            path, times = self._track(i)
-            if len(path) > 1 or start != end:
-                action = actions.get(i, ResolvedAction(end, path))
-                scaled = tuple([(number + time) / parts for time in times])
-                waits = ((path[0],), (0.0,)) if number else ((), ())
-                actions[i] = action._replace(path=waits[0] + path, times=waits[1] + scaled)
-        return TurnMoves(self.order, self.starts, self.ends, actions)
-
-    def then(self, later: "TurnMoves") -> "TurnMoves":
-        """Return these moves and later ones of other agents, as one turn; both are of the same order."""
-        starts, ends, actions = self.starts.copy(), self.ends.copy(), {**self.actions, **later.actions}
-        for i, (start, end) in enumerate(zip(later.starts, later.ends, strict=True)):
-            if start != end or i in later.actions:
-                if start != self.ends[i]:  # it was put there before it moved
-                    action, starts[i] = later.actions[i], start
-                    actions[i] = action._replace(path=action.path[1:] or action.path, times=action.times[1:])
-                ends[i] = end
-        return TurnMoves(self.order, starts, ends, actions)
-
-
-@lru_cache(maxsize=256)
-def _evenly(nodes: int) -> tuple[float, ...]:
-    """Return when an agent is at each of its nodes if all edges take equally long."""
-    return tuple(k / max(1, nodes - 1) for k in range(nodes))
 
 
 def _own_copy(name: str, kind: SensorType, data: object) -> tuple[SensorType, Any]:

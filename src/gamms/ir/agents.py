@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from enum import IntEnum
 from operator import itemgetter
 from typing import Any, NamedTuple, Protocol
 
@@ -17,12 +18,23 @@ Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
 
 
+class Motion(IntEnum):
+    """How an agent that has covered part of an edge counts."""
+
+    NONE = 0  # as on the node that the edge leads from: games that count edges know no places between nodes
+    FORWARD = 1  # as on the edge, on its way to the end of it
+    BACK = 2  # as on the edge, on its way back
+    STOPPED = 3  # as on the edge
+
+
 class Progress(NamedTuple):
     """How much of an edge an agent on the ground has covered, short of its end."""
 
-    source: int  # node id; the agent counts as on it
+    source: int  # node id; the last one that the agent has passed
     target: int  # node id
     share: float  # of the edge; more than 0, less than 1
+    edge: int = 0  # id of the edge that it is on, unless its motion is NONE
+    motion: int = Motion.NONE
 
 
 class NodeFinder(Protocol):
@@ -288,17 +300,25 @@ class AgentBlock:
             self.structure_version += 1
         if column == "alive":
             (self.inactive.discard if value else self.inactive.add)(row)
-        if column == "node" or (column == "alive" and not value):
+        if column == "node" or (column == "alive" and not value and self.on_edge(row) is None):
             self.set_progress(row, None)
         if not journal.is_silent:
             kind, key = COLUMN_EVENTS[column]
             plain = list(value) if column == "heading" and isinstance(value, tuple) else value
             journal.note(kind, {"agent_name": self.names[row], key: plain})
 
+    def on_edge(self, row: int) -> Progress | None:
+        """Return where on an edge an agent is; None: on its node, or in the air."""
+        progress = self.progress[row]
+        return progress if progress is not None and progress.motion and progress.source == self.node[row] else None
+
     def set_progress(self, row: int, progress: Progress | None) -> None:
         """Set how far along an edge an agent is."""
-        if self.progress[row] != progress:
+        before = self.progress[row]
+        if before != progress:
             self.progress[row] = progress
+            if (before is not None and before.motion) or (progress is not None and progress.motion):
+                self._changed.add(row)
             if not self.journal.is_silent:
                 self.journal.progressed.add(self.journal.ids[row])
 

@@ -3,7 +3,9 @@
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from gamms.ir.graph import FloatArray, IntArray
+import numpy as np
+
+from gamms.ir.graph import IntArray
 from gamms.plain import Plain
 
 if TYPE_CHECKING:
@@ -42,8 +44,8 @@ class AgentsState:
     def turn(self, row: Row, quat: tuple[float, ...]) -> None:
         """Turn a flyer in space."""
 
-    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
-        """Set how far along edges agents are, as arrays."""
+    def progress(self, numbers: IntArray, columns: "Mapping[str, np.ndarray[Any, Any]]") -> None:
+        """Set how far along edges agents are, as arrays by the names in `ir.events.ON_EDGES`."""
 
     def equip(self, row: Row, name: str, sensor_id: str) -> None:
         """Let an agent carry a sensor."""

@@ -112,6 +112,9 @@ def _speed(value: object, name: str) -> Any:
     return value
 
 
+ON_EDGES = ("edge_source", "edge_target", "edge_share", "edge_id", "edge_motion")
+"""The columns that hold an `ir.agents.Progress`; the last two may be missing in games that count edges."""
+
 _FIELDS = {  # fields of these names; all others hold any plain value
     "agent_name": Field(Role.AGENT, as_name),
     "names": Field(Role.AGENT),
@@ -256,7 +259,8 @@ def _deregister(state: State, data: Mapping[str, Plain]) -> None:
 
 
 def _progress(state: State, data: Mapping[str, Plain]) -> None:
-    state.agents.progress(data["numbers"], data["edge_source"], data["edge_target"], data["edge_share"])
+    columns = {name: data[name] for name in ON_EDGES if name in data}
+    state.agents.progress(data["numbers"], columns)
 
 
 def _above(state: State, data: Mapping[str, Plain]) -> None:
@@ -285,7 +289,9 @@ AERIAL_AGENT_QUATERNION = _record(
     0x01100006, "AERIAL_AGENT_QUATERNION", _SENSED, "agent_name quat", _sets("quat", "quat")
 )
 AGENT_STRATEGY = _event(0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strategy", _sets("strategies", "strategy"))
-AGENT_PROGRESS = _event(0x01100014, "AGENT_PROGRESS", _SENSED, "numbers edge_source edge_target edge_share", _progress)
+AGENT_PROGRESS = _event(
+    0x01100014, "AGENT_PROGRESS", _SENSED, f"numbers {' '.join(ON_EDGES[:3])} ?edge_id ?edge_motion", _progress
+)
 AERIAL_AGENT_FLIGHT = _event(0x01100020, "AERIAL_AGENT_FLIGHT", _SENSED, "number node x y z", _fly, _flight_records)
 AERIAL_AGENT_TURN = _event(0x01100021, "AERIAL_AGENT_TURN", _SENSED, "number w x y z", _turn, _turn_records)
 FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node previous", _above)

@@ -8,9 +8,9 @@ import numpy as np
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
 from gamms.ir.applied_to import AgentsState, State
-from gamms.ir.events import EVENTS, LOGGED, Log, events_of
+from gamms.ir.events import EVENTS, LOGGED, ON_EDGES, Log, events_of
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.plain import Plain
 from gamms.recorder import keyframes
 from gamms.recorder.errors import DAMAGES, Damaged, refusing
@@ -347,9 +347,10 @@ class DetachedAgents(AgentsState):
             value = np.nan
         self.columns[column][row] = value
         self.version += column in LISTS
-        if column == "node" or (column == "alive" and not value):  # and then it is on no edge
-            self.columns["edge_source"][row] = self.columns["edge_target"][row] = 0
-            self.columns["edge_share"][row] = 0.0
+        stays = self.columns["edge_motion"][row] and self.columns["edge_source"][row] == self.columns["node"][row]
+        if column == "node" or (column == "alive" and not value and not stays):  # and then it is on no edge
+            for name in ON_EDGES:
+                self.columns[name][row] = 0
 
     def move(self, numbers: Sequence[int] | IntArray, nodes: Sequence[int] | IntArray) -> None:
         """Move agents: their numbers and nodes, (moves,) each, in their order."""
@@ -397,11 +398,13 @@ class DetachedAgents(AgentsState):
             rows = self.rows(turns.numbers)  # first, for it may add rows
             self.columns["quat"][rows] = turns.floats  # of several at one row, the last one stays
 
-    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
+    def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
         """Set how far along edges agents are."""
-        rows, columns = self.rows(np.asarray(numbers, np.int64)), self.columns
-        columns["edge_source"][rows], columns["edge_target"][rows] = sources, targets
-        columns["edge_share"][rows] = keyframes.checked_shares(shares)
+        rows = self.rows(np.asarray(numbers, np.int64))
+        keyframes.checked_shares(columns["edge_share"])
+        keyframes.checked_motions(columns.get("edge_motion", 0))
+        for name in ON_EDGES:
+            self.columns[name][rows] = columns.get(name, 0)
 
     def equip(self, row: int, name: str, sensor_id: str) -> None:
         """Let an agent carry a sensor."""
@@ -453,9 +456,7 @@ def _row_of_creation(
         "previous": node,
         "alive": 1,
         **{name: given.get(name, value) for name, (_, value) in NUMBERS.items()},
-        "edge_source": 0,
-        "edge_target": 0,
-        "edge_share": 0.0,
+        **dict.fromkeys(ON_EDGES, 0),
         **places,
     }
 

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
-from gamms.ir.agents import NUMBERS, Progress
-from gamms.ir.events import LOGGED, as_blocked, as_looks, as_over, set_scores
+from gamms.ir.agents import NUMBERS, Motion, Progress
+from gamms.ir.events import LOGGED, ON_EDGES, as_blocked, as_looks, as_over, set_scores
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.readonly import published
 from gamms.recorder.errors import Damaged
@@ -30,8 +30,9 @@ ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {
     "edge_source": (np.int64, ()),
     "edge_target": (np.int64, ()),
     "edge_share": (np.float64, ()),
+    "edge_id": (np.int64, ()),
+    "edge_motion": (np.int64, ()),
 }
-_ON_EDGES = ("edge_source", "edge_target", "edge_share")  # may be missing while no agent is on an edge
 _MOST_AGENTS = 1 << 24  # that one recording may number
 
 
@@ -83,7 +84,7 @@ def packed(
         **{name: columns[name].copy() for name in ("kind", "node")},
         "came": (came << 1) ^ (came >> 63),  # 0, -1, 1, -2 as 0, 1, 2, 3
         **{name: columns[name].copy() for name in (*_PLACES, "alive")},
-        **({name: columns[name].copy() for name in _ON_EDGES} if columns["edge_share"].any() else {}),
+        **{name: columns[name].copy() for name in _needed(columns)},
         **{name: columns[name].copy() for name, (_, value) in NUMBERS.items() if (columns[name] != value).any()},
         "teams": list(columns["teams"]),
         "speed": list(columns["speed"]),
@@ -215,8 +216,21 @@ def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
 
 def progress_columns(progress: list[Progress | None]) -> Columns:
     """Return how far along edges agents are, as columns; zeros where an agent is on no edge."""
-    rows = [one or (0, 0, 0.0) for one in progress]
-    return {name: np.array([row[i] for row in rows], ARRAYS[name][0]) for i, name in enumerate(_ON_EDGES)}
+    rows = [one or (0, 0, 0.0, 0, 0) for one in progress]
+    return {name: np.array([row[i] for row in rows], ARRAYS[name][0]) for i, name in enumerate(ON_EDGES)}
+
+
+def progress_event(progress: list[Progress | None]) -> Columns:
+    """Return the same, without the columns that games that count edges do not need."""
+    columns = progress_columns(progress)
+    return {name: columns[name] for name in (ON_EDGES if columns["edge_motion"].any() else ON_EDGES[:3])}
+
+
+def _needed(columns: Columns) -> tuple[str, ...]:
+    """Return the columns that say how far along edges agents are, as far as one of them is."""
+    if columns["edge_motion"].any():
+        return ON_EDGES
+    return ON_EDGES[:3] if columns["edge_share"].any() else ()
 
 
 def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -280,13 +294,14 @@ def checked(columns: Columns) -> Columns:
     """
     names = [checked_name(name) for name in columns["names"]]
     defaults: Columns = {name: np.full(len(names), value, kind) for name, (kind, value) in NUMBERS.items()}
-    columns = dict.fromkeys(_ON_EDGES, np.zeros(len(names))) | defaults | columns
+    columns = dict.fromkeys(ON_EDGES, np.zeros(len(names))) | defaults | columns
     whole: Columns = {name: list(columns[name]) for name in LISTS}
     for name, (dtype, shape) in ARRAYS.items():
         whole[name] = np.array(columns[name], dtype)
         if whole[name].shape != (len(names), *shape):
             raise Damaged(f"{shown(name)} has the shape {whole[name].shape}, with {len(names)} agents")
     checked_shares(whole["edge_share"])
+    checked_motions(whole["edge_motion"])
     lengths = {name: len(whole[name]) for name in LISTS}
     if set(lengths.values()) != {len(names)}:
         raise Damaged(f"its lists have different lengths: {lengths}")
@@ -328,14 +343,28 @@ def checked_shares(values: Plain) -> FloatArray:
     return found
 
 
-def progress_of(source: int, target: int, share: float) -> Progress | None:
+def checked_motions(values: object) -> IntArray:
+    """Return how agents move on their edges, (agents,), as `ir.agents.Motion` numbers it.
+
+    Raises:
+        Damaged: a number stands for none.
+    """
+    found: IntArray = np.asarray(values, np.int64)
+    if not ((found >= 0) & (found < len(Motion))).all():
+        raise Damaged("an agent moves on its edge in no known way")
+    return found
+
+
+def progress_of(source: int, target: int, share: float, edge: int = 0, motion: int = 0) -> Progress | None:
     """Return how far along an edge an agent is; None where it is on none.
 
     Raises:
-        Damaged: it has covered less than nothing, or all, of it.
+        Damaged: it has covered less than nothing, or all, of it, or moves in no known way.
     """
     covered = float(checked_shares(share))
-    return Progress(int(source), int(target), covered) if covered else None
+    if not covered:
+        return None
+    return Progress(int(source), int(target), covered, int(edge), int(checked_motions(motion)))
 
 
 def sensors_in(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
@@ -354,5 +383,5 @@ def row_of(columns: Columns, row: int) -> dict[str, Any]:
         "previous": int(columns["previous"][row]),
         **{name: None if isnan(columns[name][row][0]) else tuple(columns[name][row].tolist()) for name in _PLACES},
         **{name: columns[name][row].item() for name in NUMBERS},
-        "progress": progress_of(*(columns[name][row] for name in _ON_EDGES)),
+        "progress": progress_of(*(columns[name][row] for name in ON_EDGES)),
     }

@@ -6,7 +6,9 @@ from typing import Any, BinaryIO
 from gamms.arguments import as_int
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
-from gamms.ir.events import COMPONENTS
+from gamms.ir.agents import Progress
+from gamms.ir.events import COMPONENTS, ON_EDGES
+from gamms.recorder import keyframes
 from gamms.recorder.errors import RecorderBusy, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.recording import Recording
@@ -17,6 +19,13 @@ from gamms.typing.recorder import IPlayback, OpCodes, Step
 
 _HIGHLIGHTS = (kinds.GAME_EVENT, kinds.GAME_SCORES, kinds.GAME_OVER)
 _LOOKS, _DRAWINGS = (kinds.VISUALS,), {kinds.VISUAL_COMMANDS}
+
+
+def _places_of(columns: keyframes.Columns) -> dict[str, int | Progress]:
+    """Return agent -> its node, or where on an edge it is, of those on the ground."""
+    progress = zip(*(columns[name].tolist() for name in ON_EDGES), strict=True)
+    rows = zip(columns["names"], columns["kind"].tolist(), columns["node"].tolist(), progress, strict=True)
+    return {name: Progress(*place) if place[4] else node for name, flies, node, place in rows if not flies}
 
 
 class Playback(IPlayback):
@@ -70,7 +79,12 @@ class Playback(IPlayback):
         walks = zip(columns["previous"].tolist(), columns["node"].tolist(), strict=True)
         flights = zip(columns["previous_position"].tolist(), columns["position"].tolist(), strict=True)
         steps = zip(columns["names"], flies, walks, flights, strict=True)
-        return {name: (tuple(air[0]), tuple(air[1])) if is_up else ground for name, is_up, ground, air in steps}
+        found = {name: (tuple(air[0]), tuple(air[1])) if is_up else ground for name, is_up, ground, air in steps}
+        if turn and columns["edge_motion"].any():
+            was, now = (_places_of(self._recording.detached(one).agents.columns) for one in (turn - 1, turn))
+            on_edges = [name for name in now if name in was and isinstance(now[name], Progress)]
+            found.update((name, (was[name], now[name])) for name in on_edges)
+        return found
 
     def play_turn(self) -> None:
         """Replay the next turn."""

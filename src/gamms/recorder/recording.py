@@ -16,6 +16,7 @@ from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
 from gamms.ir.events import COMPONENTS, Log
+from gamms.ir.graph import FloatArray
 from gamms.ir.tables import frame_of, table_of
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
@@ -26,6 +27,7 @@ from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
+from gamms.typing.on_edges import point_along
 from gamms.typing.visualization_engine import PictureOptions
 
 if TYPE_CHECKING:
@@ -81,7 +83,9 @@ class State:
         agents: read-only columns (agents,), one row for each agent in the order of their creation: name, team, kind
             ("BASIC" or "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of those who fly;
             heading_x and heading_y, where those on the ground were set to look; quat_w, quat_x, quat_y and
-            quat_z, how those who fly are turned. What an agent does not have is NaN, or None.
+            quat_z, how those who fly are turned. What an agent does not have is NaN, or None. In games by metres
+            also edge_source, edge_target (nodes), edge (its id) and edge_share, of those on an edge; the share of
+            the others is NaN, and the ids are -1.
         scores: by whatever the rules keep scores for.
         data: what rules had kept in `ctx.game.data`, as far as it was plain.
         over: why the game was over, who had won, whether time was up; None while it went on.
@@ -100,6 +104,25 @@ class State:
     def graph(self) -> IPackedGraph:
         """The map as it was then, read-only; while the recording is open."""
         return self._map()
+
+    def xy(self) -> FloatArray:
+        """Return where the agents are, (agents, 2), map units: on nodes, on edges, or in the air; NaN: nowhere."""
+        columns, agents = self._map().columns(), self.agents
+        found = np.full((len(agents["node"]), 2), np.nan)
+        row_of = {id: row for row, id in enumerate(columns.node_ids.tolist())}
+        for row, node in enumerate(agents["node"].tolist()):
+            if node in row_of:
+                found[row] = columns.xy[row_of[node]]
+        if "edge" in agents:
+            edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
+            for row in np.flatnonzero(~np.isnan(agents["edge_share"])).tolist():
+                edge = edge_row_of.get(agents["edge"].item(row))
+                if edge is not None:
+                    line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
+                    found[row] = point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
+        is_up = ~np.isnan(agents["x"])
+        found[is_up] = np.column_stack((agents["x"], agents["y"]))[is_up]
+        return found
 
 
 class Recording(Opened):
@@ -493,6 +516,11 @@ def _state_of(
     agents |= {name: _frozen(columns[name].copy()) for name in NUMBERS}
     for key, names in _PARTS.items():
         agents.update(zip(names, _frozen(columns[key].T.copy()), strict=True))
+    is_on_edge = columns["edge_motion"] != 0
+    if is_on_edge.any():
+        for name, key in {"edge_source": "edge_source", "edge_target": "edge_target", "edge": "edge_id"}.items():
+            agents[name] = _frozen(np.where(is_on_edge, columns[key], -1))
+        agents["edge_share"] = _frozen(np.where(is_on_edge, columns["edge_share"], np.nan))
     game = deepcopy((state.game.data, state.game.over))
     return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), map_then)
 

@@ -5,6 +5,8 @@ from contextlib import contextmanager, nullcontext
 from copy import deepcopy
 from typing import Any
 
+import numpy as np
+
 from gamms.arguments import as_numbers
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
 from gamms.ir import events as kinds
@@ -15,12 +17,13 @@ from gamms.ir.events import (
     COMPONENTS,
     EVENTS,
     LOGGED,
+    ON_EDGES,
     Mover,
     as_entry,
     events_of,
     records_of,
 )
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.journal import Muted
 from gamms.plain import Plain
 from gamms.recorder import keyframes, maps, sensed
@@ -273,9 +276,11 @@ class LiveAgents(AgentsState):
         if not self._block.kind[row]:
             raise BadType(f"Agent {self._block.names[row]!r} does not fly.")
 
-    def progress(self, numbers: IntArray, sources: IntArray, targets: IntArray, shares: FloatArray) -> None:
+    def progress(self, numbers: IntArray, columns: Mapping[str, np.ndarray[Any, Any]]) -> None:
         """Set how far along edges agents are."""
-        for number, *where in zip(numbers.tolist(), sources, targets, shares, strict=True):
+        zeros = np.zeros(len(numbers), np.int64)
+        places = [columns.get(name, zeros) for name in ON_EDGES]
+        for number, *where in zip(numbers.tolist(), *places, strict=True):
             self._block.write(self.row_of(number), {"progress": keyframes.progress_of(*where)})
 
     def _agent(self, row: int) -> Any:

@@ -41,6 +41,14 @@ _EVENTS: dict[str, type] = {"turn": np.int64, "kind": np.str_}
 _SCORES: dict[str, type] = {"turn": np.int64, "of": np.str_, "score": np.float64}
 _DEEDS: dict[str, type] = {"turn": np.int64, "agent": np.str_, "deed": np.str_, "at": np.int64}
 _MESSAGES: dict[str, type] = {name: np.int64 if name in ("turn", "size") else object for name in MESSAGE_COLUMNS}
+_TRAVEL: dict[str, type] = {
+    "turn": np.int64,
+    "agent": np.str_,
+    "edge_source": np.int64,
+    "edge_target": np.int64,
+    "edge": np.int64,
+    "edge_share": np.float64,
+}
 _SENSED: dict[str, type] = {"turn": np.int64, "agent": np.str_, "sensor": np.str_, "node": np.int64, "other": np.str_}
 
 
@@ -167,6 +175,21 @@ def _positions(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Tabl
     return {key: np.concatenate((column, columns[key]))[order] for key, column in table.items()}
 
 
+def _travel(reader: Reader, start: int, stop: int, names_at: NamesAt) -> Table:
+    """Return where on edges agents were after turns in which that changed: turn, agent, the edge, and its share."""
+    rows: list[tuple[Any, ...]] = []
+    names, following = names_at(start)
+    for log, _, kind, data in reader.events(start, stop, {*_ROSTER, kinds.AGENT_PROGRESS}):
+        if kind != kinds.AGENT_PROGRESS:
+            names, following = _roster_after(kind, data, names, following)
+            continue
+        columns = [np.asarray(data[name]).tolist() for name in ("numbers", *kinds.ON_EDGES) if name in data]
+        for number, source, target, share, *place in zip(*columns, strict=True):
+            if place and place[1]:
+                rows.append((log + 1, _name(names, number, log), source, target, place[0], share))
+    return _rows_as(_TRAVEL, rows)
+
+
 def _scores(reader: Reader, start: int, stop: int, _names_at: NamesAt) -> Table:
     """Return all scores, of every turn in which one of them changed."""
     found: dict[int, Any] = {}  # of several in one turn, the last
@@ -216,4 +239,5 @@ _TABLES: dict[str, Callable[[Reader, int, int, NamesAt], Table]] = {
     "positions": _positions,
     "scores": _scores,
     "sensed": _sensed,
+    "travel": _travel,
 }

@@ -14,7 +14,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
 from gamms.graph import Graph
 from gamms.text import as_code, shown, shown_as_called
-from gamms.typing.game import Move
+from gamms.typing.game import EdgePlace, Move
 
 UNLIMITED = maxsize  # no graph has so many agents
 
@@ -24,7 +24,8 @@ Capacity = int | Mapping[int, int | None] | str | None  # as a caller gives it
 class Contest(NamedTuple):
     """More agents than places: what a resolver decides."""
 
-    node: int | tuple[int, int]  # the node they all want to end on; for an exchange its two nodes, the smaller first
+    # The node or edge they all want to end on; for an exchange its two nodes, the smaller first.
+    node: int | EdgePlace | tuple[int, int]
     places: int  # how many of them may win, at least 1 and fewer than there are
     movers: tuple[Move, ...]  # by name
 
@@ -45,6 +46,9 @@ class Conflicts:
             in every turn. None, a node that is not in the mapping, or one without the attribute: any number.
             0 closes a single node to agents that are not on it.
         among: "all" agents on the ground count, or only those of one "team", each by itself (None is a team, too).
+        edge_capacity: how many agents may end a turn on an edge, in games by metres: a number, or by edge ids or an
+            attribute of edges, as for nodes. Each direction of a street is an edge of its own. An agent that is on
+            the edge already keeps its place.
         allow_swaps: whether two agents may exchange nodes. If not, the winner of the contest decides: those that go
             its way may, those that come towards it stay (and may then be in the way). Only start and end matter, not
             where paths of several edges cross; a path that ends where it began counts as staying. With `among="team"`,
@@ -61,13 +65,16 @@ class Conflicts:
         capacity: Capacity = 1,
         among: str = "all",
         *,
+        edge_capacity: Capacity = None,
         allow_swaps: bool = True,
         resolve: Resolver | None = None,
     ) -> None:
         as_choice(as_text(among, "among"), "among", ("all", "team"))
-        self._limits = _as_limits(capacity)
+        self._limits = _both(_as_limits(capacity, "node"), _as_limits(edge_capacity, "edge"))
         self._resolve = at_random() if resolve is None else _as_resolver(resolve)
         given = {"capacity": capacity, "among": among, "allow_swaps": allow_swaps, "resolve": self._resolve}
+        if edge_capacity is not None:
+            given["edge_capacity"] = edge_capacity
         self._given = {name: as_code(value) for name, value in given.items()}
         self._allow_swaps = as_flag(allow_swaps, "allow_swaps")
         per_team = among == "team"
@@ -95,6 +102,8 @@ class Conflicts:
             BadType, BadValue: what the resolver gave, or the capacity in a node attribute, is wrong.
             UnknownName (KeyError): no node has the attribute with the capacities.
         """
+        if any(move.legs for move in moves.values()):
+            moves = {name: _between_places(move) for name, move in moves.items()}
         stopped = set() if self._allow_swaps else self._stop_swaps(moves.values(), ctx)
         if self._limits is not None:
             self._stop_overflow(moves.values(), stopped, self._limits, ctx)
@@ -126,7 +135,12 @@ class Conflicts:
         contests = []
         for way, ahead in by_way.items():
             start, end, *team = way
-            if start < end and (oncoming := by_way.get((end, start, *team))):
+            if (
+                isinstance(start, int)
+                and isinstance(end, int)
+                and start < end
+                and (oncoming := by_way.get((end, start, *team)))
+            ):
                 contests.append(Contest((start, end), 1, tuple(sorted((*ahead, *oncoming), key=_name_of))))
         stopped = set()
         for contest in sorted(contests, key=_rank_of):
@@ -156,6 +170,12 @@ class Conflicts:
             homes = list(map(self._home_of, losers))  # which this may make too full
             staying.update(homes)
             places = list(dict.fromkeys(homes))
+
+
+def _between_places(move: Move) -> Move:
+    """Return a move from where it begins to where it ends, which may be edges, as conflicts compare it."""
+    start, end = move.places
+    return move._replace(start=cast("int", start), end=cast("int", end))
 
 
 def _too_many(
@@ -203,9 +223,9 @@ def _some_exchange(starts: Sequence[int], ends: Sequence[int], left: set[int]) -
 _name_of = attrgetter("agent")
 
 
-def _rank_of(contest: Contest) -> tuple[Any, str]:
+def _rank_of(contest: Contest) -> tuple[bool, Any, str]:
     """Return the rank by which contests are decided, so that a resolver with draws of its own repeats them."""
-    return (contest.node, contest.movers[0].agent)
+    return (isinstance(contest.node, EdgePlace), contest.node, contest.movers[0].agent)
 
 
 # -- resolvers ---------------------------------------------------------------------------------------------------------
@@ -319,6 +339,7 @@ def _winners_of(contest: Contest, resolve: Resolver, ctx: Context) -> set[str]:
 
 def _asked(resolve: Resolver, contest: Contest) -> str:
     what = "the exchange of nodes" if isinstance(contest.node, tuple) else "node"
+    what = "the place" if isinstance(contest.node, EdgePlace) else what
     return f"The resolver {getattr(resolve, '__name__', repr(resolve))!r}, asked about {what} {contest.node},"
 
 
@@ -350,61 +371,75 @@ def _by_team(teams: list[Hashable]) -> Callable[[Move, Context], Any]:
 
 
 class _Limits(NamedTuple):
-    """The capacity of nodes.
+    """The capacity of nodes, of edges, or of both.
 
     Attributes:
-        least: no node has a smaller one, so that for fewer agents no node is looked at.
-        on: gives the function from a node id to its capacity in this turn; `UNLIMITED` where there is none.
+        least: none has a smaller one, so that for fewer agents none is looked at.
+        on: gives the function from an id to its capacity in this turn; `UNLIMITED` where there is none.
     """
 
     least: int
-    on: Callable[[Graph], Callable[[int], int]]
+    on: Callable[[Graph], Callable[[Any], int]]
 
 
-def _in_attribute(name: str) -> _Limits:
-    """Return capacities in an attribute of the nodes, read in each turn: it may change."""
+def _both(nodes: _Limits | None, edges: _Limits | None) -> _Limits | None:
+    """Return the limits of nodes by their ids, and of edges by their `EdgePlace`."""
+    if nodes is None and edges is None:
+        return None
+    unlimited = _Limits(UNLIMITED, lambda _: lambda _: UNLIMITED)
+    of_nodes, of_edges = nodes or unlimited, edges or unlimited
+
+    def on(graph: Graph) -> Callable[[Any], int]:
+        of_node, of_edge = of_nodes.on(graph), of_edges.on(graph)
+        return lambda place: of_edge(place.edge) if isinstance(place, EdgePlace) else of_node(place)
+
+    return _Limits(min(of_nodes.least, of_edges.least), on)
+
+
+def _in_attribute(name: str, kind: str) -> _Limits:
+    """Return capacities in an attribute of the nodes or edges, read in each turn: it may change."""
     is_known = False
 
-    def on(graph: Graph) -> Callable[[int], int]:
+    def on(graph: Graph) -> Callable[[Any], int]:
         nonlocal is_known
-        attributes = graph.node_attributes
-        if not is_known and not any(name in attributes(node) for node in graph.get_nodes()):
+        attributes = graph.node_attributes if kind == "node" else graph.edge_attributes
+        ids = graph.get_nodes if kind == "node" else graph.get_edges
+        if not is_known and not any(name in attributes(id) for id in ids()):
             # A misspelt attribute would mean no limit anywhere, without a word.
-            raise UnknownName(
-                "node attribute", name, {one: None for node in graph.get_nodes() for one in attributes(node)}
-            )
+            raise UnknownName(f"{kind} attribute", name, {one: None for id in ids() for one in attributes(id)})
         is_known = True
-        return lambda node: _as_limit(attributes(node).get(name), f"Attribute {name!r} of node {node}")
+        return lambda one: _as_limit(attributes(one).get(name), f"Attribute {name!r} of {kind} {one}")
 
     return _Limits(0, on)
 
 
-def _as_limits(capacity: object) -> _Limits | None:
-    """Check what a caller gave as capacity; None if there is none.
+def _as_limits(capacity: object, kind: str) -> _Limits | None:
+    """Check what a caller gave as the capacity of each "node" or "edge"; None if there is none.
 
     Raises:
-        BadType: neither a number, nor a mapping from nodes to numbers, nor the name of an attribute, nor None.
-        BadValue: a number too small: below 1 everywhere, below 0 on one node.
+        BadType: neither a number, nor a mapping from ids to numbers, nor the name of an attribute, nor None.
+        BadValue: a number too small: below 1 everywhere, below 0 on one.
     """
+    what = "capacity" if kind == "node" else "edge_capacity"
     if capacity is None:
         return None
     if isinstance(capacity, str):
         if not capacity:
-            raise BadValue("capacity must be the name of a node attribute, not an empty string.")
-        return _in_attribute(capacity)
+            raise BadValue(f"{what} must be the name of an attribute of {kind}s, not an empty string.")
+        return _in_attribute(capacity, kind)
     if isinstance(capacity, Mapping):
-        pairs = ((as_int(node, "A node in capacity"), value) for node, value in capacity.items())
-        known = {node: _as_limit(value, f"capacity of node {node}") for node, value in pairs}
+        pairs = ((as_int(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
+        known = {node: _as_limit(value, f"{what} of {kind} {node}") for node, value in pairs}
         return _Limits(min(known.values(), default=UNLIMITED), lambda _: lambda node: known.get(node, UNLIMITED))
     try:
-        number = as_int(capacity, "capacity")
+        number = as_int(capacity, what)
     except BadType:
         raise BadType(
-            "capacity must be an integer, a mapping from node ids to integers, the name of a node attribute, or None, "
-            f"not {shown(capacity)} ({type(capacity).__name__})."
+            f"{what} must be an integer, a mapping from {kind} ids to integers, the name of an attribute of {kind}s, "
+            f"or None, not {shown(capacity)} ({type(capacity).__name__})."
         ) from None
     if number < 1:
-        raise BadValue(f"capacity must be at least 1, not {number}: no agent could move. Use None for no limit.")
+        raise BadValue(f"{what} must be at least 1, not {number}: no agent could move. Use None for no limit.")
     return _Limits(number, lambda _: lambda _: number)
 
 

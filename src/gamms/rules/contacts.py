@@ -5,6 +5,7 @@ A turn is the time from 0 to 1; `visits_of` and `legs_of` say where agents are i
 
 from collections import defaultdict
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
+from functools import cache
 from itertools import pairwise
 from math import inf
 from typing import Annotated, Any, NamedTuple
@@ -18,6 +19,8 @@ from gamms.errors import BadType, BadValue
 from gamms.graph import Graph
 from gamms.ir.agents import Position
 from gamms.ir.graph import FloatArray
+from gamms.rules import meetings
+from gamms.rules.meetings import Meeting, Visit
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.game import TEAMS, Track
@@ -32,6 +35,8 @@ class Contact(NamedTuple):
     time: float = 1.0  # of the turn, from 0 to 1
     a_node: int = -1  # where `a` was; on an edge, the node that it had passed last
     b_node: int = -1
+    a_xy: tuple[float, float] | None = None  # in games by metres: where exactly `a` was
+    b_xy: tuple[float, float] | None = None
 
 
 class Nearness(NamedTuple):
@@ -47,13 +52,11 @@ class Nearness(NamedTuple):
 Side = Annotated[Hashable | Callable[[IAgent], object], TEAMS]  # a team, or a function of an agent
 Test = Callable[[IAgent], object]  # whether an agent is on a side
 Place = int | Position  # where an agent counts as being: a node id; (x, y, z) of one that flies, where that is measured
-Visit = tuple[int, float, float]  # node id; from when until when
 Leg = tuple[int, int, float, float]  # ids of the nodes that an edge leads from and to; from when until when
 _Distances = dict[tuple[Place, Place], float]
 _Measure = Callable[[Collection[Place], Collection[Place]], _Distances]  # of all pairs that are near enough
 _Aerial = Mapping[str, Place]  # name -> its position, where that is measured
 _Tracked = tuple[str, Track]  # an agent of a side: its name, and how it came to where it is
-_Meeting = tuple[float, float, bool, str, str, int, int]  # time, distance, on an edge?, a, b, where a was, where b was
 
 
 def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
@@ -152,20 +155,60 @@ def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Cont
     if not ours or not theirs:
         return []
     sides = _tracked(ctx, ours, passing=nearness.passing), _tracked(ctx, theirs, passing=nearness.passing)
+    in_space = agents if nearness.unit == "euclid" and nearness.air else ()
+    aerial = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
+    if ctx.game.speed_unit != "edges":
+        return _met_on_travels(ctx, sides, nearness, aerial)
     if nearness.unit is None:
         met = list(_on_nodes(*sides))
     else:
-        in_space = agents if nearness.unit == "euclid" and nearness.air else ()
-        aerial = {agent.name: agent.position for agent in in_space if agent.type is AgentType.AERIAL}
         met = list(_near(_MEASURES[nearness.unit](ctx.graph.graph, nearness.limit), *sides, aerial))
     if nearness.crossing:
         met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
+    return [Contact(a, b, distance, time, *nodes) for time, distance, _, a, b, *nodes in _ranked(ctx, met)]
+
+
+def _met_on_travels(
+    ctx: Context, sides: tuple[list[_Tracked], list[_Tracked]], nearness: Nearness, aerial: _Aerial
+) -> list[Contact]:
+    """Return the contacts of a turn in a game by metres: exact in time and place, but for those by hops."""
+    graph, limit = ctx.graph.graph, nearness.limit
+    journeys = {name: meetings.Journey(name, track, _position(aerial, name)) for side in sides for name, track in side}
+    ours, theirs = ([journeys[name] for name, _ in side] for side in sides)
+    if nearness.unit is None:
+        met = list(_on_nodes(*sides, meetings.TIME_SLACK))
+    elif nearness.unit == "hops":
+        met = list(_near(_MEASURES["hops"](graph, limit), *sides, aerial))
+    elif nearness.unit == "euclid":
+        met = list(meetings.within_euclid(graph, ours, theirs, limit))
+    else:
+        reached = cache(lambda node: graph.distances(source=node, cutoff=limit))
+        met = list(meetings.within_metres(graph, reached, ours, theirs, limit))
+    if nearness.crossing:
+        met += meetings.on_edges(ours, theirs)
+    found: list[Contact] = []
+    last: dict[tuple[str, str], float] = {}
+    for time, distance, _, a, b, *nodes in _ranked(ctx, met):
+        if time - last.get((a, b), -inf) > meetings.TIME_SLACK:  # else it was found on the node or the next edge, too
+            places = (journeys[name].xy_at(graph, time) for name in (a, b))
+            found.append(Contact(a, b, distance, time, *nodes, *places))
+        last[a, b] = time
+    return found
+
+
+def _position(aerial: _Aerial, name: str) -> Position | None:
+    place = aerial.get(name)
+    return place if isinstance(place, tuple) else None
+
+
+def _ranked(ctx: Context, met: list[Meeting]) -> list[tuple[Any, ...]]:
+    """Return meetings in the order that `contacts` promises, without the draws that decide between equals."""
     pairs = list({(one[3], one[4]): None for one in met})
     # By name, so that other agents that meet never change the order of two.
     draws = kernels.draw_bits_each(kernels.purpose_key(ctx.seed, "contacts"), map(repr, pairs), ctx.game.turn)
     draw_of = dict(zip(pairs, draws, strict=True))
     ranked = sorted((*one[:2], draw_of[one[3], one[4]], *one[2:]) for one in met if one[3] != one[4])
-    return [Contact(a, b, distance, time, *nodes) for time, distance, _, _, a, b, *nodes in ranked]
+    return [(*one[:2], *one[3:]) for one in ranked]
 
 
 def _tracked(ctx: Context, agents: list[IAgent], *, passing: bool) -> list[_Tracked]:
@@ -173,7 +216,7 @@ def _tracked(ctx: Context, agents: list[IAgent], *, passing: bool) -> list[_Trac
     return [(agent.name, track) for agent, track in zip(agents, tracks, strict=True)]
 
 
-def _on_nodes(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[_Meeting]:
+def _on_nodes(ours: list[_Tracked], theirs: list[_Tracked], slack: float = 0.0) -> Iterator[Meeting]:
     """Yield the pairs that were at one node at one time."""
     at: dict[int, list[tuple[str, float, float]]] = defaultdict(list)
     for name, track in ours:
@@ -182,11 +225,11 @@ def _on_nodes(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[_Meeting
     for other, track in theirs:
         for node, came, left in visits_of(track):
             for name, begin, end in at.get(node, ()):
-                if begin <= left and came <= end:
+                if begin <= left + slack and came <= end + slack:
                     yield max(begin, came), 0.0, False, name, other, node, node
 
 
-def _on_edges(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[_Meeting]:
+def _on_edges(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[Meeting]:
     """Yield the pairs that were on one edge at one time, in opposite directions."""
     on: dict[tuple[int, int], list[tuple[str, float, float]]] = defaultdict(list)
     for name, track in ours:
@@ -199,23 +242,23 @@ def _on_edges(ours: list[_Tracked], theirs: list[_Tracked]) -> Iterator[_Meeting
                     yield max(begin, came), 0.0, True, name, other, target, source
 
 
-def _crossed(ctx: Context, ours: list[IAgent], theirs: list[IAgent]) -> Iterator[_Meeting]:
+def _crossed(ctx: Context, ours: list[IAgent], theirs: list[IAgent]) -> Iterator[Meeting]:
     """Yield the pairs that went along one edge in opposite directions, at any time of the turn."""
     sides = _tracked(ctx, ours, passing=True), _tracked(ctx, theirs, passing=True)
-    whenever = ([(name, (path, (1.0,) * len(path))) for name, (path, _) in side] for side in sides)
+    whenever = ([(name, Track(path, (1.0,) * len(path))) for name, (path, *_) in side] for side in sides)
     node_of = {agent.name: agent.current_node_id for agent in (*ours, *theirs)}
     for time, *_, name, other, _, _ in _on_edges(*whenever):
         yield time, 0.0, True, name, other, node_of[name], node_of[other]
 
 
-def _near(measure: _Measure, ours: list[_Tracked], theirs: list[_Tracked], aerial: _Aerial) -> Iterator[_Meeting]:
+def _near(measure: _Measure, ours: list[_Tracked], theirs: list[_Tracked], aerial: _Aerial) -> Iterator[Meeting]:
     """Yield the pairs that were near enough, at each moment at which one of two agents reached a node."""
     tracks, (a, b) = dict((*ours, *theirs)), (_Places(ours, aerial), _Places(theirs, aerial))
     inner: dict[float, dict[str, int]] = defaultdict(dict)  # moment -> name -> the node that is reached
-    for name, (path, times) in tracks.items():
+    for name, (path, times, _) in tracks.items():
         for node, now in zip(path[1:], times[1:], strict=True) if len(path) > 1 else ():
             inner[now][name] = node
-    ends = inner.pop(1.0, {}) | {name: path[-1] for name, (path, times) in tracks.items() if times[0] == 1.0}
+    ends = inner.pop(1.0, {}) | {name: path[-1] for name, (path, times, _) in tracks.items() if times[0] == 1.0}
     for now, came in sorted(inner.items()):
         new_a, new_b = a.put(came), b.put(came)
         for near in (measure(new_a, b.at), measure(a.at, new_b)):
@@ -242,7 +285,7 @@ class _Places:
         self._names, self._aerial = {name for name, _ in side}, aerial
         self.at: dict[Place, dict[str, None]] = {}
         self.node_of: dict[str, int] = {}
-        self.put({name: path[0] for name, (path, times) in side if times[0] == 0.0})
+        self.put({name: path[0] for name, (path, times, _) in side if times[0] == 0.0})
 
     def put(self, came: Mapping[str, int]) -> list[Place]:
         """Put those agents that are of this side on nodes; return the places."""
@@ -275,12 +318,21 @@ def tracks_of(ctx: Context, agents: Sequence[IAgent], *, passing: bool) -> list[
     """Return how agents came to where they are; not `passing`: only that they are there at the end of the turn."""
     if passing:
         return ctx.game.tracks(agents)
-    return [((agent.current_node_id,), (1.0,)) for agent in agents]
+    return [_at_end(track) for track in ctx.game.tracks(agents)]
+
+
+def _at_end(track: Track) -> Track:
+    """Return that an agent is where it is at the end of the turn, and nothing of how it got there."""
+    last = track.legs[-1]._replace(begin=track.legs[-1].end, since=1.0, until=1.0) if track.legs else None
+    is_on_edge = last is not None and 0.0 < last.end < 1.0
+    return Track(track.path[-1:], (1.0,), (last,) if last is not None and is_on_edge else ())
 
 
 def visits_of(track: Track) -> Sequence[Visit]:
     """Return the nodes that an agent was at; the one that it left at once belongs to the turn before."""
-    path, times = track
+    path, times, legs = track
+    if legs:
+        return meetings.visits_by_legs(track)
     # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks/README.md, turns).
     if len(path) == 1:
         return ((path[0], times[0], 1.0),)
@@ -296,7 +348,7 @@ def visits_of(track: Track) -> Sequence[Visit]:
 
 def legs_of(track: Track) -> Sequence[Leg]:
     """Return the edges that an agent went along."""
-    path, times = track
+    path, times, _ = track
     if len(path) == 1:
         return ()
     if len(path) == 2 and path[0] != path[1]:  # as above

@@ -7,8 +7,9 @@ from gamms import kernels
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType
-from gamms.rules.contacts import Visit, tracks_of, visits_of
+from gamms.rules.contacts import tracks_of, visits_of
 from gamms.rules.endings import refuse_unknown, with_hooks
+from gamms.rules.meetings import Visit
 from gamms.rules.territory import Colors, Territory, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule

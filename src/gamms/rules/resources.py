@@ -12,7 +12,7 @@ from gamms.ir.graph import GraphColumns, shortest_edges
 from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
-from gamms.typing.game import TEAMS
+from gamms.typing.game import TEAMS, Move
 from gamms.visual.drawers.standings import RESOURCES, render_amounts
 
 _COOLDOWNS = "cooldowns"  # in `ctx.game.data`: deed -> agent -> the turn in which it did it last
@@ -157,7 +157,7 @@ class _Tank(NamedTuple):
             if _flies(agent):
                 price = self.per_metre * (agent.speed or 0.0)
             else:
-                price = self._price(ctx, moves[agent.name].path, lengths)
+                price = self._price(ctx, moves[agent.name], lengths)
             if is_empty:
                 ctx.game.refuse(agent, f"its {self.name} is used up")
             elif price > left * (1 + _SLACK):
@@ -180,7 +180,7 @@ class _Tank(NamedTuple):
                 flights = ctx.game.counts[name]["moves"] - state["flights"].get(name, 0)
                 price = flights * self.per_metre * (agent.speed or 0.0)
             else:
-                price = self._price(ctx, moves[name].path, lengths) if name in moves else 0.0
+                price = self._price(ctx, moves[name], lengths) if name in moves else 0.0
             before = state["amounts"].get(name, self.start)
             rest = before - price - used[name]
             rest = 0.0 if rest <= before * _SLACK else rest
@@ -209,9 +209,13 @@ class _Tank(NamedTuple):
     def _counts(self, agent: IAgent) -> bool:
         return self.teams is None or agent.team in self.teams
 
-    def _price(self, ctx: Context, path: tuple[int, ...], lengths: _Lengths) -> float:
-        edges = sum(start != end for start, end in pairwise(path))
-        metres = lengths.along(ctx, path) if edges and self.per_metre else 0.0
+    def _price(self, ctx: Context, move: Move, lengths: _Lengths) -> float:
+        edges = sum(start != end for start, end in pairwise(move.path))
+        if move.legs:
+            of = ctx.graph.graph.get_edge
+            metres = sum([abs(leg.end - leg.begin) * float(of(leg.edge).length) for leg in move.legs])
+        else:
+            metres = lengths.along(ctx, move.path) if edges and self.per_metre else 0.0
         return edges * self.per_edge + metres * self.per_metre
 
 

@@ -283,13 +283,18 @@ class Builder:
         capacity = given.capacity
         if isinstance(capacity, dict):
             capacity = {_as_node(node, "conflicts.capacity"): number for node, number in capacity.items()}
+        of_edges = given.edge_capacity
+        if isinstance(of_edges, dict):
+            of_edges = {_as_node(edge, "conflicts.edge_capacity"): number for edge, number in of_edges.items()}
         if isinstance(given.resolve, schema.ByPriority):
             resolve = rules.by_priority(given.resolve.by_priority)
         elif given.resolve in ("at_random", "nobody"):
             resolve = getattr(rules, given.resolve)()
         else:
             resolve = self.library.get(given.resolve, path)
-        conflicts: IConflicts = rules.Conflicts(capacity, given.among, allow_swaps=given.allow_swaps, resolve=resolve)
+        conflicts: IConflicts = rules.Conflicts(
+            capacity, given.among, edge_capacity=of_edges, allow_swaps=given.allow_swaps, resolve=resolve
+        )
         return conflicts
 
     def _parameters(self, given: Values, path: str) -> Values:

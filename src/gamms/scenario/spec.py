@@ -203,6 +203,7 @@ class Conflicts(_Mapping, frozen=True, kw_only=True):
     """How many may end a turn on a node, and who wins; the parameters of `gamms.rules.Conflicts`."""
 
     capacity: Count | str | dict[str | int, Count] | None = 1
+    edge_capacity: Count | str | dict[str | int, Count] | None = None
     among: Literal["all", "team"] = "all"
     allow_swaps: bool = True
     resolve: Reference | ByPriority = "at_random"
@@ -214,7 +215,10 @@ class Settings(_Mapping, frozen=True, kw_only=True):
     legal: Literal["edges", "any"] = "edges"
     on_illegal: Literal["stay", "raise"] = "stay"
     on_error: Literal["raise", "stay"] = "raise"
-    speed_unit: Literal["edges", "metres"] = "edges"
+    speed_unit: Literal["edges", "metres", "metres_per_second"] = "edges"
+    turn_seconds: Annotated[float, Meta(gt=0.0, description="Seconds per turn, for metres_per_second.")] = 1.0
+    weight: Name = "length"
+    decide: Literal["turn", "arrival"] = "turn"
     time_budget: Annotated[float, Meta(gt=0.0, description="Seconds per decision.")] | None = None
     deadline_s: Annotated[float, Meta(gt=0.0, description="Seconds per turn for what is awaited.")] | None = None
     default_action: Literal["stay"] | NodeId = "stay"

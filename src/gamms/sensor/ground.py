@@ -17,7 +17,7 @@ from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, memory_of, nodes_ahead
+from gamms.sensor.views import FULL_CIRCLE, Place, at_height, coordinates, in_sight, memory_of, nodes_ahead
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns, Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -51,6 +51,7 @@ class GroundSensor(Sensor):
     __slots__ = ("_at", "_memory", "_observer_height", "fov", "orientation", "range")
 
     _is_occluded = False
+    looks_from_points = True  # its place may be (x, y): where an agent is that carries it along an edge
 
     range: float
     fov: float
@@ -343,8 +344,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         if notice is not None:
             rows = notice.wanted(rows, positions.teams)
         if self._is_occluded:
-            nodes = NodeColumns(positions.node_ids[rows], self._memory.nearby.coordinates().xy[rows])
-            rows = _selected(rows, in_sight(self.ctx, place, nodes, self.range, self._observer_height))
+            rows = self._unhidden(place, rows, positions)
         if notice is None or not notice.needs_look:
             return positions, rows, None
         look = notice.look(self.ctx, self._owner if self._at is None else None)
@@ -354,9 +354,21 @@ class AgentSensor(DetectingSensor, GroundSensor):
             rows = _selected(rows, notice.is_noticed(look, names, distances))
         return positions, rows, look
 
+    def _unhidden(self, place: Place, rows: list[int], positions: Positions) -> list[int]:
+        """Return those rows whose agents no obstacle hides; tables know of nodes, and not of places on edges."""
+        xy, height, on_edges = self._memory.nearby.coordinates().xy, self._observer_height, positions.on_edges
+        on_nodes = [row for row in rows if row not in on_edges] if on_edges else rows
+        nodes = NodeColumns(positions.node_ids[on_nodes], xy[on_nodes])
+        seen = _selected(on_nodes, in_sight(self.ctx, place, nodes, self.range, height))
+        between = [row for row in rows if row in on_edges]
+        if between:
+            origin = np.array([*coordinates(self.ctx, place), height])
+            seen += _selected(between, self.ctx.graph.visible(origin, at_height(xy[between], height)))
+        return sorted(seen)
+
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
         """Return those rows whose agents are in the field of view."""
-        if len(rows) > _FEW:
+        if len(rows) > _FEW or self.ctx.agent.positions.on_edges:
             dx, dy = self._offsets(place, rows).T
             return _selected(rows, kernels.in_cone(dx, dy, heading, self.fov))
         x0, y0 = coordinates(self.ctx, place)

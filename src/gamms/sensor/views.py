@@ -18,6 +18,7 @@ from gamms.ir.positions import Positions
 from gamms.sensor import fov_geometry
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph, NodeColumns, Surroundings
+from gamms.typing.on_edges import located
 
 FULL_CIRCLE = 2.0 * pi
 
@@ -205,8 +206,8 @@ _WIDE = 4096  # nodes: a disc with more is compared with the places of all agent
 class Coordinates(NamedTuple):
     """Where all agents are on the map, in the order of their creation."""
 
-    xyz: FloatArray  # (agents, 3)  of the node, at height 0, or of an agent that flies
-    xy: FloatArray  # (agents, 2)  of the node
+    xyz: FloatArray  # (agents, 3)  of the node or the place on an edge, at height 0, or of an agent that flies
+    xy: FloatArray  # (agents, 2)  of the node, or of the place on an edge
     is_flying: BoolArray  # (agents,)
 
 
@@ -235,6 +236,9 @@ class NearbyAgents:
         key = (positions, positions.version, graph.revision)
         if self._coordinates is None or key != self._key or key[2] is None:
             xy = self._xy_of(positions)
+            for row, progress in positions.on_edges.items():
+                place = located(graph, progress)
+                xy[row] = xy[row] if place is None else place.xy
             xyz, is_flying = np.column_stack([xy, np.zeros(len(xy))]), np.zeros(len(xy), np.bool_)
             xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
             self._coordinates = Coordinates(xyz, xy, is_flying)
@@ -265,7 +269,12 @@ class NearbyAgents:
         except (KeyError, TypeError):  # not known, or not hashable
             disc = self._disc(place if isinstance(place, tuple) else as_int(place, "The id of a node"), radius)
         positions = self._ctx.agent.positions
-        return positions, self._compared(place, radius) if disc is None else positions.rows_on(disc)
+        if disc is None:
+            return positions, self._compared(place, radius)
+        rows = positions.rows_on(disc)
+        if positions.on_edges:
+            rows = sorted([*rows, *(row for row in self._compared(place, radius) if row in positions.on_edges)])
+        return positions, rows
 
     def _forget(self, revision: int | None) -> None:
         self.coordinates()  # which finds agents on removed nodes

@@ -7,7 +7,7 @@ OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
 from collections.abc import Callable, Iterable, Sequence
 from inspect import iscoroutinefunction
 from itertools import takewhile
-from math import inf
+from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, TypeVar
 from weakref import WeakKeyDictionary
 
@@ -214,7 +214,9 @@ def pace_of(ctx: Context, name: str | None) -> tuple[str | None, float]:
     speed = None if name is None else getattr(ctx.agent.get_agent(name), "speed", None)
     if speed is None or ctx.current_game is None:
         return None, 1.0
-    return ("length" if ctx.game.speed_unit == "metres" else None), speed
+    if ctx.game.speed_unit == "edges":
+        return None, speed
+    return "length", speed * (ctx.game.turn_seconds if ctx.game.speed_unit == "metres_per_second" else 1.0)
 
 
 def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
@@ -263,6 +265,9 @@ def step_towards(
         BadType: the agent flies.
     """
     here, legal = node_of(state, caller), legal_on_map(ctx, state)
+    if is_allowed is None and state.get("xy") is not None and has_speed(ctx, state):
+        starts = {here} if state["edge"] is None else {here, state["edge"][1]}
+        return target if any(isfinite(ctx.graph.graph.distance(one, target)) for one in starts) else None
     if target in legal and (is_allowed is None or is_allowed(target)):
         return target
     try:

@@ -45,7 +45,10 @@ class AerialAction(TypedDict, total=False):
 
 
 Action = NodeId | Sequence[int] | NodeAction
-"""Of an agent on the ground: a node id; of one with a speed also the nodes on the way, one after the other."""
+"""Of an agent on the ground: a node id; of one with a speed also the nodes on the way, one after the other.
+
+In games by metres also None: it stops where it is.
+"""
 
 
 class Draws(Protocol):
@@ -171,8 +174,16 @@ class State(_GameKeys):
     sensor: dict[str, tuple[SensorType, Any]]
     """Name -> kind of sensor, and what it has sensed; `docs/sensors.md` has the shape for each kind."""
     legal: NotRequired[Sequence[int]]
-    """The ids of the nodes that the agent may move to, its own first."""
-    action: NotRequired[Action]
+    """The ids of the nodes that the agent may move to, its own first; on an edge its ends, then what lies beyond."""
+    edge: NotRequired[tuple[int, int, int] | None]
+    """In games by metres: the edge it is on, as the ids of the nodes it leads from and to and its own, or None."""
+    offset_m: NotRequired[float]
+    """In games by metres: how far from the source of its edge it is, map units; 0.0 on a node."""
+    xy: NotRequired[tuple[float, float]]
+    """In games by metres: where on the map it is."""
+    time: NotRequired[float]
+    """Where agents decide at each arrival: how much of the turn is over, from 0 to 1."""
+    action: NotRequired[Action | None]
     """What the agent does: set by the strategy."""
 
 
@@ -213,8 +224,49 @@ def strategy_name(strategy: object) -> str | None:
 # -- rules and conflicts ---------------------------------------------------------------------------------------------
 
 
-Track = tuple[tuple[int, ...], tuple[float, ...]]
-"""Nodes, and from 0 to 1 when an agent is at each of them; it is at the last one until 1."""
+class Leg(NamedTuple):
+    """What an agent covers of one edge in a turn, in games by metres; on one that stands there, nothing."""
+
+    source: int  # node id
+    target: int  # node id
+    edge: int  # id
+    begin: float  # share of the edge from its source, at `since`
+    end: float  # at `until`; less than `begin` on the way back
+    since: float  # of the turn, from 0 to 1
+    until: float
+    back: int | None = None  # id of the edge by which one turns round on this one
+
+    @property
+    def street(self) -> int:
+        """The id that the edge and the one back have in common."""
+        return self.edge if self.back is None else min(self.edge, self.back)
+
+    def on_street(self) -> tuple[float, float]:
+        """Return `begin` and `end` as shares of the edge that gives the street its id."""
+        return (self.begin, self.end) if self.street == self.edge else (1.0 - self.begin, 1.0 - self.end)
+
+
+class EdgePlace(NamedTuple):
+    """Where an agent is that is not on a node."""
+
+    edge: int  # id
+
+    def __str__(self) -> str:
+        """Name the edge."""
+        return f"edge {self.edge}"
+
+
+class Track(NamedTuple):
+    """How an agent has moved in a turn: nodes, and from 0 to 1 when it is at each of them.
+
+    In games that count edges it is at the last node until 1. In games by metres it is on the edges of `legs` while
+    these last, and on its nodes at all other times.
+    """
+
+    path: tuple[int, ...]
+    times: tuple[float, ...]
+    legs: tuple[Leg, ...] = ()
+
 
 Rule = Callable[[Any], object]
 """Is called with the `gamms.Context` in every turn; what it returns is ignored.
@@ -250,6 +302,16 @@ class Move(NamedTuple):
     start: int  # node id
     end: int  # node id; the start for one that stays
     path: tuple[int, ...]  # node ids from start to end; only the start for one that stays
+    legs: tuple[Leg, ...] = ()  # in games by metres: what it covers of which edges
+
+    @property
+    def places(self) -> "tuple[int | EdgePlace, int | EdgePlace]":
+        """Where it starts and where it ends: ids of nodes, or edges."""
+        if not self.legs:
+            return self.start, self.end
+        first, last = self.legs[0], self.legs[-1]
+        begins, ends = first.since == 0.0 and 0.0 < first.begin < 1.0, 0.0 < last.end < 1.0
+        return EdgePlace(first.edge) if begins else self.start, EdgePlace(last.edge) if ends else self.end
 
 
 class Deed(NamedTuple):

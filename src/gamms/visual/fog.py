@@ -120,8 +120,15 @@ class Fog:
         return (agent for agent in self._ctx.agent.create_iter() if str(color_group(agent)) != self.team)
 
     def _is_found(self, agent: IAgent, found: set[tuple[float, float]]) -> bool:
-        is_on_seen_node = agent.type != AgentType.AERIAL and agent.current_node_id in self._now
-        return is_on_seen_node or _rounded(drawing_of(self._ctx).position_of(agent.name)) in found
+        motion = drawing_of(self._ctx).motion
+        is_on_node = agent.type != AgentType.AERIAL and agent.name not in motion.on_edges()
+        is_on_seen_node = is_on_node and agent.current_node_id in self._now
+        if is_on_seen_node or _rounded(motion.position_of(agent.name, 1.0)) in found:
+            return True
+        if is_on_node or agent.type == AgentType.AERIAL:
+            return False
+        node = self._ctx.graph.graph.get_node(agent.current_node_id)  # by which sensors report it
+        return _rounded([node.x, node.y]) in found
 
     def _sights_of(self, agent: IAgent) -> Iterator[Sight]:
         return (drawing_of(self._ctx).carriers.sight(sensor, agent) for sensor in _sensors_of(agent))

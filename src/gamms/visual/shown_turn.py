@@ -10,12 +10,14 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_int, as_key
-from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered
+from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, UnknownName
+from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType
 from gamms.typing.agent_engine import AgentType
+from gamms.typing.on_edges import line_along, located
 from gamms.typing.recorder import Step
 
 _Point = tuple[float, float]
@@ -108,6 +110,7 @@ class Motion:
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
         self._is_current = True
+        self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
 
     def end_turn(self) -> None:
         """End a turn: note where agents are; its moves have to be looked up before they are shown."""
@@ -167,9 +170,24 @@ class Motion:
     def begin_turn(self) -> None:
         """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
         steps = {agent.name: _step(agent) for agent in self._ctx.agent.create_iter()}
+        steps |= self._travels(steps)
         moves = self.moves_between(self._steps, steps)
         self.show_end(steps)
         self.moves = moves
+
+    def _travels(self, steps: Mapping[str, Step]) -> dict[str, Step]:
+        """Return the moves of the last turn that began or ended on an edge, but for agents that were put elsewhere."""
+        last = self._past[-1] if self._past else None
+        if last is None or isinstance(last, Moves):
+            return {}
+        (was, now) = (dict(zip(names, places, strict=True)) for names, places, _ in last)
+        found = {name: (was.get(name, at), at) for name, at in now.items() if name in steps}
+        return {
+            name: (before, after)
+            for name, (before, after) in found.items()
+            if isinstance(after, Progress)
+            or (isinstance(before, Progress) and (steps[name][0] != after or before.source == after))
+        }
 
     def show_end(self, steps: dict[str, Step]) -> None:
         """Show agents where they are, after these last moves, which are over."""
@@ -179,8 +197,10 @@ class Motion:
     def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> Moves:
         """Return how agents moved in a turn, by the last move of each before and after it."""
         moved = {name: step for name, step in steps.items() if step[0] != step[1] and before.get(name) != step}
-        flights = {name: step for name, step in moved.items() if isinstance(step[1], tuple)}
-        names = [name for name in moved if name not in flights]
+        lines_of = {name: self._travelled(*step) for name, step in moved.items() if _is_travel(step)}
+        travels = {name: line for name, line in lines_of.items() if line is not None}
+        flights = {name: step for name, step in moved.items() if isinstance(step[1], tuple) and name not in lines_of}
+        names = [name for name in moved if name not in flights and name not in lines_of]
         ends = self._rows_of([moved[name] for name in names])
         is_known = (ends >= 0).all(axis=1)  # or else the node that it came from is gone
         bends = self._bends(ends) if is_known.any() else {}
@@ -188,10 +208,33 @@ class Motion:
         lines = np.array([(before[:2], now[:2]) for before, now in flights.values()], np.float64).reshape(-1, 2, 2)
         if straight:
             lines = np.concatenate([lines, self._ctx.graph.columns().xy[ends[straight]]])
-        order = [*flights, *(names[row] for row in (*straight, *bends))]
+        order = [*flights, *(names[row] for row in (*straight, *bends)), *travels]
         row_of = {name: row for row, name in enumerate(order)}
         rows = {name: row_of[name] for name in moved if name in row_of}
-        return Moves(rows, Paths.through(lines, list(bends.values())))
+        return Moves(rows, Paths.through(lines, [*bends.values(), *travels.values()]))
+
+    def _travelled(self, before: Any, now: Any) -> FloatArray | None:
+        """Return the points between two places, of which one at least is on an edge; None where that edge is gone."""
+        graph = self._ctx.graph.graph
+        try:
+            if isinstance(before, Progress) and isinstance(now, Progress) and before.edge == now.edge:
+                line = line_along(graph.get_edge(now.edge).points, before.share, now.share)
+                return np.array(line)[:, 1:]
+            end = now.source if isinstance(now, Progress) else now
+            parts = []
+            if isinstance(before, Progress):
+                parts += line_along(graph.get_edge(before.edge).points, before.share, float(end != before.source))
+            else:
+                node = graph.get_node(before)
+                parts.append((0.0, node.x, node.y))
+            if isinstance(now, Progress):
+                parts += line_along(graph.get_edge(now.edge).points, 0.0, now.share)
+            else:
+                node = graph.get_node(now)
+                parts.append((0.0, node.x, node.y))
+        except UnknownName:
+            return None
+        return np.array(parts)[:, 1:]
 
     def position_of(self, name: str, share: float) -> _Point:
         """Return the position of an agent after a share of its last move, from 0.0 (before it) to 1.0 (after it).
@@ -205,6 +248,9 @@ class Motion:
         agent = self._ctx.agent.get_agent(name)
         if agent.type == AgentType.AERIAL:
             return cast("IAerialAgent", agent).position[:2]
+        place = self.on_edges().get(agent.name)
+        if place is not None:
+            return place
         node = self._ctx.graph.graph.get_node(agent.current_node_id)
         return node.x, node.y
 
@@ -215,10 +261,23 @@ class Motion:
             UnknownName (KeyError): the node of an agent is gone.
         """
         positions: FloatArray = self._ctx.graph.graph.positions(nodes)
+        on_edges = self.on_edges()
+        for row, agent in enumerate(agents) if on_edges else ():
+            positions[row] = on_edges.get(agent.name, positions[row])
         if share < 1.0 and self.moves.rows:
             rows = np.array([self.moves.rows.get(agent.name, -1) for agent in agents])
             positions[rows >= 0] = self._moved(share)[0][rows[rows >= 0]]
         return positions
+
+    def on_edges(self) -> dict[str, _Point]:
+        """Return agent -> where it is, of those that are on an edge."""
+        positions, graph = self._ctx.agent.positions, self._ctx.graph.graph
+        key = positions, positions.version, graph.revision
+        if key != self._on_edges[0] or graph.revision is None:
+            found = {row: located(graph, progress) for row, progress in positions.on_edges.items()}
+            names = positions.names
+            self._on_edges = key, {names[row]: place.xy for row, place in found.items() if place is not None}
+        return self._on_edges[1]
 
     def _moved(self, share: float) -> tuple[FloatArray, list[_Point]]:
         if self._now is None or self._now[0] != share:
@@ -263,6 +322,10 @@ def _step(agent: IAgent) -> Step:
         flyer = cast("IAerialAgent", agent)
         return flyer.prev_position, flyer.position
     return agent.prev_node_id, agent.current_node_id
+
+
+def _is_travel(step: Step) -> bool:
+    return isinstance(step[0], Progress) or isinstance(step[1], Progress)
 
 
 class TurnEvents:

@@ -114,7 +114,9 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     nodes = [agent.current_node_id for agent in shown]
     positions = visual.motion.positions_of(shown, nodes, share)
     discs = [Disc(size, least_px, color, outline_of(color)) for color, size, least_px in styles]
-    shifts = _shifts(ctx, shown, nodes, rows, share)
+    between = visual.motion.on_edges()
+    stands: list[Any] = [one.name if one.name in between else node for one, node in zip(shown, nodes, strict=True)]
+    shifts = _shifts(ctx, shown, stands, rows, share)
     visual.render_all_discs(positions, discs, np.array(rows, np.int64), shifts)
     for look, (x, y), (right, down) in zip(looks, positions.tolist(), shifts.tolist(), strict=True):
         look.current_position, look.shift = (x, y), (right, down)
@@ -125,7 +127,7 @@ _SPREAD = {2: 0.7, 3: 0.85, 4: 0.95}  # how far discs are moved that stand on on
 _MOST_SPREAD = 6  # of more on one node, those of one look are drawn as one
 
 
-def _shifts(ctx: IContext, agents: list[IAgent], nodes: list[int], rows: list[int], share: float) -> FloatArray:
+def _shifts(ctx: IContext, agents: list[IAgent], nodes: list[Any], rows: list[int], share: float) -> FloatArray:
     """Return by how many radii discs (agents, 2) are moved right and down, so that those on one node can be told apart.
 
     Those of agents that leave or come glide from where they stood to where they will.
@@ -145,9 +147,9 @@ def _shifts(ctx: IContext, agents: list[IAgent], nodes: list[int], rows: list[in
     return ends if share >= 1.0 else (1.0 - share) * starts + share * ends
 
 
-def _spread(nodes: list[int], rows: list[int]) -> FloatArray:
+def _spread(nodes: list[Any], rows: list[int]) -> FloatArray:
     """Return how agents on nodes, each of the look in a row, are moved around these."""
-    moves, on = np.zeros((len(nodes), 2)), dict[int, list[int]]()
+    moves, on = np.zeros((len(nodes), 2)), dict[Any, list[int]]()
     if len(set(nodes)) == len(nodes):
         return moves
     for place, node in enumerate(nodes):

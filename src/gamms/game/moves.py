@@ -1,0 +1,263 @@
+"""The moves of one turn: as lists for the turn engine, by name for rules and resolvers."""
+
+from collections.abc import Callable, Iterable
+from copy import copy
+from functools import lru_cache
+from typing import Any
+
+from gamms.game.order import ResolvedAction, TurnOrder
+from gamms.game.travel import progress_at
+from gamms.ir.agents import AgentBlock, Motion, Progress
+from gamms.typing.agent_engine import IAgent
+from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
+
+
+class Refusals:
+    """What rules refuse in a turn, and why.
+
+    Args:
+        turn: the moves and deeds of the turn.
+
+    Attributes:
+        moves: agent -> why it may not move.
+        deeds: agent -> deed -> why it may not do that.
+    """
+
+    def __init__(self, turn: "TurnMoves") -> None:
+        self._turn = turn
+        self.moves: dict[str, set[str]] = {}
+        self.deeds: dict[str, dict[str, set[str]]] = {}
+
+    def add(self, agent: str, why: str, deed: str | None) -> None:
+        """Refuse the move of an agent, or a deed of it."""
+        if deed is None:
+            self.moves.setdefault(agent, set()).add(why)
+        elif any(one.agent == agent and one.kind == deed for one in self._turn.deeds):
+            self.deeds.setdefault(agent, {}).setdefault(deed, set()).add(why)
+
+
+class TurnMoves:
+    """The moves of one turn by slot: as lists for the engine, by name for rules and resolvers."""
+
+    def __init__(
+        self, order: TurnOrder, starts: list[int], ends: list[int], actions: dict[int, ResolvedAction]
+    ) -> None:
+        self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
+        self.slots = order.slots
+        self._by_name: dict[str, Move] | None = None
+
+    @property
+    def deeds(self) -> list[Deed]:
+        """What agents do besides moving, in the order of their names."""
+        slots, starts = self.slots, self.starts
+        return [
+            Deed(slots[i].name, slots[i].team, kind, starts[i], values)
+            for i, action in sorted(self.actions.items())
+            if action.deeds is not None
+            for kind, values in action.deeds.items()
+        ]
+
+    def of_agents(self, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
+        """Return the same moves of other agents, of which each takes the place of one of these."""
+        order = copy(self.order)
+        order.slots = [copy(slot) for slot in self.slots]
+        for slot in order.slots:
+            slot.agent = twin_of(slot.agent)
+        return TurnMoves(order, self.starts, self.ends, self.actions)
+
+    def by_name(self) -> dict[str, Move]:
+        """Return agent -> its move, of all on the ground, in the order of the names."""
+        if self._by_name is None:
+            self._by_name = self.named(self.order.whole.of_ground(list(range(len(self.slots)))))
+        return self._by_name
+
+    def named(self, indices: list[int]) -> dict[str, Move]:
+        """Return agent -> its move, of these slots."""
+        moves = {}
+        for i in indices:
+            slot, track = self.slots[i], self.track(i)
+            moves[slot.name] = Move(slot.name, slot.team, self.starts[i], self.ends[i], track.path, track.legs)
+        return moves
+
+    def places(self) -> tuple[list[Any], list[Any]]:
+        """Return where agents begin and where they end: ids of nodes, and the edges of those that are on one."""
+        starts: list[Any] = self.starts
+        ends: list[Any] = self.ends
+        on_edges = [i for i, action in self.actions.items() if action.legs]
+        if on_edges:
+            starts, ends = starts.copy(), ends.copy()
+            for i in on_edges:
+                begun, progress = self.actions[i].begun, self.actions[i].progress
+                if begun is not None:
+                    starts[i] = EdgePlace(begun.edge)
+                if progress is not None:
+                    ends[i] = EdgePlace(progress.edge)
+        return starts, ends
+
+    def tracks(self, agents: Iterable[IAgent]) -> list[Track]:
+        """Return how agents reached their nodes; those that were placed or flew there are there only at 1."""
+        index_of, slots, ends, track = self.order.index_of, self.slots, self.ends, self.track
+        tracks: list[Track] = []
+        for agent in agents:
+            node, i = agent.current_node_id, index_of.get(agent.name)
+            if i is None or ends[i] != node or slots[i].agent is not agent or self._was_put(i):
+                tracks.append(Track((node,), (1.0,)))
+            else:
+                tracks.append(track(i))
+        return tracks
+
+    def track(self, i: int) -> Track:
+        """Return the nodes of the move of a slot, and when the agent is at each."""
+        action = self.actions.get(i)
+        if action is not None:
+            return Track(action.path, action.times or _evenly(len(action.path)), action.legs)
+        start, end = self.starts[i], self.ends[i]
+        return Track((start,), (0.0,)) if start == end else Track((start, end), (0.0, 1.0))
+
+    # -- turns in which agents decide at each arrival ---------------------------------------------------------------
+
+    def go(self, i: int, action: ResolvedAction) -> None:
+        """Let the agent of a slot do something."""
+        self.actions[i], self.ends[i] = action, action.end
+
+    def go_on(self, i: int, later: ResolvedAction) -> None:
+        """Let the agent of a slot do something once it has arrived."""
+        first = self.actions[i]
+        self.go(
+            i,
+            later._replace(
+                path=first.path + later.path[1:],
+                times=first.times + later.times[1:],
+                legs=first.legs + later.legs,
+                heading=first.heading if later.heading == () else later.heading,
+                begun=first.begun,
+                deeds=first.deeds,
+            ),
+        )
+
+    def arrival(self, i: int) -> float:
+        """Return when the agent of a slot arrives at a node; 1.0: not before the turn is over."""
+        action = self.actions.get(i)
+        if action is None or not action.legs or action.progress is not None:
+            return 1.0
+        return action.legs[-1].until
+
+    def show(self, block: AgentBlock, time: float | None) -> None:
+        """Put the agents where they are at a time of the turn, unnoted; None: where they began."""
+        for i, action in self.actions.items():
+            if not action.legs:
+                continue
+            node, progress = self.starts[i], action.begun
+            if time is not None:
+                passed = sum(when <= time for when in action.times)
+                leg = next((leg for leg in action.legs if leg.since <= time <= leg.until), None)
+                node = action.path[max(passed - 1, 0)]
+                progress = None if leg is None else progress_at(leg, time)
+            block.write(self.slots[i].row, {"node": node, "progress": progress})
+
+    def _was_put(self, i: int) -> bool:
+        """Return whether an agent whose node is that of its move is not there by the move: it flew, or was put."""
+        slot, action = self.slots[i], self.actions.get(i)
+        if slot.flies:
+            return action is not None and action.position not in (None, slot.agent.prev_position)
+        ended = None if action is None else action.progress
+        return slot.travels and bool(self.order.progress[slot.row] != ended)
+
+    def stop(self, i: int) -> bool:
+        """Keep the agent of a slot where it is; return whether it was about to go elsewhere."""
+        slot, here, action = self.slots[i], self.starts[i], self.actions.get(i)
+        goes = self.ends[i] != here
+        if action is not None:
+            goes = goes or len(action.path) > 1 or action.position is not None
+            goes = goes or (action.progress is not None if action.begun is None else any(map(_moves, action.legs)))
+        if goes:
+            slot.counts["blocked"] += 1
+            self._stay(i, here)
+        return goes
+
+    def give_up(self, block: AgentBlock) -> None:
+        """Let agents that are elsewhere than where their moves begin stay there."""
+        nodes = self.order.selection.of(block.node)
+        for i, (start, node) in enumerate(zip(self.starts, nodes, strict=True)):
+            action = self.actions.get(i)
+            was_put = action is not None and action.begun is not None and block.on_edge(self.slots[i].row) is None
+            if action is not None and was_put:
+                self.actions[i] = action._replace(begun=None)
+            if start != node or was_put:
+                self.starts[i] = node
+                self._stay(i, node)
+
+    def refuse_deed(self, i: int, kind: str) -> None:
+        """Take back a deed of the agent of a slot."""
+        action = self.actions[i]
+        self.actions[i] = action._replace(deeds={one: of for one, of in (action.deeds or {}).items() if one != kind})
+
+    def _stay(self, i: int, node: int) -> None:
+        self.ends[i] = node
+        action = self.actions.get(i)
+        if action is not None:
+            begun = action.begun and action.begun._replace(motion=Motion.STOPPED)
+            legs = () if begun is None else (action.legs[0]._replace(end=begun.share, since=0.0, until=1.0),)
+            stays = action._replace(end=node, path=(node,), times=(), progress=begun, legs=legs, position=None)
+            self.actions[i] = stays
+        self._by_name = None
+
+    # -- turns of several parts -----------------------------------------------------------------------------------
+
+    def on(self, order: TurnOrder) -> "TurnMoves":
+        """Return the moves of the agents of another order; those that are new in it stay."""
+        if order is self.order:
+            return self
+        old = {id(slot.agent): i for i, slot in enumerate(self.slots)}
+        pairs = [(i, old[id(slot.agent)]) for i, slot in enumerate(order.slots) if id(slot.agent) in old]
+        starts = [slot.agent.current_node_id for slot in order.slots]
+        ends = starts.copy()
+        for i, j in pairs:
+            starts[i], ends[i] = self.starts[j], self.ends[j]
+        return TurnMoves(order, starts, ends, {i: self.actions[j] for i, j in pairs if j in self.actions})
+
+    def between(self, number: int, parts: int) -> "TurnMoves":
+        """Return the same moves, made in that one of several equal parts of the turn."""
+        actions = dict(self.actions)
+        for i, (start, end) in enumerate(zip(self.starts, self.ends, strict=True)):
+            path, times, legs = self.track(i)
+            if len(path) > 1 or start != end or legs:
+                action = actions.get(i, ResolvedAction(end, path))
+                scaled = tuple([(number + time) / parts for time in times])
+                waits = ((path[0],), (0.0,)) if number else ((), ())
+                legs = _between(legs, action.begun, action.progress, number, parts)
+                actions[i] = action._replace(path=waits[0] + path, times=waits[1] + scaled, legs=legs)
+        return TurnMoves(self.order, self.starts, self.ends, actions)
+
+    def then(self, later: "TurnMoves") -> "TurnMoves":
+        """Return these moves and later ones of other agents, as one turn; both are of the same order."""
+        starts, ends, actions = self.starts.copy(), self.ends.copy(), {**self.actions, **later.actions}
+        for i, (start, end) in enumerate(zip(later.starts, later.ends, strict=True)):
+            if start != end or i in later.actions:
+                if start != self.ends[i]:  # it was put there before it moved
+                    action, starts[i] = later.actions[i], start
+                    actions[i] = action._replace(path=action.path[1:] or action.path, times=action.times[1:])
+                ends[i] = end
+        return TurnMoves(self.order, starts, ends, actions)
+
+
+def _moves(leg: Leg) -> bool:
+    return leg.begin != leg.end
+
+
+def _between(
+    legs: tuple[Leg, ...], begun: Progress | None, progress: Progress | None, number: int, parts: int
+) -> tuple[Leg, ...]:
+    """Return legs in one of several equal parts of the turn; before and after it the agent stands where it is."""
+    scaled = [leg._replace(since=(number + leg.since) / parts, until=(number + leg.until) / parts) for leg in legs]
+    if begun is not None and number:
+        scaled.insert(0, legs[0]._replace(end=begun.share, since=0.0, until=number / parts))
+    if progress is not None and number + 1 < parts:
+        scaled.append(legs[-1]._replace(begin=progress.share, since=(number + 1) / parts, until=1.0))
+    return tuple(scaled)
+
+
+@lru_cache(maxsize=256)
+def _evenly(nodes: int) -> tuple[float, ...]:
+    """Return when an agent is at each of its nodes if all edges take equally long."""
+    return tuple(k / max(1, nodes - 1) for k in range(nodes))

@@ -1,0 +1,59 @@
+"""Where agents are that are on an edge of the graph: in games by metres (`ctx.game.speed_unit`)."""
+
+from collections.abc import Sequence
+from itertools import accumulate, pairwise
+from math import hypot
+from typing import NamedTuple
+
+from gamms.errors import ContextTerminated, UnknownName
+from gamms.ir.agents import Motion, Progress
+from gamms.typing.graph_engine import IGraph
+
+
+class OnEdge(NamedTuple):
+    """Where on an edge an agent is."""
+
+    edge: tuple[int, int, int]  # ids of the nodes that it leads from and to, and its own
+    offset_m: float  # from its source, map units
+    xy: tuple[float, float]
+    ahead: tuple[float, float]  # (cos, sin) of the way that the agent goes, or last went
+
+
+def located(graph: IGraph, progress: Progress) -> OnEdge | None:
+    """Return where on the map an agent is that is on an edge; None: the edge is gone."""
+    try:
+        edge = graph.get_edge(progress.edge)
+    except (UnknownName, ContextTerminated):
+        return None
+    x, y, dx, dy = point_along(edge.points, progress.share)
+    sign = -1.0 if progress.motion == Motion.BACK else 1.0
+    ends = progress.source, progress.target, progress.edge
+    return OnEdge(ends, progress.share * edge.length, (x, y), (sign * dx, sign * dy))
+
+
+def point_along(flat: Sequence[float], share: float) -> tuple[float, float, float, float]:
+    """Return the point (x, y) after a share of a polyline (x0, y0, x1, …), and the direction (cos, sin) of it there."""
+    points, lengths = _parts(flat)
+    left = share * sum(lengths)
+    for ((x0, y0), (x1, y1)), length in zip(pairwise(points), lengths, strict=True):
+        if length > 0.0 and left <= length:
+            dx, dy = (x1 - x0) / length, (y1 - y0) / length
+            return x0 + left * dx, y0 + left * dy, dx, dy
+        left -= length
+    return *points[-1], 0.0, 0.0
+
+
+def line_along(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
+    """Return the corners of a part of such a polyline, from one share of it to another: (share, x, y) of each."""
+    points, lengths = _parts(flat)
+    whole, low, high = sum(lengths) or 1.0, *sorted((begin, end))
+    bends = [(far / whole, *point) for far, point in zip(accumulate(lengths), points[1:], strict=True)]
+    between = [bend for bend in bends if low < bend[0] < high]
+    ends = [(share, *point_along(flat, share)[:2]) for share in (begin, end)]
+    return [ends[0], *(between if begin <= end else reversed(between)), ends[1]]
+
+
+def _parts(flat: Sequence[float]) -> tuple[list[tuple[float, float]], list[float]]:
+    """Return the corners of such a polyline, and how far it is from each to the next."""
+    points = list(zip(flat[::2], flat[1::2], strict=True))
+    return points, [hypot(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(points)]

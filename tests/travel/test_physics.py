@@ -1,0 +1,156 @@
+"""Laws of motion on random graphs, against an independent simulation in plain Python."""
+
+from bisect import bisect_right
+from itertools import accumulate, pairwise
+from math import dist
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.rules import contacts
+
+LAWS = settings(max_examples=80, deadline=None, derandomize=True)
+TURNS, STEPS = 6, 500
+
+
+class Walker:
+    """Goes along nodes at a speed from time 0 on, and stands at the last one."""
+
+    def __init__(self, xy, nodes, speed):
+        self.xy, self.nodes, self.speed = xy, nodes, speed
+        lengths = [dist(xy[a], xy[b]) for a, b in pairwise(nodes)]
+        self.far = [0.0, *accumulate(lengths)]
+
+    def on_street(self, time):
+        """The ends of the street it is on, in their order, and how far from the first; a node has itself twice."""
+        gone = self.speed * time
+        i = bisect_right(self.far, gone) - 1
+        if i >= len(self.nodes) - 1:
+            return (self.nodes[-1], self.nodes[-1]), 0.0
+        a, b = self.nodes[i], self.nodes[i + 1]
+        along = gone - self.far[i]
+        return ((a, b), along) if a < b else ((b, a), self.far[i + 1] - self.far[i] - along)
+
+    def at(self, time):
+        (a, b), along = self.on_street(time)
+        length = dist(self.xy[a], self.xy[b]) or 1.0
+        share = along / length
+        return tuple(p + share * (q - p) for p, q in zip(self.xy[a], self.xy[b], strict=True))
+
+    def passes(self, node, since, until):
+        """Whether it is on a node at some time after `since`."""
+        return any(
+            one == node and since < far / self.speed <= until for one, far in zip(self.nodes, self.far, strict=True)
+        )
+
+
+def first_meeting(one, other, turn):
+    """Find out in small steps when two walkers meet in a turn; None: not at all."""
+    for i in range(STEPS):
+        now, then = turn + i / STEPS, turn + (i + 1) / STEPS
+        (street, a), (its, b) = one.on_street(now), other.on_street(now)
+        (after, c), (its_after, d) = one.on_street(then), other.on_street(then)
+        if street == its == after == its_after and street[0] != street[1]:
+            if (a - b) * (c - d) < 0.0 or c == d:
+                return then
+            continue
+        if street == its and street[0] == street[1]:
+            return now
+        for walker, stander in ((one, other), (other, one)):  # one comes to where the other stands
+            place, _ = stander.on_street(now)
+            if place[0] == place[1] and walker.passes(place[0], now, then):
+                return then
+    return None
+
+
+@st.composite
+def plays(draw):
+    """A small town, and two walkers in it."""
+    size = draw(st.integers(3, 6))
+    xy = {i: (37.0 * i, (29.0 * i * i) % 101.0) for i in range(size)}
+    pairs = {(i, i + 1) for i in range(size - 1)} | set(
+        draw(st.lists(st.tuples(st.integers(0, size - 1), st.integers(0, size - 1)), max_size=4))
+    )
+    pairs = sorted({(min(pair), max(pair)) for pair in pairs if pair[0] != pair[1]})
+    near = {i: sorted({b for a, b in pairs if a == i} | {a for a, b in pairs if b == i}) for i in range(size)}
+    walks = []
+    for _ in range(2):
+        nodes = [draw(st.integers(0, size - 1))]
+        for _ in range(draw(st.integers(0, 8))):
+            nodes.append(draw(st.sampled_from(near[nodes[-1]])))
+        walks.append(Walker(xy, nodes, draw(st.floats(2.0, 60.0).map(lambda v: v + 0.1234567))))
+    return xy, pairs, walks
+
+
+def play(xy, pairs, walks, decide):
+    """Play it, and return where both were after each turn, and their contacts with the time since the start."""
+    game = {"speed_unit": "metres", "on_illegal": "raise", "decide": decide}
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game=game) as ctx:
+        ctx.graph.add_nodes(list(xy), [x for x, _ in xy.values()], [y for _, y in xy.values()])
+        ends = [*pairs, *((b, a) for a, b in pairs)]
+        lengths = [dist(xy[a], xy[b]) for a, b in ends]
+        ctx.graph.add_edges(range(len(ends)), [a for a, _ in ends], [b for _, b in ends], lengths)
+        passed = {"0": 0, "1": 0}
+
+        def follow(state):
+            nodes, known = walks[int(state["name"])].nodes, passed[state["name"]]
+            while (
+                known + 1 < len(nodes)
+                and decide == "arrival"
+                and state["memory"].get("asked")
+                and state["edge"] is None
+            ):
+                known += 1
+                break
+            passed[state["name"]], state["memory"]["asked"] = known, True
+            state["action"] = nodes[known:] if known + 1 < len(nodes) else None
+
+        agents = [
+            ctx.agent.create_agent(str(i), start_node_id=walk.nodes[0], speed=walk.speed, team=i, strategy=follow)
+            for i, walk in enumerate(walks)
+        ]
+        places, met, gone = [], [], []
+        for turn in range(TURNS):
+            ctx.game.step()
+            for name, move in ctx.game.moves.items():
+                if decide == "turn":
+                    passed[name] += len(move.path) - 1
+                gone.append((int(name), turn, sum(abs(leg.end - leg.begin) * length(ctx, leg) for leg in move.legs)))
+            places.append([agent.xy for agent in agents])
+            met.append([one.time for one in contacts(ctx, 0, 1)])
+        return places, met, gone
+
+
+def length(ctx, leg):
+    return ctx.graph.graph.get_edge(leg.edge).length
+
+
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+@LAWS
+@given(town=plays())
+def test_agents_are_where_speed_times_time_leads(decide, town):
+    xy, pairs, walks = town
+    places, _, gone = play(xy, pairs, walks, decide)
+    for turn, both in enumerate(places):
+        for walk, place in zip(walks, both, strict=True):
+            assert dist(place, walk.at(turn + 1.0)) <= 1e-6
+    for i, turn, metres in gone:
+        if walks[i].far[-1] >= walks[i].speed * (turn + 1):  # the way leads further
+            assert metres == pytest.approx(walks[i].speed, rel=1e-9)
+
+
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+@LAWS
+@given(town=plays())
+def test_agents_meet_when_and_where_small_steps_say(decide, town):
+    xy, pairs, (one, other) = town
+    _, met, _ = play(xy, pairs, (one, other), decide)
+    for turn, times in enumerate(met):
+        for time in times:
+            assert dist(one.at(turn + time), other.at(turn + time)) <= 1e-6
+        step = first_meeting(one, other, turn)
+        assert (step is None) == (not times), (turn, times, step)
+        if times:
+            assert abs(turn + min(times) - step) <= 2.0 / STEPS

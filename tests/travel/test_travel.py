@@ -1,0 +1,456 @@
+"""Agents that travel by metres: they may be anywhere on an edge."""
+
+from math import hypot, inf
+
+import pytest
+
+import gamms
+from gamms.rules import Conflicts, contacts
+from gamms.sensor import SensorType
+
+
+def road(*xs, speed_unit="metres", one_way=(), **game):
+    """A context with a straight road through these points of the x axis; some of its parts lead one way only."""
+    ctx = gamms.create_context(
+        seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": speed_unit, "on_illegal": "raise", **game}
+    )
+    ctx.graph.add_nodes(range(len(xs)), xs, [0.0] * len(xs))
+    ends = [(i, i + 1) for i in range(len(xs) - 1)]
+    ends += [(b, a) for a, b in ends if (a, b) not in one_way]
+    ctx.graph.add_edges(
+        range(len(ends)), [a for a, _ in ends], [b for _, b in ends], [abs(xs[a] - xs[b]) for a, b in ends]
+    )
+    return ctx
+
+
+def agent(ctx, name, node, *actions, **more):
+    """An agent that does these things, the last one for ever."""
+    seen = []
+
+    def strategy(state):
+        seen.append({key: state.get(key) for key in ("curr_pos", "edge", "offset_m", "xy", "legal", "blocked", "time")})
+        state["action"] = actions[min(len(seen), len(actions)) - 1]
+
+    one = ctx.agent.create_agent(name, start_node_id=node, strategy=strategy, **more)
+    one.seen = seen
+    return one
+
+
+def x_of(one):
+    return one.xy[0]
+
+
+# -- where agents are -------------------------------------------------------------------------------------------------
+
+
+def test_an_agent_on_an_edge_knows_the_edge_how_far_it_is_and_where():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, speed=10.0)
+    ctx.game.run(3)
+    assert anna.current_node_id == 0
+    assert (anna.edge, anna.offset_m, anna.xy) == ((0, 1, 0), pytest.approx(30.0), (pytest.approx(30.0), 0.0))
+    assert anna.seen[2] == {
+        "curr_pos": 0,
+        "edge": (0, 1, 0),
+        "offset_m": pytest.approx(20.0),
+        "xy": (pytest.approx(20.0), 0.0),
+        "legal": (0, 1),
+        "blocked": None,
+        "time": None,
+    }
+    assert anna.orientation == (1.0, 0.0)
+
+
+def test_it_follows_the_bends_of_its_edge():
+    ctx = road(0, 90)
+    ctx.graph.graph.update_edge(
+        {"id": 0, "source": 0, "target": 1, "length": 150.0, "linestring": [(0, 0), (0, 30), (90, 30), (90, 0)]}
+    )
+    anna = agent(ctx, "anna", 0, 1, speed=50.0)
+    ctx.game.run(1)
+    assert anna.xy == (pytest.approx(20.0), pytest.approx(30.0))
+    assert anna.orientation == (1.0, 0.0)
+    ctx.game.run(1)
+    assert anna.xy == (pytest.approx(70.0), pytest.approx(30.0))
+
+
+def test_what_is_left_of_a_turn_leads_beyond_a_node():
+    ctx = road(0, 25, 100)
+    anna = agent(ctx, "anna", 0, 2, speed=10.0)
+    ctx.game.run(3)
+    assert (anna.current_node_id, anna.edge, anna.offset_m) == (1, (1, 2, 1), pytest.approx(5.0))
+    assert ctx.game.moves["anna"].path == (0, 1)
+
+
+def test_none_stops_where_it_is_and_the_last_node_passed_turns_round():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, 1, None, 0, [1], speed=10.0)
+    places = []
+    for _ in range(5):
+        ctx.game.step()
+        places.append(x_of(anna))
+    assert places == pytest.approx([10, 20, 20, 10, 20])
+    assert anna.edge == (0, 1, 0)
+
+
+def test_on_the_way_back_it_looks_back():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, 0, speed=10.0)
+    ctx.game.run(1)
+    anna.speed = 4.0
+    ctx.game.run(1)
+    assert anna.orientation == (-1.0, 0.0)
+    assert x_of(anna) == pytest.approx(6.0)
+
+
+def test_no_agent_turns_round_on_a_one_way_road():
+    ctx = road(0, 90, 180, one_way={(0, 1)})
+    anna = agent(ctx, "anna", 0, 1, 0, speed=10.0)
+    ctx.game.run(1)
+    with pytest.raises(ValueError, match=r"Agent 'anna' in turn 1: .* one-way road"):
+        ctx.game.run(1)
+    assert anna.seen[-1]["legal"] == (1, 2)
+    assert x_of(anna) == pytest.approx(10.0)
+
+
+def test_legal_are_both_ends_and_what_lies_beyond():
+    ctx = road(0, 10, 20, 50, 60)
+    anna = agent(ctx, "anna", 2, 3, speed=12.0)
+    ctx.game.run(1)
+    assert anna.seen[0]["legal"] == (2, 3, 1)
+    ctx.game.run(1)
+    assert anna.seen[1]["legal"] == (2, 3, 4, 1)
+
+
+def test_a_target_is_gone_to_by_the_shorter_way_round():
+    ctx = road(0, 90)
+    ctx.graph.graph.add_node({"id": 2, "x": -30.0, "y": 0.0})
+    ctx.graph.add_edges([10, 11, 12, 13], [0, 2, 1, 2], [2, 0, 2, 1], [30.0, 30.0, 80.0, 80.0])
+    anna = agent(ctx, "anna", 0, 1, 2, speed=30.0)
+    ctx.game.run(1)  # 30 m on: 60 + 80 m ahead, 30 + 30 m behind
+    ctx.game.run(1)
+    assert x_of(anna) == pytest.approx(0.0)
+    assert anna.current_node_id == 0
+
+
+def test_an_agent_without_a_speed_goes_one_edge_a_turn():
+    ctx = road(0, 90, 100)
+    anna = agent(ctx, "anna", 0, 1, 2)
+    ctx.game.run(2)
+    assert (anna.current_node_id, anna.edge) == (2, None)
+    with pytest.raises(ValueError, match="Node 0 is not next to node 2"):
+        agent(ctx, "bert", 2, 0)
+        ctx.game.run(1)
+
+
+def test_an_endless_speed_arrives_in_one_turn_wherever_it_goes():
+    ctx = road(0, 90, 100)
+    anna = agent(ctx, "anna", 0, 2, speed=inf)
+    ctx.game.run(1)
+    assert anna.current_node_id == 2
+    assert ctx.game.tracks([anna])[0].times == (0.0, pytest.approx(0.9), pytest.approx(1.0))
+
+
+def test_a_speed_of_zero_stays():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, speed=0)
+    ctx.game.run(2)
+    assert anna.xy == (0.0, 0.0)
+
+
+def test_metres_per_second_count_the_seconds_of_a_turn():
+    ctx = road(0, 90, speed_unit="metres_per_second", turn_seconds=5.0)
+    anna = agent(ctx, "anna", 0, 1, speed=4.0)
+    ctx.game.run(2)
+    assert x_of(anna) == pytest.approx(40.0)
+
+
+def test_an_edge_has_a_speed_of_its_own_by_its_travel_time():
+    ctx = road(0, 100, 200, speed_unit="metres_per_second", turn_seconds=10.0, weight="travel_time")
+    for edge, seconds in ((0, 20.0), (1, 10.0), (2, 20.0), (3, 10.0)):
+        there = ctx.graph.graph.get_edge(edge)
+        ends = {"source": there.source, "target": there.target, "length": 100.0}
+        ctx.graph.graph.update_edge({"id": edge, **ends, "travel_time": seconds})
+    fast, slow = (agent(ctx, name, 0, 2, speed=speed) for name, speed in (("fast", 50.0), ("slow", 2.0)))
+    ctx.game.run(1)
+    assert [x_of(fast), x_of(slow)] == pytest.approx([50.0, 20.0])
+    ctx.game.run(2)
+    assert [x_of(fast), x_of(slow)] == pytest.approx([200.0, 60.0])
+
+
+def test_the_weight_decides_which_way_is_gone():
+    ctx = road(0, 90, weight="danger")
+    ctx.graph.graph.add_node({"id": 2, "x": 45.0, "y": 60.0})
+    ctx.graph.add_edges([10, 11], [0, 2], [2, 1], [75.0, 75.0])
+    for edge, source, target, danger in ((0, 0, 1, 9.0), (10, 0, 2, 1.0), (11, 2, 1, 1.0)):
+        length = ctx.graph.graph.get_edge(edge).length
+        ctx.graph.graph.update_edge(
+            {"id": edge, "source": source, "target": target, "length": length, "danger": danger}
+        )
+    anna = agent(ctx, "anna", 0, 1, speed=15.0)
+    ctx.game.run(1)
+    assert anna.edge == (0, 2, 10)
+
+
+# -- who is where for rules -------------------------------------------------------------------------------------------
+
+
+def test_two_walkers_at_10_m_a_turn_on_a_road_of_90_m_meet_in_turn_5_in_the_middle():
+    ctx, met = road(0, 90), []
+    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
+    agent(ctx, "bert", 1, 0, speed=10.0, team="b")
+    ctx.game.add(lambda ctx: met.extend((ctx.game.turn, *one) for one in contacts(ctx, "a", "b")))
+    ctx.game.run(8)
+    ((turn, a, b, distance, time, a_node, b_node, a_xy, b_xy),) = met
+    assert (turn, a, b, distance, a_node, b_node) == (5, "anna", "bert", 0.0, 0, 1)
+    assert time == pytest.approx(0.5)
+    assert a_xy == b_xy == (pytest.approx(45.0), 0.0)
+
+
+def test_one_that_is_faster_overtakes():
+    ctx, met = road(0, 900), []
+    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
+    bert = agent(ctx, "bert", 0, None, None, 1, speed=25.0, team="b")
+    ctx.game.add(lambda ctx: met.extend((ctx.game.turn, one.time, one.a_xy) for one in contacts(ctx, "a", "b")))
+    ctx.game.run(6)
+    assert met == [(4, pytest.approx(1.0 / 3.0), (pytest.approx(10.0 * (3 + 1 / 3)), 0.0))]
+    assert x_of(bert) == pytest.approx(100.0)
+
+
+def test_one_that_stands_on_an_edge_is_met_by_one_that_comes_along_it():
+    ctx, met = road(0, 90), []
+    agent(ctx, "anna", 0, 1, 1, None, speed=10.0, team="a")
+    agent(ctx, "bert", 1, 0, speed=20.0, team="b")
+    ctx.game.add(lambda ctx: met.extend((ctx.game.turn, one.time) for one in contacts(ctx, "a", "b")))
+    ctx.game.run(5)
+    assert met == [(4, pytest.approx(0.5))]
+
+
+def test_contacts_within_metres_and_in_a_straight_line_are_exact():
+    ctx, met = road(0, 90), []
+    agent(ctx, "anna", 0, 1, speed=10.0, team="a")
+    agent(ctx, "bert", 1, 0, speed=10.0, team="b")
+    for unit in ("metres", "euclid"):
+        ctx.game.add(
+            lambda ctx, unit=unit: met.extend(
+                (ctx.game.turn, unit, one.time) for one in contacts(ctx, "a", "b", **{unit: 15.0})
+            )
+        )
+    ctx.game.run(4)
+    assert met == [(4, unit, pytest.approx(0.75)) for unit in ("metres", "euclid")]
+
+
+def test_a_goal_is_reached_by_who_stands_on_its_node_and_not_by_who_is_on_the_way():
+    ctx = road(0, 90, 180)
+    agent(ctx, "anna", 1, 2, speed=10.0, team="a")
+    ctx.game.add(gamms.rules.reach({"a": [1]}))
+    ctx.game.run(3)
+    assert ctx.game.over is None
+
+
+def test_agents_on_edges_take_no_place_on_a_node():
+    ctx = road(0, 90, on_illegal="stay", conflicts=Conflicts(1))
+    anna = agent(ctx, "anna", 0, 1, speed=10.0)
+    bert = agent(ctx, "bert", 1, 0, speed=85.0)
+    ctx.game.run(2)
+    assert bert.current_node_id == 0  # which anna has left, and still has as the last node passed
+    assert anna.current_node_id == 0
+    assert anna.edge is not None
+
+
+def test_edges_have_a_capacity_of_their_own():
+    conflicts = Conflicts(None, edge_capacity=1, resolve=gamms.rules.by_priority(["a", "b"]))
+    ctx = road(0, 90, on_illegal="stay", conflicts=conflicts)
+    anna = agent(ctx, "anna", 0, 1, speed=10.0, team="a")
+    bert = agent(ctx, "bert", 0, 1, speed=10.0, team="b")
+    back = agent(ctx, "back", 1, 0, speed=10.0, team="b")  # the other direction is an edge of its own
+    ctx.game.run(3)
+    assert [x_of(one) for one in (anna, bert, back)] == pytest.approx([30.0, 0.0, 60.0])
+    assert bert.seen[1]["blocked"] == "in conflict with other agents on the way to edge 0"
+
+
+def test_who_is_on_an_edge_that_closes_is_back_at_the_node_it_passed_last():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, 1, None, speed=10.0)
+    ctx.game.run(2)
+    ctx.graph.graph.remove_edge(0)
+    ctx.game.run(1)
+    assert (anna.xy, anna.edge) == ((0.0, 0.0), None)
+    assert anna.seen[2]["blocked"] == "the edge from node 0 to node 1 was closed"
+
+
+def test_one_that_is_taken_out_of_the_game_stays_where_it_was():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, speed=10.0)
+    ctx.game.run(1)
+    ctx.game.eliminate(anna)
+    assert x_of(anna) == pytest.approx(10.0)
+    ctx.game.respawn(anna)
+    assert (anna.xy, anna.edge) == ((0.0, 0.0), None)
+
+
+# -- sensors ----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [SensorType.AGENT_RANGE, SensorType.OCCLUDED_AGENT])
+def test_sensors_measure_from_where_agents_are_to_where_agents_are(kind):
+    ctx = road(0, 90, 180)
+    ctx.sensor.create_sensor("eyes", kind, sensor_range=25.0)
+    anna = agent(ctx, "anna", 0, 1, speed=10.0, sensors=["eyes"])
+    agent(ctx, "bert", 1, 0, speed=10.0)
+    found = []
+    for _ in range(5):
+        ctx.game.step()
+        found.append(anna.sense()["eyes"][1])
+    assert found == [{}, {}, {}, {"bert": 1}, {"bert": 1}]  # 70, 50, 30, 10 and 10 m apart
+
+
+def test_a_range_sensor_sees_the_nodes_around_its_place_on_the_edge():
+    ctx = road(0, 90, 180)
+    ctx.sensor.create_sensor("eyes", SensorType.RANGE, sensor_range=25.0)
+    anna = agent(ctx, "anna", 0, 1, speed=35.0, sensors=["eyes"])
+    ctx.game.run(1)
+    assert list(anna.sense()["eyes"][1]["nodes"]) == []
+    ctx.game.run(1)
+    assert list(anna.sense()["eyes"][1]["nodes"]) == [1]
+
+
+def test_a_wall_hides_who_is_behind_it_on_an_edge():
+    ctx = road(0, 90)
+    ctx.graph.graph.add_node({"id": 5, "x": 45.0, "y": 40.0})
+    ctx.graph.add_obstacle_face(1, (44, 20, 0), (46, 20, 0), (44, 20, 9), (46, 20, 9), 1)
+    ctx.sensor.create_sensor("eyes", SensorType.OCCLUDED_AGENT, sensor_range=500.0)
+    agent(ctx, "anna", 0, 1, speed=15.0)
+    guard = agent(ctx, "guard", 5, None, speed=1.0, sensors=["eyes"])
+    seen = []
+    for _ in range(5):
+        ctx.game.step()
+        seen.append(list(guard.sense()["eyes"][1]))
+    assert seen == [["anna"], ["anna"], [], ["anna"], ["anna"]]
+
+
+# -- decide at each arrival -------------------------------------------------------------------------------------------
+
+
+def test_an_agent_is_asked_at_each_node_that_it_reaches_in_order_of_time():
+    ctx = road(0, 9, 18, 27, decide="arrival")
+    asked = []
+
+    def walk(state):
+        asked.append((state["turn"], round(state["time"], 6), state["name"]))
+        state["action"] = min(state["curr_pos"] + 1, 3) if state["name"] == "anna" else 0
+
+    ctx.agent.create_agent("anna", start_node_id=0, speed=20.0, strategy=walk)
+    ctx.agent.create_agent("bert", start_node_id=1, speed=18.0, strategy=walk)
+    ctx.game.run(2)
+    assert asked == [
+        (0, 0.0, "anna"),
+        (0, 0.0, "bert"),
+        (0, 0.45, "anna"),
+        (0, 0.5, "bert"),
+        (0, 0.9, "anna"),
+        *asked[5:],
+    ]
+    assert [one for one in asked if one[0] == 1] == [(1, 0.0, "bert"), (1, 0.35, "anna")]
+
+
+def test_at_an_arrival_others_are_seen_where_they_are_at_that_time():
+    ctx = road(0, 10, 100, decide="arrival")
+    ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=20.0)
+    seen = []
+
+    def walk(state):
+        seen.append((state["time"], sorted(state["sensor"]["eyes"][1])))
+        state["action"] = 1
+
+    ctx.agent.create_agent("anna", start_node_id=0, speed=20.0, sensors=["eyes"], strategy=walk)
+    agent(ctx, "bert", 2, 1, speed=160.0)
+    ctx.game.run(1)
+    assert seen == [(0.0, []), (0.5, ["bert"])]  # bert has come 80 m by then
+
+
+def test_edges_of_no_length_end_in_a_wait():
+    ctx = road(0, 0, decide="arrival", on_illegal="stay")
+
+    def walk(state):
+        state["action"] = 1 - state["curr_pos"]
+
+    ctx.agent.create_agent("anna", start_node_id=0, speed=20.0, strategy=walk)
+    result = ctx.game.run(1)
+    assert "waits" in result.errors[0]["message"]
+
+
+# -- records ----------------------------------------------------------------------------------------------------------
+
+
+def test_a_recording_knows_where_on_edges_agents_were(tmp_path):
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, speed=10.0)
+    ctx.record.start(tmp_path / "one")
+    ctx.game.run(3)
+    ctx.record.stop()
+    with gamms.recorder.open(tmp_path / "one.ggr") as recording:
+        state = recording.state(2)
+        assert state.agents["edge_share"].tolist() == pytest.approx([20 / 90])
+        assert state.xy().tolist() == [[pytest.approx(20.0), 0.0]]
+        table = recording.table("travel")
+        assert table["turn"].tolist() == [1, 2, 3]
+        assert table["edge_share"].tolist() == pytest.approx([1 / 9, 2 / 9, 3 / 9])
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as other:
+        list(other.record.replay(tmp_path / "one.ggr"))
+        assert other.agent.get_agent("anna").xy == anna.xy
+        assert other.agent.get_agent("anna").edge == anna.edge
+
+
+def test_a_snapshot_restores_where_on_edges_agents_are():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, 1, 0, speed=10.0)
+    ctx.game.run(2)
+    before, place = ctx.game.snapshot(), anna.xy
+    ctx.game.run(2)
+    assert anna.xy != place
+    ctx.game.restore(before)
+    assert anna.xy == place
+
+
+def test_a_distance_to_a_place_on_an_edge_is_the_one_on_the_map():
+    ctx = road(0, 90)
+    anna = agent(ctx, "anna", 0, 1, speed=33.0)
+    ctx.game.run(1)
+    assert hypot(anna.xy[0] - 33.0, anna.xy[1]) == pytest.approx(0.0)
+
+
+def test_attributes_of_programs_may_have_the_names_of_places():
+    ctx = road(0, 90)
+    anna = ctx.agent.create_agent("anna", start_node_id=0, xy="mine", edge=[7])
+    anna.offset_m = 3
+    assert (anna.xy, list(anna.edge), anna.offset_m) == ("mine", [7], 3)
+
+
+@pytest.mark.parametrize(
+    ("given", "unit"),
+    [({"decide": "arrival"}, "metres"), ({"weight": "danger"}, "metres"), ({"turn_seconds": 2.0}, "metres_per_second")],
+)
+def test_settings_of_travel_are_refused_where_they_count_nothing(given, unit):
+    ctx = road(0, 90, speed_unit="edges", **given)
+    agent(ctx, "anna", 0, 1)
+    with pytest.raises(
+        ValueError, match=f"{next(iter(given))} = .* counts nothing .* set ctx.game.speed_unit = '{unit}'"
+    ):
+        ctx.game.step()
+
+
+def test_a_scenario_file_can_travel(tmp_path):
+    (tmp_path / "walk.yaml").write_text(
+        """
+map:
+  grid: {width: 5, height: 1, spacing: 30}
+settings: {speed_unit: metres_per_second, turn_seconds: 5.0, decide: arrival}
+teams:
+  walkers: {agents: [{name: anna, node: 0}], speed: 4.0, strategy: {function: gamms.strategies:goto, with: {target: 4}}}
+conflicts: {capacity: null, edge_capacity: 1}
+rules: [{rule: time_limit, with: {turns: 2}}]
+"""
+    )
+    result = gamms.scenario.load(tmp_path / "walk.yaml").play()
+    assert result.agents["anna"]["node"] == 1  # 40 m on
