@@ -517,7 +517,7 @@ READERS = {
     "Sensor": "coverage heading last_view outline place places_of pose sense_many",
     "DetectionModel": "chances is_noticed rolled_back repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
-        get_obstacle_faces nearest_node networkx_labels node_attributes obstacle_columns place
+        find get_obstacle_faces inside nearest_node networkx_labels node_attributes obstacle_columns place
         scenery_columns shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes has_node nearest_node node_attributes nodes_near place positions
