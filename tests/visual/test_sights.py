@@ -1,5 +1,7 @@
 """Undeclared sensors show what is seen from where the agents are drawn; asking them changes nothing."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,6 +13,7 @@ from gamms.ir.draw import DrawKind
 from gamms.sensor import SensorType
 from gamms.strategies import random_walk
 from gamms.visual.camera import inside
+from gamms.visual.constants import Layer
 
 SENSORS = 15
 QUIET = {"level": "CRITICAL"}
@@ -217,3 +220,81 @@ def test_areas_are_measured_again_when_a_wall_goes(yard):
     assert sensor.last_view().outline[:, 0].max() < 60.0
     yard.graph.remove_obstacle_face(0)
     assert sensor.last_view().outline[:, 0].max() == pytest.approx(65.0, abs=0.1)
+
+
+# -- many sensors -----------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def crowd():
+    """A function from a number of agents, a team for each, and a kind of sensor to a context in which all look."""
+
+    def made(count, team=lambda number: "red", kind=SensorType.AGENT_RANGE, nodes=(44,)):
+        ctx = gamms.create_context(seed=1)
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(10, 10))
+        for number in range(count):
+            ctx.sensor.create_sensor(f"s{number}", kind, sensor_range=15.0)
+            at = nodes[number % len(nodes)]
+            ctx.agent.create_agent(
+                f"a{number}", start_node_id=at, team=team(number), sensors=[f"s{number}"]
+            ).get_state()
+        return ctx
+
+    return made
+
+
+def fields(ctx):
+    """The alpha of each filled field of view."""
+    commands = ctx.visual.draw_commands()
+    is_field = (commands.kind == DrawKind.POLYGON) & (commands.width == 0.0)
+    return commands.color[is_field, 3].tolist()
+
+
+def opacity(alphas):
+    return 1.0 - float(np.prod([1.0 - alpha / 255 for alpha in alphas]))
+
+
+def test_few_fields_of_view_are_drawn_one_by_one(crowd):
+    assert len(fields(crowd(6))) == 6
+
+
+def test_many_fields_of_view_of_a_team_are_one(crowd):
+    alphas = fields(crowd(20))
+    assert len(alphas) == 1
+    assert opacity(alphas) < 0.2
+
+
+def test_fields_of_view_of_a_team_that_are_apart_stay_so(crowd):
+    assert len(fields(crowd(7, nodes=(0, 99)))) == 2
+
+
+def test_fields_of_view_of_many_colours_never_hide_the_map(crowd):
+    alphas = fields(crowd(20, team=lambda number: f"team {number}"))
+    assert len(alphas) > 4
+    assert opacity(alphas) < 0.45
+
+
+def test_an_edge_that_many_see_is_drawn_once(crowd):
+    one, many = (crowd(count, kind=SensorType.RANGE).visual.draw_commands() for count in (7, 20))
+    lines = [
+        sorted(
+            commands.points[begin:end].tobytes()
+            for row, (begin, end) in enumerate(pairwise(commands.offsets.tolist()))
+            if commands.kind[row] == DrawKind.LINE and commands.layer[row] == Layer.SEEN
+        )
+        for commands in (one, many)
+    ]
+    assert lines[0] == lines[1]
+    assert len(set(lines[0])) == len(lines[0]) > 3
+
+
+def test_agents_that_are_seen_keep_their_rings(crowd):
+    artists = crowd(20, team=lambda number: "red" if number % 2 else "blue").visual.artists.shown(0)
+    assert "rings" in artists
+    assert "sights" in artists
+    assert not [name for name in artists if name.startswith("sensor_")]
+
+
+def test_what_many_see_is_left_out_with_sensors_false(crowd):
+    ctx = crowd(20)
+    assert "sights" not in ctx.visual.artists.shown(0, sensors=False)

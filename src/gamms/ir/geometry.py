@@ -27,6 +27,27 @@ def polygon(points: FloatArray | Sequence[Sequence[float]]) -> "Polygon":
     return shapely.Polygon(points)
 
 
+def union_of(outlines: Sequence[FloatArray]) -> "list[Polygon]":
+    """Return the areas that the outlines (corners, 2) of some polygons enclose together, as shapely Polygons."""
+    import shapely
+
+    parts = shapely.get_parts(shapely.union_all([shapely.make_valid(shapely.Polygon(one)) for one in outlines]))
+    return [part for part in parts if isinstance(part, shapely.Polygon)]
+
+
+def rings_of(polygon: "Polygon") -> list[FloatArray]:
+    """Return the rings of a Polygon, each (corners + 1, 2): the outer one, then its holes the other way around."""
+    import shapely
+
+    return [shapely.get_coordinates(ring) for ring in shapely.get_rings(shapely.normalize(polygon))]
+
+
+def seamed(rings: Sequence[FloatArray]) -> FloatArray:
+    """Return one line (points, 2) along the rings of a polygon, as `rings_of` gives them, with a seam to each hole."""
+    outer, *holes = rings
+    return np.concatenate([outer[:-1], *(np.concatenate([outer[:1], hole]) for hole in holes)])
+
+
 def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]") -> "list[LineString]":
     """Return many LineStrings at once: `points[i]` of shape (points, 2) belongs to line `lines[i]` (ascending)."""
     import shapely

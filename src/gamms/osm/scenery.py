@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.ir.geometry import rings_of, seamed
 from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.projection import WGS84, crs_of, project
@@ -217,15 +218,7 @@ def _outlines(shapes: Shapes, more: "list[BaseGeometry]", box: "BaseGeometry") -
     union = shapely.union_all([*shapely.intersection(footprints.repaired(shapes), box), *more])
     for part in shapely.get_parts(shapely.simplify(union, _AREA_M)):
         if shapely.get_type_id(part) == _POLYGON and part.area >= _LEAST_M2:
-            yield _seamed(shapely.normalize(part))
-
-
-def _seamed(polygon: "BaseGeometry") -> FloatArray:
-    """Return one line around a normal polygon, whose holes run the other way around; a seam leads to each and back."""
-    import shapely
-
-    outer, *holes = (shapely.get_coordinates(ring) for ring in shapely.get_rings(polygon))
-    return np.concatenate([outer[:-1], *(np.concatenate([outer[:1], hole]) for hole in holes)])
+            yield seamed(rings_of(part))
 
 
 def _drawn_lines(shapes: Shapes, box: "BaseGeometry") -> Iterator[FloatArray]:

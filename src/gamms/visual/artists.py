@@ -195,7 +195,9 @@ class Artists(Guarded):
         if self.fog is not None:
             artists = self.fog.filtered(artists)
         if not sensors:
-            artists = {name: one for name, one in artists.items() if name != "rings" and name[:7] != "sensor_"}
+            artists = {
+                name: one for name, one in artists.items() if name not in ("rings", "sights") and name[:7] != "sensor_"
+            }
         if trails:
             from gamms.visual.drawers.trails import artists_of_trails
 

@@ -5,7 +5,7 @@ agents that carry them, below the agents. Flags, territories and the tags of thi
 the teams.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from math import inf
 from types import MappingProxyType
 from typing import Any
@@ -31,7 +31,7 @@ from gamms.visual.drawers.rules import (
     render_tags,
     territories_in,
 )
-from gamms.visual.drawers.sensors import render_rings, render_sight
+from gamms.visual.drawers.sensors import render_rings, render_sight, render_sights, sparse
 from gamms.visual.drawers.standings import (
     DISCOVERED,
     HELD,
@@ -48,6 +48,7 @@ from gamms.visual.shown_turn import Sight, has_content
 from gamms.visual.themes import Theme
 
 MOST_SENSORS = 20  # more of them would hide what happens
+_MOST_APART = 6  # so many are drawn one by one, each with all that it sees
 _WITHOUT_CARRIER = (110, 114, 120)
 _AGENT_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
 _VIEWS = (  # the parts of a view, what they are, and their signs
@@ -202,28 +203,39 @@ def artists_of_sights(
         before: artists to be used again.
     """
     artists, look = dict[str, Artist](), sizes_of_sights(unit)
+    together: list[tuple[Rgb, SensorView]] = [
+        (color, view)
+        for name, views in sights.items()
+        if f"sensor_{name}" not in declared
+        for color, view in views
+        if view is not None
+    ]
+    if len(together) > _MOST_APART:
+        artists["sights"] = artist = before.get("sights") or Artist(ctx, render_sights, Layer.SEEN)
+        artist.data = {
+            "sights": together,
+            "legend": legend_of_sights((color, sparse(view)) for color, view in together),
+            **look,
+        }
     for name, views in sights.items():
+        if len(together) > _MOST_APART and all(view is not None for _, view in views):
+            continue
         drawer = (
             render_sensor if any(view is None for _, view in views) else render_sight
         )  # the first says what is wrong
         artists[f"sensor_{name}"] = artist = before.get(f"sensor_{name}") or Artist(ctx, drawer, Layer.SEEN)
         artist.set_drawer(drawer)
         artist.data = {"name": name, "color": views[0][0], "sights": views, "legend": legend_of_sights(views), **look}
-    ringed = [
-        (color, view)
-        for name, views in sights.items()
-        if f"sensor_{name}" not in declared
-        for color, view in views
-        if view is not None and view.names
-    ]
+    ringed = [(color, view) for color, view in together if view.names]
     if ringed:
         artists["rings"] = rings = before.get("rings") or Artist(ctx, render_rings, Layer.SEEN)
         rings.data = {"sights": ringed, **look}
     return artists
 
 
-def legend_of_sights(sights: list[tuple[Rgb, SensorView | None]]) -> Rows | None:
+def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> Rows | None:
     """Return what the signs of views mean, in grey, as each has the colour of the agent that looks."""
+    sights = list(given)
     views = [view for _, view in sights if view is not None]
     rows = [
         Row(SIGN, words, sign=sign) for part, words, sign in _VIEWS if any(len(getattr(view, part)) for view in views)

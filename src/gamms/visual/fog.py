@@ -77,6 +77,7 @@ class Fog:
             "graph",
             "tags",
             "rings",
+            "sights",
             *territories,
             *flags,
             *(f"sensor_{name}" for name in self._ctx.sensor.sensors),

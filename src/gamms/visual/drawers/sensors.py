@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.ir.geometry import rings_of, seamed, union_of
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
@@ -17,6 +18,8 @@ from gamms.visual.shown_turn import view_of
 
 _ALPHA = 150
 _NODE_PX, _RING_PX, _EDGE_PX = 3.0, 10.0, 4.0
+_MANY_ALPHA, _MANY_PX = 110, 2.5  # of what is drawn of many sensors together
+_MOST_OPAQUE = 0.4  # fields of view of all colours, one upon the other
 _NODE_RADIUS, _JUNCTION_RADIUS, _AGENT_RADIUS = 2.0, 1.0, 8.0  # world units
 
 
@@ -43,6 +46,40 @@ def render_sight(ctx: IContext, data: dict[str, Any]) -> None:
     """
     for color, view in data["sights"]:
         _draw(ctx, {**data, "color": color}, replace(view, agents=view.agents[:0]) if view.names else view)
+
+
+def render_sights(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw what many sensors see as one for each colour: what several see is drawn once, so that the map stays visible.
+
+    `data["sights"]` is as for `render_sight`.
+    """
+    views: dict[AnyColor, list[SensorView]] = {}
+    for color, view in data["sights"]:
+        views.setdefault(color, []).append(sparse(view))
+    alpha = min(_FILL_ALPHA, round(255 * (1 - (1 - _MOST_OPAQUE) ** (1 / max(len(views), 1)))))
+    for color, of_color in views.items():
+        _fields_of_view(ctx, [view.outline for view in of_color if len(view.outline)], color, alpha)
+    visual = drawing_of(ctx)
+    for color, of_color in views.items():
+        lines = {
+            line.tobytes(): line for view in of_color for line in np.split(view.lines, view.offsets[1:-1]) if len(line)
+        }
+        if lines:
+            offsets = np.cumsum([0, *map(len, lines.values())])
+            visual.render_lines(np.concatenate([*lines.values()]), offsets, _faint(color, _MANY_ALPHA), _MANY_PX)
+    for color, of_color in views.items():
+        marked = [view.nodes for view in of_color if len(view.nodes)]
+        if marked:
+            nodes = np.unique(np.concatenate(marked), axis=0)
+            visual.render_circles(nodes, _MANY_PX / 2, _see_through(color), in_pixels=True)
+        for view in of_color:
+            if len(view.agents) and not view.names:
+                rings(ctx, view.agents, data["size"], rgba(color), _RING_PX)
+
+
+def sparse(view: SensorView) -> SensorView:
+    """Return a view without the nodes at the ends of its edges."""
+    return replace(view, nodes=view.nodes[:0]) if len(view.lines) else view
 
 
 def render_rings(ctx: IContext, data: dict[str, Any]) -> None:
@@ -83,6 +120,7 @@ def _see_through(color: AnyColor) -> Rgba:
 
 render_sensor.once_a_turn = True  # type: ignore[attr-defined] # sensors look once a turn
 render_sight.once_a_turn = True  # type: ignore[attr-defined] # it is seen from where agents will be at the end
+render_sights.once_a_turn = True  # type: ignore[attr-defined]
 
 # The names under which 1.0.0 had a drawer per kind.
 render_map_sensor = render_agent_sensor = render_neighbor_sensor = render_aerial_agent_sensor = render_sensor
@@ -114,6 +152,29 @@ def field_of_view(ctx: IContext, outline: Points, color: AnyColor) -> None:
         visual.render_lines(*_without(corners, goes_on), rim)
     else:
         visual.render_polygon(corners.tolist(), rim, 1)
+
+
+def _fields_of_view(ctx: IContext, outlines: list[FloatArray], color: AnyColor, alpha: int) -> None:
+    """Fill what lies in some of many fields of view, and draw its rim."""
+    box, visual = drawing_of(ctx).of_map(_around_the_map), drawing_of(ctx)
+    corners = [outline if box is None else cut(outline, *box) for outline in outlines]
+    polygons = union_of([one for one in corners if len(one) > 2])
+    if not polygons:
+        return
+    bounded = [rings_of(polygon) for polygon in polygons]
+    lines = [seamed(rings) for rings in bounded]
+    visual.render_polygons(np.concatenate(lines), np.cumsum([0, *map(len, lines)]), _faint(color, alpha))
+    rims = [_closed_or_cut(ring[:-1], box) for rings in bounded for ring in rings]
+    offsets = np.concatenate([[0], *(np.diff(ends) for _, ends in rims)])
+    visual.render_lines(np.concatenate([points for points, _ in rims]), np.cumsum(offsets), _faint(color, _RIM_ALPHA))
+
+
+def _closed_or_cut(ring: FloatArray, box: tuple[FloatArray, FloatArray] | None) -> tuple[FloatArray, IntArray]:
+    """Return the points and offsets of a rim, without the sides of the box."""
+    goes_on = np.zeros(len(ring), bool) if box is None else _is_on_a_side(ring, *box)
+    if goes_on.any():
+        return _without(ring, goes_on)
+    return np.concatenate([ring, ring[:1]]), np.array([0, len(ring) + 1])
 
 
 def cut(corners: FloatArray, low: FloatArray, high: FloatArray) -> FloatArray:
