@@ -136,6 +136,35 @@ def without_zeros(scores):
     return {team: score for team, score in scores.items() if score}
 
 
+def end_of(ctx):
+    """Return how a game stands, without empty memories and the counts of moves, which begin with a resumed game."""
+    memories = {name: dict(memory) for name, memory in ctx.game.memories.items() if memory}
+    result = ctx.game.result()
+    return result.turns, result.scores, result.reason, result.events, result.messages, places_in(ctx), memories
+
+
+@pytest.mark.parametrize("game", ["periodic visibility", "radio search", "patrolling"])
+def test_a_game_goes_on_the_same_way_from_a_turn_of_its_recording_and_from_a_snapshot(game, tmp_path):
+    make, path = MATCHES[game][0], tmp_path / "game.ggr"
+    with make(2).ctx as ctx:
+        ctx.record.start(path)
+        ctx.game.run(30)
+        ctx.record.stop()
+        end = end_of(ctx)
+    with make(2).ctx as ctx:
+        ctx.game.run(6)
+        snapshot = ctx.game.snapshot()
+        ctx.game.run(5)
+        ctx.game.restore(snapshot)
+        ctx.game.run(24)
+        assert end_of(ctx) == end
+    with gamms.recorder.open(path) as recording:
+        for turn in (0, 1, 2, 5, 12):
+            with make(2).ctx as ctx:
+                recording.resume(turn, ctx=ctx).game.run(30 - turn)
+                assert end_of(ctx) == end, turn
+
+
 HERE, EXAMPLES = ROOT / "tests" / "games", ROOT / "examples"
 ROADS = HERE / "plain_roads.py"
 FILES = {  # the game, as the page calls it -> its files with the library, and without

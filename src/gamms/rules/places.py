@@ -80,8 +80,8 @@ def hold(
         else:
             state["turns"] = 0
 
-    hooks = with_hooks(hold, prepare=prepare, drawer=render_held, teams=sorted(may_hold or (), key=str))
-    return with_hooks(hooks, rank=Rank.PLACES, key=state_key)
+    named = sorted(may_hold or (), key=str)
+    return with_hooks(hold, prepare=prepare, drawer=render_held, teams=named, rank=Rank.PLACES, key=state_key)
 
 
 def _teams_on(ctx: Context, place: frozenset[int]) -> dict[Any, set[int]]:
@@ -132,8 +132,9 @@ def discover(
         game.play(ctx)
 
     named = sorted(game.teams or (), key=str)
-    hooks = with_hooks(discover, prepare=game.prepare, drawer=render_discovered, teams=named)
-    return with_hooks(hooks, rank=Rank.PLACES, key=game.key)
+    return with_hooks(
+        discover, prepare=game.prepare, drawer=render_discovered, teams=named, rank=Rank.PLACES, key=game.key
+    )
 
 
 class _Discovery(NamedTuple):

@@ -85,9 +85,15 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
     def check(ctx: Context) -> None:
         tank.check(ctx, lengths)
 
-    named = sorted(tank.teams or (), key=str)
-    hooks = with_hooks(resource, prepare=tank.prepare, check=check, drawer=render_amounts, teams=named)
-    return with_hooks(hooks, rank=Rank.RESOURCES, key=tank.name)
+    return with_hooks(
+        resource,
+        prepare=tank.prepare,
+        check=check,
+        drawer=render_amounts,
+        teams=sorted(tank.teams or (), key=str),
+        rank=Rank.RESOURCES,
+        key=tank.name,
+    )
 
 
 class _Lengths:
