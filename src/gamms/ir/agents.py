@@ -117,6 +117,7 @@ class AgentBlock:
         progress: on the edge that an agent on the ground is moving along; None where it has covered nothing of one.
         graph: finds the nodes below flyers.
         flyers: the rows of flyers, ascending.
+        travellers: the rows of agents whose progress has a motion.
         inactive: the rows of agents that are not alive.
         removed: how many rows are those of agents that were removed; `keep` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
@@ -126,7 +127,7 @@ class AgentBlock:
 
     __slots__ = (
         *(*BY_ROW, "_changed", "_logs", "_row_of", "_located_revision", "_unlocated", "_version", "flyers", "graph"),
-        *("inactive", "journal", "removed", "structure_version", "trusts_nodes"),
+        *("inactive", "journal", "removed", "structure_version", "travellers", "trusts_nodes"),
     )
 
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
@@ -146,6 +147,7 @@ class AgentBlock:
             setattr(self, name, [])
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
+        self.travellers: set[int] = set()
         self.removed = 0
         self.journal = journal
         self.structure_version = 0
@@ -222,6 +224,7 @@ class AgentBlock:
         new = self.add(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))
         for name in ("previous", "heading", "previous_position", "quat", "progress", "alive", *NUMBERS):
             getattr(self, name)[new] = getattr(source, name)[row]
+        self._follow_progress(new)
         if not self.alive[new]:
             self.inactive.add(new)
         return new
@@ -309,18 +312,27 @@ class AgentBlock:
 
     def on_edge(self, row: int) -> Progress | None:
         """Return where on an edge an agent is; None: on its node, or in the air."""
-        progress = self.progress[row]
-        return progress if progress is not None and progress.motion and progress.source == self.node[row] else None
+        progress = self.progress[row] if row in self.travellers else None
+        return progress if progress is not None and progress.source == self.node[row] else None
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
         """Set how far along an edge an agent is."""
         before = self.progress[row]
         if before != progress:
             self.progress[row] = progress
-            if (before is not None and before.motion) or (progress is not None and progress.motion):
-                self._changed.add(row)
+            self._follow_progress(row)
             if not self.journal.is_silent:
                 self.journal.progressed.add(self.journal.ids[row])
+
+    def _follow_progress(self, row: int) -> None:
+        """Keep `travellers` as the column of progress says."""
+        progress = self.progress[row]
+        if progress is not None and progress.motion:
+            self.travellers.add(row)
+            self._changed.add(row)
+        elif row in self.travellers:
+            self.travellers.discard(row)
+            self._changed.add(row)
 
     def fly(self, row: int, position: Position, node: int | None = None) -> None:
         """Move a flyer; where it was is where it was before.
@@ -356,6 +368,7 @@ class AgentBlock:
         """Overwrite columns of one agent and note nothing (used by replay)."""
         for name, value in values.items():
             self._put(row, name, value)
+        self._follow_progress(row)
         self._changed.add(row)
         if self.kind[row]:
             self._unlocated.add(row)
@@ -453,14 +466,20 @@ class AgentBlock:
             getattr(self, name)[:] = values[name]
         self._changed.update(range(len(self.names)))
         self._unlocated.update(self.flyers)
+        self._find_travellers()
         if not has_structure:
             self._renew()
+
+    def _find_travellers(self) -> None:
+        progress = enumerate(self.progress)
+        self.travellers = {row for row, one in progress if one is not None and one.motion}
 
     def _renew(self) -> None:
         """Derive again what follows from the columns, the rows of names among it."""
         self._row_of = {name: row for row, name in enumerate(self.names)}
         self.flyers = [row for row, kind in enumerate(self.kind) if kind]
         self.inactive = {row for row, alive in enumerate(self.alive) if not alive}
+        self._find_travellers()
         self.structure_version += 1
         self._version += 1
         self._changed = set(range(len(self.names)))

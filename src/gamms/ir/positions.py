@@ -33,13 +33,12 @@ class Positions:
         block: the agents.
     """
 
-    __slots__ = ("_block", "_by_node", "_flyer_xyz", "_flyers", "_log", "_node_ids", "_node_of", "_on_edges", "_stale")
+    __slots__ = ("_block", "_by_node", "_flyer_xyz", "_flyers", "_log", "_node_ids", "_node_of", "_stale")
 
     def __init__(self, block: AgentBlock) -> None:
         self._block, self._log = block, block.subscribe()
         self._by_node: dict[int, set[int]] | None = None
         self._node_of: list[int | None] = []  # row -> the node on which it is in `_by_node`
-        self._on_edges: set[int] = set()  # rows of those that may be on one
         self._forget()
 
     @property
@@ -73,8 +72,9 @@ class Positions:
         places: list[Any] = list(self._block.node)
         for row in self._block.flyers:
             places[row] = self._block.position[row]
-        for row, progress in self.on_edges.items():
-            places[row] = progress
+        if self._block.travellers:
+            for row, progress in self.on_edges.items():
+                places[row] = progress
         return places
 
     @property
@@ -98,9 +98,8 @@ class Positions:
     @property
     def on_edges(self) -> Mapping[int, Progress]:
         """Row -> where it is, of the agents that are on an edge."""
-        self._catch_up()
         block = self._block
-        return {row: progress for row in sorted(self._on_edges) if (progress := block.on_edge(row)) is not None}
+        return {row: progress for row in sorted(block.travellers) if (progress := block.on_edge(row)) is not None}
 
     @property
     def inactive(self) -> Collection[int]:
@@ -138,14 +137,11 @@ class Positions:
             self._forget()
         elif rows:
             self._stale |= rows
-            progress = self._block.progress
-            self._on_edges = {row for row in self._on_edges | rows if progress[row] is not None}
             if self._by_node is not None:
                 self._follow(rows)
 
     def _forget(self) -> None:
         self._by_node, self._node_of = None, []
-        self._on_edges = {row for row, progress in enumerate(self._block.progress) if progress is not None}
         self._node_ids = self._flyers = _NO_ROWS
         self._flyer_xyz = _NO_XYZ
         self._stale: set[int] = set(range(len(self._block)))  # rows that the arrays do not show yet
@@ -153,11 +149,11 @@ class Positions:
     def _follow(self, rows: Iterable[int]) -> None:
         """Move some rows, new ones among them, to their nodes."""
         node, inactive, node_of = self._block.node, self._block.inactive, self._node_of
-        progress = self._block.progress
+        travellers = self._block.travellers
         by_node: dict[int, set[int]] = self._by_node  # type: ignore[assignment] # asked where it is known
         node_of += [None] * (len(node) - len(node_of))
         for row in rows:
-            is_off = row in inactive or (progress[row] is not None and self._block.on_edge(row) is not None)
+            is_off = row in inactive or (row in travellers and self._block.on_edge(row) is not None)
             here, before = None if is_off else node[row], node_of[row]
             if here == before:
                 continue
