@@ -416,7 +416,8 @@ def test_the_report_names_what_closed_ways(make_map, cross):
     found = report(graph_from_file(path, 10.0, osm_type="drive"), path)
     assert [*found.closed] == ["highway=footway", "access=private"]
     assert found.closed["access=private"] == pytest.approx(55.71, abs=0.01)
-    assert dict(found.rows())["closed"].startswith("189.9 m left out: highway=footway 134.2 m, access=private ")
+    assert dict(found.rows())["closed by class"] == "134.2 m left out: highway=footway 134.2 m"
+    assert dict(found.rows())["closed by access"] == "55.7 m left out: access=private 55.7 m"
     everything = report(graph_from_file(path, 10.0), path).length_before
     assert sum(found.closed.values()) + found.length_before == pytest.approx(everything, rel=1e-9)
     assert found.to_dict()["closed"] == found.closed

@@ -2,6 +2,7 @@
 
 import json
 import math
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -15,7 +16,7 @@ import gamms
 from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, network_of_columns, report
-from gamms.osm.fidelity import deviations
+from gamms.osm.comparison import deviations
 from gamms.osm.networkx_bridge import to_digraph
 from gamms.osm.topology import consolidate, resample
 
@@ -53,6 +54,14 @@ def once(graph):
             yield u, v, data
 
 
+def places_on(line):
+    """The vertices of a line, the middles of its straight pieces, and on long ones a place every 25 m at least."""
+    for here, there in pairwise(line.coords):
+        parts = max(math.ceil(math.dist(here, there) / 25.0), 2)
+        piece = LineString([here, there])
+        yield from (piece.interpolate(k / parts, normalized=True) for k in range(parts + 1))
+
+
 @pytest.mark.parametrize("tolerance", [0.0, 4.0])
 @pytest.mark.parametrize("resolution", [7.0, 10.0, 60.0])
 @pytest.mark.parametrize("wishes", [{}, {"retain_all": True}, {"simplify": False}, {"bidirectional": False}])
@@ -73,7 +82,7 @@ def test_the_report_says_what_a_slow_look_says(town, tolerance, resolution, wish
     assert found.deviation_mean == pytest.approx(sum(away) / len(away), abs=1e-6)
     roads_before = unary_union([data["linestring"] for *_, data in once(source)])
     assert found.surplus_max == pytest.approx(
-        max(roads_before.distance(Point(*place)) for *_, data in roads for place in data["linestring"].coords), abs=1e-6
+        max(roads_before.distance(place) for *_, data in roads for place in places_on(data["linestring"])), abs=1e-6
     )
     simple = nx.MultiGraph([(u, v) for u, v, _ in roads])
     assert found.components == nx.number_connected_components(simple)
@@ -144,6 +153,121 @@ def test_a_missing_street_and_a_moved_one_are_found(town):
     assert not found.length_kept
     assert found.deviation_max > 20.0
     assert found.components > 1
+
+
+def reversed_one_ways(graph):
+    """The graph with all its edges turned round; what has both directions stays as it is."""
+    turned = graph.reverse(copy=True)
+    for *_, data in turned.edges(data=True):
+        data["linestring"] = data["linestring"].reverse()
+    return turned
+
+
+@pytest.mark.parametrize("resolution", [5.0, 10.0, 1e6])
+@pytest.mark.parametrize("tolerance", [0.0, 4.0])
+def test_reversed_one_way_streets_are_found(town, resolution, tolerance):
+    graph = graph_from_file(town, resolution, osm_type="drive", tolerance=tolerance, strong=False)
+    assert report(graph, town).is_faithful
+    found = report(reversed_one_ways(graph), town)
+    one_way = sum(data["length"] for u, v, data in graph.edges(data=True) if (v, u) not in graph.edges)
+    assert one_way > 800.0
+    assert found.against_traffic == pytest.approx(one_way)
+    assert not found.directions_kept
+    assert not found.is_faithful
+    assert "NO" in dict(found.rows())["directions"]
+
+
+def test_a_two_way_street_with_one_direction_is_found(town):
+    graph = graph_from_file(town, 10.0, osm_type="drive", tolerance=0.0, strong=False)
+    lost = [(u, v) for u, v, name in graph.edges(data="name") if name == "Wave" and u < v]
+    metres = sum(graph.edges[edge]["length"] for edge in lost)
+    graph.remove_edges_from(lost)
+    found = report(graph, town)
+    assert found.one_direction == pytest.approx(metres)
+    assert not found.is_faithful
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 4.0])
+def test_contracted_nodes_are_found(town, tolerance):
+    graph = graph_from_file(town, 10.0, tolerance=tolerance)
+    one, other = sorted(graph, key=lambda node: graph.nodes[node]["x"])[3::40][:2]
+    found = report(nx.contracted_nodes(graph, one, other, self_loops=False, store_contraction_as=None), town)
+    assert found.wrong_joints > 0
+    assert not found.joints_kept
+    assert not found.on_map_kept
+    assert not found.is_faithful
+
+
+@pytest.mark.parametrize("tolerance", [0.0, 4.0])
+@pytest.mark.parametrize("is_drawn", [True, False])
+def test_an_edge_of_a_metre_between_far_nodes_is_found(town, tolerance, is_drawn):
+    graph = graph_from_file(town, 10.0, tolerance=tolerance)
+    far = sorted(graph, key=lambda node: graph.nodes[node]["x"])
+    ends = [(graph.nodes[node]["x"], graph.nodes[node]["y"]) for node in (far[5], far[-5])]
+    line = LineString(ends) if is_drawn else LineString([ends[0], (ends[0][0] + 1.0, ends[0][1])])
+    graph.add_edge(far[5], far[-5], id=10**6, length=1.0, linestring=line)
+    found = report(graph, town)
+    assert not found.on_map_kept
+    assert found.wrong_joints == 2
+    assert not found.is_faithful
+
+
+def test_a_crossing_that_is_none_is_found(make_map, cross):
+    """Two streets cross on the map without a common node, such as at a bridge; their middles become one node."""
+    cross |= {5: (60.1695, 24.941)}
+    path = make_map(cross, ([1, 3], ROAD), ([5, 4], ROAD))
+    graph = graph_from_file(path, 27.8, retain_all=True, tolerance=0.0)
+    assert report(graph, path).is_faithful
+    middle = [node for node in graph if math.dist(place_of(graph, node), centre_of(graph)) < 0.5]
+    assert len(middle) == 2
+    joined = nx.contracted_nodes(graph, *middle, store_contraction_as=None)
+    found = report(joined, path)
+    assert (found.wrong_joints, found.is_faithful) == (1, False)
+
+
+def place_of(graph, node):
+    return graph.nodes[node]["x"], graph.nodes[node]["y"]
+
+
+def centre_of(graph):
+    return tuple(sum(place_of(graph, node)[axis] for node in graph) / len(graph) for axis in (0, 1))
+
+
+def test_the_report_accounts_for_all_of_the_source(make_map, cross):
+    cross |= {11: (60.18, 24.94), 12: (60.181, 24.94), 13: (60.18, 24.942)}
+    path = make_map(
+        cross,
+        ([1, 2], {**ROAD, "access:conditional": "no @ (Mo-Fr)"}),
+        ([2, 3], {"highway": "footway"}),
+        ([2, 4], {**ROAD, "access": "private"}),
+        ([1, 4, 3, 1], {**ROAD, "area": "yes"}),
+        ([11, 12], ROAD),
+        ([2, 12], {"building": "yes"}),
+        ([13, 1], {**ROAD, "oneway": "yes"}),
+    )
+    relation = '<relation id="1"><member type="way" ref="100" role="from"/><tag k="type" v="restriction"/></relation>'
+    path.write_text(path.read_text().replace("</osm>", f"{relation}</osm>"))
+    found = report(graph_from_file(path, 10.0, osm_type="drive"), path)
+    left_out = sum(found.closed.values()) + found.other_parts + found.no_way_back
+    assert found.source_length == pytest.approx(found.length_before + left_out)
+    assert found.source_length == pytest.approx(report(graph_from_xml(path, 1e6, retain_all=True), path).length_before)
+    assert [*found.closed] == ["area=yes", "access=private", "highway=footway"]
+    rows = dict(found.rows())
+    assert rows["closed by class"].startswith("55.5 m left out: highway=footway")
+    assert rows["closed by access"].startswith("55.7 m left out: access=private")
+    assert rows["closed as areas"] == "268.3 m left out: area=yes 268.3 m"
+    assert rows["ignored"] == "1 turn restrictions, 1 conditional"
+    assert found.is_faithful
+
+
+def test_lines_across_squares_are_not_of_the_source(make_map, cross):
+    cross |= {5: (60.1695, 24.941), 6: (60.172, 24.941), 7: (60.169, 24.941)}
+    arms = ([4, 6], ROAD), ([5, 7], ROAD)
+    path = make_map(cross, ([1, 4, 3, 5, 1], {"highway": "pedestrian", "area": "yes"}), *arms)
+    found = report(graph_from_file(path, 10.0, osm_type="walk"), path)
+    assert found.across == pytest.approx(111.4, abs=0.1)
+    assert found.source_length == pytest.approx(found.length_before - found.across)
+    assert found.is_faithful
 
 
 def test_a_context_says_the_same_as_the_graph_it_was_given(town):
@@ -231,8 +355,12 @@ def test_every_network_keeps_its_promises(xy, data, tolerance, resolution):
     source = gamms.osm.load.network_in_metres(graph)
     merged = consolidate(source, tolerance)
     cut = to_digraph(resample(merged, resolution))
-    cut.graph.update(resolution=resolution, merged_length=merged.merged.length_m, merged_nodes=merged.merged.nodes)
+    about = {"merged_length": merged.merged.length_m, "merged_nodes": merged.merged.nodes, "bidirectional": False}
+    cut.graph.update(resolution=resolution, tolerance=tolerance, **about)
     found = report(cut, source)
+    assert found.directions_kept
+    assert found.joints_kept
+    assert found.on_map_kept
     assert found.length_error == pytest.approx(0.0, abs=1e-9)
     assert found.length_kept or tolerance > 0.0
     assert found.uncut_kept

@@ -114,6 +114,17 @@ def distances_to_lines(points: FloatArray, starts: FloatArray, ends: FloatArray)
     return distances
 
 
+def lines_near(
+    points: FloatArray, starts: FloatArray, ends: FloatArray, distance: float
+) -> "tuple[np.ndarray[Any, np.dtype[np.int64]], np.ndarray[Any, np.dtype[np.int64]]]":
+    """Return the rows of points (points, 2) and straight lines (lines, 2) that are within a distance of each other."""
+    import shapely
+
+    tree = shapely.STRtree(shapely.linestrings(np.stack((starts, ends), axis=1)))
+    rows, lines = tree.query(shapely.points(points), predicate="dwithin", distance=distance)
+    return rows, lines
+
+
 class LineTree:
     """Finds the nearest of many polylines by an R-tree, which takes a second for a million lines to build.
 

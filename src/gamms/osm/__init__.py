@@ -9,7 +9,7 @@ reads their answers, `servers.py` sends and caches them, and `settings.py` names
 
 Read `load.py` first: it names the steps. `osmium_reader.py` and `geojson.py` read files, `network.py` holds roads as
 columns, `modes.py` says who may use them, `tags.py` what they keep, `areas.py` leads across squares, `topology.py`
-simplifies, merges and cuts, `networkx_bridge.py` makes the graph, `fidelity.py` compares it with the map.
+simplifies, merges and cuts, `networkx_bridge.py` makes the graph; `fidelity.py` and `comparison.py` compare it.
 `buildings.py` makes obstacles of maps; `footprints.py` says what is a wall and where, `walls.py` makes faces of that.
 `scenery.py` makes what is only drawn, `elevation.py` puts roads on the ground.
 May import: `gamms.typing` and below, never another engine. To read another kind of map, make a `RoadNetwork` of it;

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.projection import ellipsoid_lengths
 from gamms.osm.footprints import footprints_of, leads_across, outlines_of_ways
 from gamms.osm.network import Rule, Ways
 
@@ -77,6 +78,13 @@ def with_ways_across(ways: Ways) -> Ways:
         against=np.append(ways.against, np.zeros(len(added) // 2, np.bool_)),
         tags=tags,
     )
+
+
+def length_across(ways: Ways) -> float:
+    """Return the metres of the lines across areas."""
+    rows = [row for row, tags in enumerate(ways.tags) if ACROSS in tags]
+    first = ways.offsets[rows]
+    return float(ellipsoid_lengths(ways.lonlat[first], ways.lonlat[first + 1]).sum())
 
 
 def _stretches(ways: Ways) -> IntArray:

@@ -1,6 +1,7 @@
 """The fidelity report: how far a graph is from the map that it was made of, and whether it keeps its promises."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -10,27 +11,35 @@ import numpy as np
 
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue
-from gamms.ir.geometry import distances_to_lines
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
-from gamms.ir.obstacles import BoolArray
+from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.projection import ellipsoid_lengths
+from gamms.osm.comparison import (
+    MOST_UNCUT,
+    WIDEST,
+    deviations,
+    pieces_of,
+    roads_once,
+    untrue_lengths,
+    with_places_between,
+    wrong_directions,
+    wrong_joints,
+)
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import Selection, network_in_metres, read_network, recipe_of, selection_of
 from gamms.osm.modes import ModeFunction, as_mode, modes
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
-    along,
-    chosen_roads,
+    both_ways,
     classic_closed_rule,
     classic_rule,
     components,
+    connected,
     network_of_columns,
-    segment_starts,
     segments_of,
 )
 from gamms.osm.networkx_bridge import network_of_graph
-from gamms.osm.osmium_reader import as_file, read_ways
+from gamms.osm.osmium_reader import as_file, count_turn_restrictions, read_ways
 from gamms.osm.topology import chains_of, degrees
 from gamms.progress import progress
 from gamms.text import shown
@@ -43,12 +52,12 @@ Cut = Union["nx.Graph[Any]", IGraphEngine, GraphColumns]
 Source = Union[str, os.PathLike[str], "nx.Graph[Any]", GraphColumns, RoadNetwork]
 
 _LENGTH_ERROR = 0.001
+_ROUNDING_M = 0.001
+_WIDEST_DEFAULT = 10.0  # metres: the tolerance that is assumed of a graph that does not name its own
 _SLACK = 1e-9
 _MOST_NAMED = 4  # tags that close ways, in the text of a report
 _SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
-_Places = np.ndarray[Any, np.dtype[np.complex128]]
-_EXACT = 1e-6  # metres, and relative: what rounding may change
-LEAST_PIECE, MOST_PIECE, MOST_UNCUT = 0.75, 1.25, 1.5  # of the resolution
+LEAST_PIECE, MOST_PIECE = 0.75, 1.25  # of the resolution
 
 
 class Report(NamedTuple):
@@ -59,16 +68,23 @@ class Report(NamedTuple):
     resolution: float
     nodes: int
     edges: int
-    length_before: float  # of the source
+    source_length: float | None  # of all ways of a file with a `highway` tag, open or not; None of other sources
+    length_before: float  # of the open roads in the parts of the source that are compared
     length_after: float  # of the graph
     other_parts: float  # of open roads that the graph lacks: they are not joined to the part that is kept
     no_way_back: float  # … or joined to it, but one-way streets do not lead there and back
+    across: float  # of the lines across squares, which are on no map; in all parts
+    conditional_ignored: int  # ways with rules for some times only, such as access:conditional
+    turn_restrictions_ignored: int
     barriers: int  # at which agents cannot go on, such as bollards on streets for cars
     closed: dict[str, float]  # of the ways of a file that are no roads for the mode of travel, by what closes them
+    against_traffic: float  # of edges that lead against the directions of the source
+    one_direction: float  # of edges that are the only direction of a two-way road
+    wrong_joints: int  # places where other roads meet than in the source, and no junction was merged
     length_merged: float  # by how much merging junctions made the roads shorter; negative for longer
     deviation_max: float  # of a vertex of the source from the nearest road of the graph
     deviation_mean: float  # over all vertices of the source
-    surplus_max: float  # deviation of a vertex of the graph from the nearest road of the source
+    surplus_max: float  # deviation of a place on the graph from the nearest road of the source
     nodes_merged: int
     dead_ends: int
     components: int
@@ -84,11 +100,15 @@ class Report(NamedTuple):
     length_kept: bool  # before = after, within 0.1 %
     spacing_kept: bool  # pieces have 0.75 to 1.25 times the resolution, uncut roads less than 1.5 times
     uncut_kept: bool  # uncut roads have their true length
+    directions_kept: bool  # edges lead where traffic goes, and both ways where it does
+    joints_kept: bool  # roads meet where they meet in the source
+    on_map_kept: bool  # no place is off the map, or at most 3 tolerances where junctions were merged
+    source_kept: bool  # what is open and what is left out are together the source, within 0.1 %
 
     @property
     def is_faithful(self) -> bool:
         """Whether all promises are kept."""
-        return self.length_kept and self.spacing_kept and self.uncut_kept
+        return all(value for name, value in self._asdict().items() if name.endswith("_kept"))
 
     @property
     def length_error(self) -> float:
@@ -108,16 +128,25 @@ class Report(NamedTuple):
         drift = self.length_after / self.length_before - 1.0 if self.length_before else 0.0
         grown = f"{0.0 - round(self.length_merged, 1):+,.1f} m ({0.0 - round(merged, 5):+.3%})"  # never "-0.0"
         yes = {True: "yes", False: "NO"}
+        lacking = f"{self.one_direction:,.1f} m lack one"
         untrue = f"{self.roads_uncut_untrue:,} whole roads differ from the source"
         return [
             ("map", f"{self.source}, {self.crs or 'no CRS'}, cut every {self.resolution:g} m"),
             ("graph", f"{self.nodes:,} nodes, {self.edges:,} edges"),
+            *([] if self.source_length is None else [("source", f"{self.source_length:,.1f} m of ways")]),
             ("length before", f"{self.length_before:,.1f} m"),
             ("length after", f"{self.length_after:,.1f} m"),
-            ("closed", self._closed_in_words()),
+            ("closed by class", self._closed_in_words("highway")),
+            ("closed by access", self._closed_in_words("")),
+            ("closed as areas", self._closed_in_words("area")),
             ("other parts", f"{self.other_parts:,.1f} m left out"),
             ("no way back", f"{self.no_way_back:,.1f} m left out"),
+            ("across squares", f"{self.across:,.1f} m of lines that are on no map"),
             ("barriers", f"{self.barriers:,} end roads"),
+            (
+                "ignored",
+                f"{self.turn_restrictions_ignored:,} turn restrictions, {self.conditional_ignored:,} conditional",
+            ),
             ("by merging", f"{grown}, {self.nodes_merged:,} nodes"),
             ("deviation", f"{self.deviation_max:.2f} m at most, {self.deviation_mean:.4f} m on average"),
             ("off the map", f"{self.surplus_max:.2f} m at most"),
@@ -132,12 +161,18 @@ class Report(NamedTuple):
             ("length kept", f"{yes[self.length_kept]}: {abs(drift):.4%} off, at most 0.1%"),
             ("spacing kept", f"{yes[self.spacing_kept]}: pieces 0.75 to 1.25, whole roads below 1.5 resolutions"),
             ("true lengths", f"{yes[self.uncut_kept]}: {untrue}"),
+            ("directions", f"{yes[self.directions_kept]}: {self.against_traffic:,.1f} m against, {lacking}"),
+            ("joints", f"{yes[self.joints_kept]}: {self.wrong_joints:,} differ from the source"),
+            ("on the map", f"{yes[self.on_map_kept]}: {self.surplus_max:.2f} m off at most"),
+            ("source accounted", f"{yes[self.source_kept]}: open, closed and left out are all of it"),
         ]
 
-    def _closed_in_words(self) -> str:
-        parts = [f"{why} {metres:,.1f} m" for why, metres in self.closed.items()]
+    def _closed_in_words(self, key: str) -> str:
+        """Return what closes ways: `highway`, `area`, or for an empty key other tags."""
+        of_key = {why: metres for why, metres in self.closed.items() if _group(why) == key}
+        parts = [f"{why} {metres:,.1f} m" for why, metres in of_key.items()]
         more = f", {len(parts) - _MOST_NAMED} more" if len(parts) > _MOST_NAMED else ""
-        total = f"{sum(self.closed.values()):,.1f} m left out"
+        total = f"{sum(of_key.values()):,.1f} m left out"
         return f"{total}: {', '.join(parts[:_MOST_NAMED])}{more}" if parts else total
 
     def __str__(self) -> str:
@@ -169,13 +204,14 @@ def report(
         FileNotFoundError, BadFile, MissingExtra: as for `graph_from_file`.
     """
     edges, about = _edges_of(graph)
+    edges = connected(edges)
     length = as_float(resolution if resolution is not None else about.get("resolution", np.nan), "resolution")
     if not length > 0.0:
         raise BadValue("The graph does not say how it was cut. Give report(…, resolution=10.0), or what it was.")
     everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all
     selection = _selection(about, everything, osm_type)
     before = _source_network(source, selection)
-    about["closed"] = _closed_lengths(source, selection)
+    about = {**about, **_own_count(source, selection)}
     if None not in (before.crs, edges.crs) and before.crs != edges.crs:
         raise BadValue(f"The source is in {before.crs} and the graph in {edges.crs}: they cannot be compared.")
     name = Path(source).name if isinstance(source, (str, os.PathLike)) else type(source).__name__
@@ -191,6 +227,9 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     uncut = np.flatnonzero(~is_cut)
     regular = roads.lengths[is_cut & ~is_parted] / resolution
     untrue = untrue_lengths(roads, uncut, source)
+    against, alone = _directions(edges, source, about)
+    joints = wrong_joints(roads, source, about.get("tolerance", _WIDEST_DEFAULT))
+    surplus = float(deviations(with_places_between(roads), source).max(initial=0.0))
     before, after, merged = source.lengths.sum(), roads.lengths.sum(), about.get("merged_length", 0.0)
     least, most = LEAST_PIECE - _SLACK, MOST_PIECE + _SLACK
     in_bounds = ((regular >= least) & (regular <= most)).all()
@@ -204,12 +243,19 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         length_after=float(after),
         other_parts=source.left_out.other_parts_m,
         no_way_back=source.left_out.no_way_back_m,
+        source_length=about.get("source_length"),
+        across=source.left_out.across_m,
+        conditional_ignored=about.get("conditional", 0),
+        turn_restrictions_ignored=about.get("turn_restrictions", 0),
         barriers=source.left_out.barriers,
         closed=about.get("closed", {}),
+        against_traffic=against,
+        one_direction=alone,
+        wrong_joints=joints,
         length_merged=float(merged),
         deviation_max=float(away.max(initial=0.0)),
         deviation_mean=float(away.mean()) if len(away) else 0.0,
-        surplus_max=float(deviations(roads, source).max(initial=0.0)),
+        surplus_max=surplus,
         nodes_merged=int(about.get("merged_nodes", 0)),
         dead_ends=int((degrees(roads) == 1).sum()),
         components=len(np.unique(components(roads.sources, roads.targets, len(roads.xy)))),
@@ -225,6 +271,10 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         length_kept=bool(abs(before - after) <= _LENGTH_ERROR * before),
         spacing_kept=bool(in_bounds and (roads.lengths[uncut] < MOST_UNCUT * resolution + _SLACK).all()),
         uncut_kept=untrue == 0,
+        directions_kept=bool(against + alone <= _LENGTH_ERROR * before),
+        joints_kept=joints == 0,
+        on_map_kept=surplus <= WIDEST * about.get("tolerance", _WIDEST_DEFAULT) + _ROUNDING_M,
+        source_kept=_is_accounted(source, about),
     )
 
 
@@ -269,19 +319,58 @@ def _source_network(source: Source, selection: Selection) -> RoadNetwork:
         return read_network(as_file(source), show, selection)
 
 
-def _closed_lengths(source: Source, selection: Selection) -> dict[str, float]:
-    """Return how many metres of a file each tag closes to the mode of travel, the most first."""
-    if selection.closed is None or not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
+def _own_count(source: Source, selection: Selection) -> dict[str, Any]:
+    """Count the ways of a file that have a `highway`, open or not, and what is said of them that a graph ignores.
+
+    Returns:
+        source_length, closed (tag that closes ways -> metres, the most first), conditional, turn_restrictions.
+    """
+    if not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
         return {}
+
+    def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool]:
+        closed = None if selection.closed is None else selection.closed(osmid, tags)
+        conditional = any(name.endswith(":conditional") for name in tags)
+        why = "" if closed is None else closed[0]["why"]
+        return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional}, False
+
     with progress() as show:
-        ways = read_ways(as_file(source), show, selection.closed)
+        ways = read_ways(as_file(source), show, rule, areas=selection.areas)
+        restrictions = count_turn_restrictions(as_file(source))
     pieces = segments_of(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
     of_ways = np.bincount(pieces.ways, weights=metres, minlength=len(ways.tags)).tolist()
     found: dict[str, float] = {}
     for tags, length in zip(ways.tags, of_ways, strict=True):
         found[tags["why"]] = found.get(tags["why"], 0.0) + length
-    return dict(sorted(found.items(), key=lambda item: (-item[1], item[0])))
+    found.pop("", None)
+    return {
+        "source_length": float(metres.sum()),
+        "closed": dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))),
+        "conditional": sum(tags["conditional"] for tags in ways.tags),
+        "turn_restrictions": restrictions,
+    }
+
+
+def _is_accounted(source: RoadNetwork, about: Mapping[str, Any]) -> bool:
+    """Return whether what is open and what was left out are together the source, by its own count."""
+    total, left_out = about.get("source_length"), source.left_out
+    if total is None:
+        return True
+    known = source.lengths.sum() + sum(about["closed"].values()) + left_out.other_parts_m + left_out.no_way_back_m
+    return bool(abs(known - left_out.across_m - total) <= _LENGTH_ERROR * total)
+
+
+def _directions(edges: RoadNetwork, source: RoadNetwork, about: Mapping[str, Any]) -> tuple[float, float]:
+    """Return what `wrong_directions` does, for a graph that may let agents go against the traffic or does not say."""
+    may = [about["bidirectional"]] if "bidirectional" in about else [True, False]
+    return min((wrong_directions(edges, both_ways(source) if one else source) for one in may), key=sum)
+
+
+def _group(why: str) -> str:
+    """Return which kind of tag closes a way: `highway`, `area`, or for others an empty text."""
+    key = why.partition("=")[0]
+    return key if key in ("highway", "area") else ""
 
 
 def _parallel_roads(roads: RoadNetwork) -> int:
@@ -295,92 +384,3 @@ def _histogram(shares: FloatArray) -> dict[str, int]:
     names = [*(f"{low}-{high}" for low, high in pairwise(starts)), f"{starts[-1]} and more"]
     counts = np.bincount(np.searchsorted(_SHARES, shares, side="right"), minlength=len(names))
     return dict(zip(names, counts.tolist(), strict=True))
-
-
-def roads_once(edges: RoadNetwork) -> RoadNetwork:
-    """Count the edges there and back between two nodes as one road if they have exactly the same length."""
-    low, high = np.minimum(edges.sources, edges.targets), np.maximum(edges.sources, edges.targets)
-    order = np.lexsort((edges.lengths, high, low))
-    keys = np.column_stack((low, high, edges.lengths))[order]
-    new = np.ones(len(order), np.bool_)
-    new[1:] = (keys[1:] != keys[:-1]).any(axis=1)
-    group = np.cumsum(new) - 1
-    there = np.bincount(group, weights=(edges.sources <= edges.targets)[order], minlength=int(new.sum()))
-    back = np.bincount(group, minlength=int(new.sum())) - there
-    copies = np.maximum(there, back).astype(np.int64)
-    rows = np.repeat(order[new], copies)
-    return chosen_roads(edges, rows)
-
-
-def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tuple[BoolArray, BoolArray]:
-    """Recognise cut roads: at a cut two pieces of exactly equal length meet where the source has no vertex.
-
-    Returns:
-        which roads are pieces of longer ones; which of them are of a short road, cut only so that no road is lost.
-    """
-    nodes = np.concatenate((roads.sources, roads.targets))
-    lengths = np.tile(roads.lengths, 2)
-    longest, shortest = np.full(len(roads.xy), -np.inf), np.full(len(roads.xy), np.inf)
-    np.maximum.at(longest, nodes, lengths)
-    np.minimum.at(shortest, nodes, lengths)
-    chains = chains_of(roads, (longest == shortest) & ~np.isin(_complex(roads.xy), _complex(source.points)))
-    number = np.bincount(chains.of_road, minlength=len(chains.lengths))
-    short_pair = (number == 2) & (chains.lengths < MOST_UNCUT * resolution)
-    small_loop = (number == 3) & (chains.ends[:, 0] == chains.ends[:, 1]) & (chains.lengths < 2.5 * resolution)
-    parted = (short_pair | small_loop)[chains.of_road]
-    return (number > 1)[chains.of_road], parted
-
-
-def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
-    """Return the distance of every vertex of the source from the nearest of these roads, exactly, in metres.
-
-    Given the other way round it is how far the roads lead off the map.
-    """
-    used = np.unique(np.concatenate((source.sources, source.targets)))
-    vertices = np.unique(_complex(np.concatenate((source.xy[used], source.points))))
-    away = np.flatnonzero(~np.isin(vertices, _complex(roads.points)))
-    result = np.zeros(len(vertices))
-    if not len(away) or not len(roads.points):
-        result[away] = np.inf
-        return result
-    start = segment_starts(roads.offsets)
-    places = np.column_stack((vertices[away].real, vertices[away].imag))
-    result[away] = distances_to_lines(places, roads.points[start], roads.points[start + 1])
-    return result
-
-
-def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> int:
-    """Return how many of these uncut roads are not as long as the pieces of the source that they follow.
-
-    Roads that run where the source has none, because they lead on to a merged junction, are not judged.
-    """
-    chosen = chosen_roads(roads, rows)
-    ours, _, line = _segments(chosen)
-    theirs, source_share, source_line = _segments(source)
-    places, numbers = np.unique(np.concatenate((ours, theirs)), return_inverse=True)
-    pairs = numbers.reshape(-1, 2) @ (len(places), 1)  # one number per pair of places
-    wanted, (keys, firsts) = pairs[: len(ours)], np.unique(pairs[len(ours) :], return_index=True)
-    if not len(keys) or not len(ours):
-        return 0
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    there = keys[at] == wanted
-    true = (source.lengths[source_line] * source_share)[firsts][at]
-    expected = np.bincount(line, weights=np.where(there, true, 0.0), minlength=len(rows))
-    judged = np.bincount(line, weights=~there, minlength=len(rows)) == 0
-    wrong = np.abs(chosen.lengths - expected) > _EXACT * (1.0 + expected)
-    return int((judged & wrong).sum())
-
-
-def _segments(network: RoadNetwork) -> tuple[_Places, FloatArray, IntArray]:
-    """The ends (segments, 2) of every straight piece of the polylines, sorted; its share of its road, and the road."""
-    start = segment_starts(network.offsets)
-    line = np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
-    position = along(network.offsets, network.points)
-    total = position[network.offsets[1:] - 1][line]
-    share = (position[start + 1] - position[start]) / np.where(total > 0.0, total, 1.0)
-    places = _complex(network.points)
-    return np.sort(np.column_stack((places[start], places[start + 1])), axis=1), share, line
-
-
-def _complex(xy: FloatArray) -> _Places:
-    return np.ascontiguousarray(xy).view(np.complex128)[:, 0]

@@ -15,7 +15,7 @@ from gamms.errors import BadFile, BadType, BadValue, nearest
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
-from gamms.osm.areas import with_ways_across
+from gamms.osm.areas import length_across, with_ways_across
 from gamms.osm.elevation import Elevation, ElevationPath, as_elevation, on_ground
 from gamms.osm.geojson import is_geojson, read_lines
 from gamms.osm.modes import (
@@ -442,7 +442,9 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
             f"{str(file)!r} has no two places with a way there and back: its streets are one-way. "
             "Take them with strong=False, or let agents go against the traffic by bidirectional=True."
         )
-    network = replace(network, left_out=network.left_out._replace(barriers=len(ways.barriers)))
+    network = replace(
+        network, left_out=network.left_out._replace(barriers=len(ways.barriers), across_m=length_across(ways))
+    )
     if selection.is_classic or ways.nodes is None:
         return replace(network, attribution=ways.attribution, refs=None)
     return replace(network, attribution=ways.attribution, nodes=ways.nodes)

@@ -388,11 +388,12 @@ class Merged(NamedTuple):
 
 
 class LeftOut(NamedTuple):
-    """Metres of roads that are open and yet not in a graph."""
+    """What a graph lacks of the open roads of a map, in metres, and what it has beyond them."""
 
     other_parts_m: float = 0.0  # not joined to the part that is kept
     no_way_back_m: float = 0.0  # joined to it, but one-way streets do not lead there and back
     barriers: int = 0  # places at which agents of the mode cannot go on
+    across_m: float = 0.0  # of lines across squares, of all that the map has
 
 
 _NOTHING, _ALL_IN = Merged(), LeftOut()

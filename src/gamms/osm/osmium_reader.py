@@ -245,6 +245,22 @@ def read_ways(
     return with_areas(ways, lines.row_of, squares) if areas else ways
 
 
+def count_turn_restrictions(file: Path) -> int:
+    """Return how many relations of a map file restrict turns.
+
+    Raises:
+        BadFile: it is not OpenStreetMap data, damaged, or too large.
+        MissingExtra: osmium is not installed.
+    """
+    source = _source_of(file)
+    from osmium import FileProcessor, osm
+    from osmium.filter import TagFilter
+
+    with _errors_of(file):
+        found = FileProcessor(source, osm.RELATION).with_filter(TagFilter(("type", "restriction")))
+        return sum(not cast("osm.Relation", one).deleted for one in found)
+
+
 def _multipolygons(source: "io.File") -> Iterator[tuple[int, dict[str, str], list[int]]]:
     """Yield the ids and tags of relations with a `highway` tag, and the ids of the ways around them."""
     from osmium import FileProcessor, osm

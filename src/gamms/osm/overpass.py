@@ -16,7 +16,7 @@ from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import WGS84, project
 from gamms.osm import footprints
-from gamms.osm.areas import open_squares, rims_of, with_areas, with_ways_across
+from gamms.osm.areas import length_across, open_squares, rims_of, with_areas, with_ways_across
 from gamms.osm.footprints import TagFilter, checked_filter, is_asked_for
 from gamms.osm.modes import Mode, ModeFunction, modes, name_of, rule_of, stops_of
 from gamms.osm.network import (
@@ -177,7 +177,8 @@ def _streets(
         if len(there.ways):
             servers.save_rest()
             lost = float(network.lengths[inside.ways].sum() - network.lengths[there.ways].sum())
-            network = replace(network, left_out=LeftOut(no_way_back_m=lost, barriers=len(ways.barriers)))
+            left_out = LeftOut(no_way_back_m=lost, barriers=len(ways.barriers), across_m=length_across(ways))
+            network = replace(network, left_out=left_out)
             return without_unused_nodes(chosen_roads(network, there.ways))
     kind = options.custom_filter or (name_of(options.mode) if options.mode else options.osm_type.name.lower())
     raise PlaceError(

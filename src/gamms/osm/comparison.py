@@ -1,0 +1,205 @@
+"""Measures between a graph and the network that it was made of: lengths, places, directions and joints."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from gamms.ir.geometry import distances_to_lines, lines_near
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.osm.network import RoadNetwork, along, chosen_roads, network_of_lines, offsets_of, segment_starts
+from gamms.osm.topology import chains_of, consolidate, degrees
+
+MOST_UNCUT = 1.5  # of the resolution: shorter roads stay whole
+_EXACT = 1e-6  # metres, and relative: what rounding may change
+_ON_LINE_M = 1e-3  # a place so near to a line lies on it
+_PARALLEL = 1e-2  # radians between two lines that run alike
+_STEP_M = 25.0  # at most, between the places of a straight road that are looked for on the map
+WIDEST = 3.0  # tolerances that a merged junction measures at most
+_Places = np.ndarray[tuple[int], np.dtype[np.complex128]]
+
+
+def roads_once(edges: RoadNetwork) -> RoadNetwork:
+    """Count the edges there and back between two nodes as one road if they have exactly the same length."""
+    low, high = np.minimum(edges.sources, edges.targets), np.maximum(edges.sources, edges.targets)
+    order = np.lexsort((edges.lengths, high, low))
+    keys = np.column_stack((low, high, edges.lengths))[order]
+    new = np.ones(len(order), np.bool_)
+    new[1:] = (keys[1:] != keys[:-1]).any(axis=1)
+    group = np.cumsum(new) - 1
+    there = np.bincount(group, weights=(edges.sources <= edges.targets)[order], minlength=int(new.sum()))
+    back = np.bincount(group, minlength=int(new.sum())) - there
+    copies = np.maximum(there, back).astype(np.int64)
+    rows = np.repeat(order[new], copies)
+    return chosen_roads(edges, rows)
+
+
+def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tuple[BoolArray, BoolArray]:
+    """Recognise cut roads: at a cut two pieces of exactly equal length meet where the source has no vertex.
+
+    Returns:
+        which roads are pieces of longer ones; which of them are of a short road, cut only so that no road is lost.
+    """
+    nodes = np.concatenate((roads.sources, roads.targets))
+    lengths = np.tile(roads.lengths, 2)
+    longest, shortest = np.full(len(roads.xy), -np.inf), np.full(len(roads.xy), np.inf)
+    np.maximum.at(longest, nodes, lengths)
+    np.minimum.at(shortest, nodes, lengths)
+    chains = chains_of(roads, (longest == shortest) & ~np.isin(_complex(roads.xy), _complex(source.points)))
+    number = np.bincount(chains.of_road, minlength=len(chains.lengths))
+    short_pair = (number == 2) & (chains.lengths < MOST_UNCUT * resolution)
+    small_loop = (number == 3) & (chains.ends[:, 0] == chains.ends[:, 1]) & (chains.lengths < 2.5 * resolution)
+    parted = (short_pair | small_loop)[chains.of_road]
+    return (number > 1)[chains.of_road], parted
+
+
+def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
+    """Return the distance of every vertex of the source from the nearest of these roads, exactly, in metres.
+
+    Given the other way round it is how far the roads lead off the map.
+    """
+    used = np.unique(np.concatenate((source.sources, source.targets)))
+    vertices = np.unique(_complex(np.concatenate((source.xy[used], source.points))))
+    away = np.flatnonzero(~np.isin(vertices, _complex(roads.points)))
+    result = np.zeros(len(vertices))
+    if not len(away) or not len(roads.points):
+        result[away] = np.inf
+        return result
+    start = segment_starts(roads.offsets)
+    places = np.column_stack((vertices[away].real, vertices[away].imag))
+    result[away] = distances_to_lines(places, roads.points[start], roads.points[start + 1])
+    return result
+
+
+def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> int:
+    """Return how many of these uncut roads are not as long as the pieces of the source that they follow.
+
+    Roads that run where the source has none, because they lead on to a merged junction, are not judged.
+    """
+    chosen = chosen_roads(roads, rows)
+    ours, _, line = _segments(chosen)
+    theirs, source_share, source_line = _segments(source)
+    places, numbers = np.unique(np.concatenate((ours, theirs)), return_inverse=True)
+    pairs = numbers.reshape(-1, 2) @ (len(places), 1)  # one number per pair of places
+    wanted, (keys, firsts) = pairs[: len(ours)], np.unique(pairs[len(ours) :], return_index=True)
+    if not len(keys) or not len(ours):
+        return 0
+    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
+    there = keys[at] == wanted
+    true = (source.lengths[source_line] * source_share)[firsts][at]
+    expected = np.bincount(line, weights=np.where(there, true, 0.0), minlength=len(rows))
+    judged = np.bincount(line, weights=~there, minlength=len(rows)) == 0
+    wrong = np.abs(chosen.lengths - expected) > _EXACT * (1.0 + expected)
+    return int((judged & wrong).sum())
+
+
+def with_places_between(network: RoadNetwork) -> RoadNetwork:
+    """Return the same roads with vertices on their straight pieces: in the middle of each, and every 25 m at least."""
+    if not len(network.sources):
+        return network
+    start, line = segment_starts(network.offsets), _lines_of_pieces(network)
+    here, there = network.points[start], network.points[start + 1]
+    parts = np.maximum(np.ceil(np.hypot(*(there - here).T) / _STEP_M), 2.0).astype(np.int64)
+    piece = np.repeat(np.arange(len(parts)), parts)
+    share = (np.arange(len(piece)) - offsets_of(parts)[piece]) / parts[piece]
+    points = here[piece] + (there - here)[piece] * share[:, None]
+    counts = np.bincount(line, weights=parts, minlength=len(network.sources)).astype(np.int64)
+    points = np.insert(points, np.cumsum(counts), network.points[network.offsets[1:] - 1], axis=0)
+    return replace(network, points=points, offsets=offsets_of(counts + 1))
+
+
+def wrong_directions(edges: RoadNetwork, source: RoadNetwork) -> tuple[float, float]:
+    """Return how many metres of edges lead against the traffic, and how many are the only direction of a two-way road.
+
+    An edge is judged by the middle of its longest straight piece, if that lies on roads of the source.
+    """
+    ends = np.column_stack((edges.sources, edges.targets, edges.lengths))
+    backward = set(map(tuple, ends[:, [1, 0, 2]].tolist()))
+    alone = np.array([tuple(one) not in backward for one in ends.tolist()], np.bool_)
+    judged = np.flatnonzero(alone | ~source.two_way.all())
+    if not len(judged) or not len(source.sources):
+        return 0.0, 0.0
+    edge, is_open, is_two_way = _roads_below(chosen_roads(edges, judged), source)
+    found, allowed, both = (
+        np.bincount(edge[rows], minlength=len(judged)) for rows in (slice(None), is_open, is_two_way)
+    )
+    lengths = edges.lengths[judged]
+    against, only = (found > 0) & (allowed == 0), (found > 0) & (both == found) & alone[judged]
+    return float(lengths[against].sum()), float(lengths[only].sum())
+
+
+def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> tuple[IntArray, BoolArray, BoolArray]:
+    """Return pairs of an edge and a road of the source below it: the edge, if the road leads its way, and both ways."""
+    mine, theirs = segment_starts(edges.offsets), segment_starts(source.offsets)
+    size, line = np.hypot(*(edges.points[mine + 1] - edges.points[mine]).T), _lines_of_pieces(edges)
+    order = np.lexsort((size, line))
+    mine = mine[order[np.append(np.diff(line[order]) > 0, True)]]  # the longest piece of each edge
+    step, steps = edges.points[mine + 1] - edges.points[mine], source.points[theirs + 1] - source.points[theirs]
+    middles = edges.points[mine] + step / 2.0
+    edge, piece = lines_near(middles, source.points[theirs], source.points[theirs + 1], _ON_LINE_M)
+    onward = (step[edge] * steps[piece]).sum(axis=1)
+    aside = step[edge][:, 0] * steps[piece][:, 1] - step[edge][:, 1] * steps[piece][:, 0]
+    alike = np.abs(aside) <= _PARALLEL * np.abs(onward)
+    is_two_way = source.two_way[_lines_of_pieces(source)][piece]
+    return edge[alike], (is_two_way | (onward > 0.0))[alike], is_two_way[alike]
+
+
+def wrong_joints(roads: RoadNetwork, source: RoadNetwork, tolerance: float) -> int:
+    """Return at how many places other roads meet, or end, than in the source.
+
+    Places where a merged junction may be, or was made of others, are not counted.
+    """
+    source = consolidate(source, 0.0)
+    ours, theirs = _joints(roads.xy, degrees(roads)), _joints(source.xy, degrees(source))
+    two_way = source.two_way
+    ends = (
+        np.concatenate((source.sources, source.targets[two_way])),
+        np.concatenate((source.targets, source.sources[two_way])),
+    )
+    lengths = np.concatenate((source.lengths, source.lengths[two_way]))
+    pairs = roads_once(network_of_lines(source.xy, ends, {}, lengths, [], None))  # of one-way roads there and back
+    once = _joints(source.xy, degrees(pairs))
+    new = np.array([place for place, met in ours.items() if met not in (theirs.get(place), once.get(place))], complex)
+    gone = np.array([place for place in theirs.keys() & once.keys() if place not in ours], complex)
+    if tolerance > 0.0 and len(gone):
+        reach = WIDEST * tolerance + _EXACT
+        new, gone = new[_near(new, gone, reach) == 0], gone[_near(gone, gone, reach) < 2]  # all of a junction are gone
+    return len(new) + len(gone)
+
+
+def _joints(xy: FloatArray, degree: IntArray) -> dict[complex, list[int]]:
+    """Return how many roads meet at the nodes of each place, but for nodes where a road merely goes on."""
+    found: dict[complex, list[int]] = {}
+    rows = np.flatnonzero((degree != 0) & (degree != 2))
+    for place, met in sorted(
+        zip(_complex(xy[rows]).tolist(), degree[rows].tolist(), strict=True), key=lambda one: one[1]
+    ):
+        found.setdefault(place, []).append(met)
+    return found
+
+
+def _near(places: _Places, others: _Places, reach: float) -> IntArray:
+    """Return how many of the others are within reach of each place."""
+    here, there = (np.column_stack((some.real, some.imag)) for some in (places, others))
+    rows, _ = lines_near(here, there, there, reach)
+    return np.bincount(rows, minlength=len(places))
+
+
+def _lines_of_pieces(network: RoadNetwork) -> IntArray:
+    """Return the road of each straight piece."""
+    return np.repeat(np.arange(len(network.sources)), np.diff(network.offsets) - 1)
+
+
+def _segments(network: RoadNetwork) -> tuple[_Places, FloatArray, IntArray]:
+    """The ends (segments, 2) of every straight piece of the polylines, sorted; its share of its road, and the road."""
+    start = segment_starts(network.offsets)
+    line = _lines_of_pieces(network)
+    position = along(network.offsets, network.points)
+    total = position[network.offsets[1:] - 1][line]
+    share = (position[start + 1] - position[start]) / np.where(total > 0.0, total, 1.0)
+    places = _complex(network.points)
+    return np.sort(np.column_stack((places[start], places[start + 1])), axis=1), share, line
+
+
+def _complex(xy: FloatArray) -> _Places:
+    return np.ascontiguousarray(xy).view(np.complex128)[:, 0]
