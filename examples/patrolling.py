@@ -55,8 +55,7 @@ def build(seed, on, is_clever):
     for i in range(ROBOTS):
         name, post = f"robot_{i}", i * POSTS // ROBOTS
         ctx.agent.create_agent(name, start_node_id=post, team="robots", strategy=lambda state: robot(state, on))
-    ctx.agent.create_agent("intruder", start_node_id=1, team="intruders")
-    ctx.game.eliminate("intruder")
+    ctx.agent.create_agent("intruder", start_node_id=1, team="intruders", alive=False)
     ctx.game.add(gamms.rules.tag("robots", "intruders", then="eliminate"))
     ctx.game.add(intrusions(is_clever))
     return ctx

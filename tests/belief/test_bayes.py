@@ -246,7 +246,7 @@ def test_what_contradicts_the_model_begins_the_belief_anew():
         (lambda f: belief.to_goals([]), BadValue, "Goals of to_goals need weights"),
         (lambda f: belief.to_goals({0: -1}), BadValue, "need weights"),
         (lambda f: belief.mixture([belief.random_walk()]), BadType, "models of mixture must be a dict"),
-        (lambda f: belief.mixture({"walk": 1}), BadType, "mixture takes a dict from models"),
+        (lambda f: belief.mixture({"walk": 1}), BadType, "Each of the models of mixture must be a model"),
         (lambda f: belief.mixture({belief.random_walk(): 1, belief.random_walk(0.1, steps=2): 1}), BadValue, "steps"),
     ],
 )

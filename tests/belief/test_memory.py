@@ -351,3 +351,23 @@ def test_a_report_is_of_a_turn_that_was(make_ctx, add, turn, error):
     ctx.game.run(4)
     assert len(raised) == 1
     assert turn != 4 or "this is turn 3" in raised[0]
+
+
+@pytest.mark.parametrize(
+    ("motion", "hint"),
+    [("random_walk", "not 'random_walk'"), (belief.random_walk, "That makes a model: call it")],
+)
+def test_what_is_no_model_of_motion_is_named(make_ctx, add, motion, hint):
+    ctx = make_ctx(5)
+    add(ctx, "a", 0, "red")
+    add(ctx, "prey", 4, "blue")
+    calls = [
+        lambda: belief.belief_of(ctx, "a").probability("prey", motion),
+        lambda: belief.Filter(ctx, motion, ["prey"]),
+        lambda: belief.artist("a", "prey", motion),
+        lambda: belief.mixture({motion: 1}),
+        lambda: gamms.strategies.follow_belief(ctx, motion=motion),
+    ]
+    for call in calls:
+        with pytest.raises(BadType, match=hint):
+            call()

@@ -13,7 +13,7 @@ from gamms.arguments import as_range
 from gamms.belief.evidence import Observation, Sighting, Turn, agent_on_ground, last_sightings, note_senses, turns_in
 from gamms.belief.filter import Filter, by_node
 from gamms.belief.ground import Ground, ground_of
-from gamms.belief.motion import Motion, random_walk
+from gamms.belief.motion import Motion, as_motion, random_walk
 from gamms.belief.reach import Reach
 from gamms.context import Context
 from gamms.ir.graph import FloatArray
@@ -159,7 +159,7 @@ class Belief:
 
         Raises:
             UnknownName (KeyError): there is no such agent.
-            BadType: it flies.
+            BadType: it flies, or the motion is no model.
         """
         return by_node(ground_of(self._ctx.graph.columns()), self.probabilities([target], motion)[0])
 
@@ -167,7 +167,7 @@ class Belief:
         """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
         agents = [agent_on_ground(self._ctx, name) for name in targets]
         names, ground = tuple(targets), ground_of(self._ctx.graph.columns())
-        model = random_walk() if motion is None else motion
+        model = random_walk() if motion is None else as_motion(motion, "motion")
         filter = Filter(self._ctx, model, names)
 
         def advance(masses: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
@@ -236,12 +236,16 @@ def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: 
         target: the name of the agent that it is about.
         motion: how that moves; None: `random_walk()`.
         can_be: show all nodes on which it can be, instead of how probable each is.
+
+    Raises:
+        BadType: the motion is no model.
     """
+    model = random_walk() if motion is None else as_motion(motion, "motion of artist")
 
     def chances_of(ctx: Context) -> tuple[dict[int, float], float]:
         """Return what is shown of each node, and the highest."""
         belief = belief_of(ctx, observer)
-        found = dict.fromkeys(sorted(belief.reachable(target)), 1.0) if can_be else belief.probability(target, motion)
+        found = dict.fromkeys(sorted(belief.reachable(target)), 1.0) if can_be else belief.probability(target, model)
         most = max(found.values(), default=1.0)
         return {node: chance for node, chance in found.items() if chance >= _FAINT * most}, most
 

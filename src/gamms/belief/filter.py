@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms.arguments import as_count, as_ids, as_items
 from gamms.belief.ground import Ground, column_blocks, ground_of
-from gamms.belief.motion import Chain, Motion, chain_of
+from gamms.belief.motion import Chain, Motion, as_motion, chain_of
 from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.text import shown
@@ -28,12 +28,15 @@ class Filter:
         targets: their names.
         masses: (states, targets) of the chain of the model; of each target they add up to 1. Settable, to go on from
             earlier ones.
+
+    Raises:
+        BadType, BadValue: the motion is no model, or the map has no nodes.
     """
 
     def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str]) -> None:
         self.targets: Sequence[str] = tuple(as_items(targets, "targets", "names"))
         self._ground: Ground = ground_of(ctx.graph.columns())
-        self._chain: Chain = chain_of(motion, self._ground)
+        self._chain: Chain = chain_of(as_motion(motion, "motion"), self._ground)
         self._motion = motion
         if not self._ground.size:
             raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")

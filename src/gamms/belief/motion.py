@@ -59,6 +59,18 @@ class Motion:
     make: Callable[[Ground], Transitions] = field(compare=False, repr=False)
 
 
+def as_motion(value: object, name: str) -> Motion:
+    """Check that a value is a model of motion.
+
+    Raises:
+        BadType: it is not.
+    """
+    if isinstance(value, Motion):
+        return value
+    hint = " That makes a model: call it." if callable(value) else ""
+    raise BadType(f"{name} must be a model of motion, such as gamms.belief.random_walk(), not {shown(value)}.{hint}")
+
+
 def random_walk(stay: float | None = None, steps: int = 1) -> Motion:
     """Expect a target to go to any neighbouring node, each as likely.
 
@@ -110,8 +122,8 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
     Raises:
         BadType, BadValue: these are no models, or they differ in their steps.
     """
-    if not all(isinstance(one, Motion) for one in as_mapping(models, "models of mixture")):
-        raise BadType(f"mixture takes a dict from models, such as random_walk(), to weights, not {shown(models)}.")
+    for one in as_mapping(models, "models of mixture"):
+        as_motion(one, "Each of the models of mixture")
     shares, steps = _as_shares(list(models.values()), "models of mixture"), {one.steps for one in models}
     if len(steps) != 1:
         raise BadValue(f"The models of a mixture have different steps, {sorted(steps)}. Give all of them the same.")

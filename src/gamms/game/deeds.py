@@ -138,7 +138,7 @@ def wanted_deeds(given: object, declared: Mapping[str, Any], ctx: HostContext) -
     for deed, value in given.items():
         if deed not in declared:
             if not declared:
-                raise UnknownName("deed, because ctx.game.deeds declares none: ", deed)
+                raise UnknownName("deed, because ctx.game.deeds declares none:", deed)
             raise UnknownName("deed", deed, declared)
         wanted[deed] = _checked_fields(deed, value, declared[deed], ctx)
     return wanted

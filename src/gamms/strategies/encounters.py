@@ -7,6 +7,7 @@ import numpy as np
 
 from gamms import belief, kernels
 from gamms.arguments import as_context, as_count, as_items, as_range
+from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.strategies.knowledge import (
     as_known_node,
@@ -240,15 +241,19 @@ def follow_belief(
         targets: names of agents on the ground; None: all living ones of other teams.
         motion: how they move, as `gamms.belief.random_walk()`, which is used by default.
         otherwise: the strategy to use where there is no agent to look for; None sets no action then.
+
+    Raises:
+        BadType: `targets` are no names, or `motion` is no model.
     """
     as_context(ctx, "follow_belief")
+    model = belief.random_walk() if motion is None else as_motion(motion, "motion of follow_belief")
     wanted = None if targets is None else [str(name) for name in as_items(targets, "targets", "names")]
     fallback = as_otherwise(otherwise, "follow_belief")
 
     def strategy(state: State) -> None:
         here, known = node_of(state, "follow_belief"), belief.observe(ctx, state)
         names = _living_enemies(ctx, state) if wanted is None else wanted
-        chances = known.probabilities(names, motion).sum(axis=0) if names else np.zeros(1)
+        chances = known.probabilities(names, model).sum(axis=0) if names else np.zeros(1)
         gains = chances / (1.0 + turns_from(ctx, state["name"], [here])[0])
         row = int(np.argmax(gains))
         node = int(ctx.graph.columns().node_ids[row]) if gains[row] > 0.0 else None
