@@ -249,7 +249,7 @@ def test_tables_become_csv_files(tmp_path):
     done = run("convert", game, tmp_path / "t.csv")
     assert done.exit_code == 0
     names = {"moves", "scores", "events", "seen", "odd"}
-    assert {path.name for path in tmp_path.glob("*.csv")} == {f"t_{name}.csv" for name in names}
+    assert {path.name for path in tmp_path.glob("*.csv")} == {f"t_{name}.csv" for name in {*names, "tracks"}}
     assert all(f"t_{name}.csv" in done.stdout for name in names)
     with recorder.open(game) as recording:
         for name in names - {"odd"}:

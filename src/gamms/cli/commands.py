@@ -119,6 +119,7 @@ _COMMANDS: _Commands = {
     recordings.diff: ("gamms diff before.ggr after.ggr",),
     recordings.convert: (
         "gamms convert game.ggr game.csv",
+        "gamms convert game.ggr game.gpx",
         "gamms convert game.ggr game.jsonl",
         "gamms convert old.ggr new.ggr --map map.gamms",
     ),

@@ -73,27 +73,34 @@ def convert(
     out: Annotated[
         Path,
         typer.Argument(
-            help="What is written: tables, NAME_moves.csv and others for NAME.csv; .jsonl for all events; .ggr from a "
-            "recording of version 2.",
+            help="What is written: tables, NAME_moves.csv and others for NAME.csv; .gpx or .geojson for the tracks of "
+            "agents; .jsonl for all events; .ggr from a recording of version 2.",
             metavar="OUT",
             show_default=False,
         ),
     ],
     map: _Map = None,
+    turn_seconds: Annotated[float, typer.Option(help="How long a turn takes, for times of tracks.", min=0.0)] = 1.0,
 ) -> None:
-    """Make tables (.csv) or lines of JSON (.jsonl) of a recording."""
-    from gamms import recordings
+    """Make tables, tracks or lines of JSON of a recording."""
+    from gamms import recorder, recordings
 
     is_old, form = recordings.version_of(file) < 3, out.suffix.lower()
-    if is_old and form in (".jsonl", ".csv"):
+    if is_old and form in (".jsonl", ".csv", ".gpx", ".geojson"):
         raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to {form}.")
     if map is not None and not is_old:
         raise BadValue("--map is for recordings of version 2 only: others hold their map.")
     made = [out]
     if form == ".csv":
-        made, warning = recordings.to_csv(file, out)
+        made, warning = recordings.to_csv(file, out, turn_seconds=turn_seconds)
     elif form == ".jsonl":
         warning = recordings.to_json_lines(file, out)
+    elif form in (".gpx", ".geojson"):
+        if out.exists():
+            raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
+        with recorder.open(file) as recording:
+            recording.export(out, turn_seconds=turn_seconds)
+            warning = recording.warning
     else:
         warning = recordings.to_version_3(file, out, map)
         made = [out if form == ".ggr" else Path(f"{out}.ggr")]

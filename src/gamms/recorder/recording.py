@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
@@ -452,6 +453,33 @@ class Recording(Opened):
             `data` of any other.
         """
         return tables.steps(self._reader, *self._logs_of(start, stop), self._names_at)
+
+    def export(self, path: str | os.PathLike[str], *, turn_seconds: float = 1.0) -> Path:
+        """Write where the agents were at the start and after each turn: `.gpx`, `.geojson` or `.csv`.
+
+        Places are latitude and longitude; CSV has map units, too, and takes maps without a CRS. Heights are those of
+        agents that fly. Times count from `header["created"]`, or from 1970.
+
+        Args:
+            path: an existing file is replaced; its suffix names the format.
+            turn_seconds: how long a turn takes.
+
+        Raises:
+            UnknownType (ValueError): there is no format of this suffix.
+            BadValue (ValueError): the map has no CRS, or the time is none.
+            RecordingError (ValueError): the recording is damaged, or does not hold its map.
+            TooLarge (ValueError): there are so many agents and turns that they do not fit into memory.
+            OSError: the file cannot be written.
+        """
+        from gamms.recorder import tracks
+
+        def moments() -> Iterator[tracks.Moment]:
+            for turn in range(self.turns + 1):
+                state = self.state(turn)
+                on_edges = self.detached(turn).agents.columns
+                yield tracks.Moment(state.agents, on_edges, state.graph.columns())
+
+        return tracks.export(path, moments(), self.turns, self.header.get("created"), turn_seconds)
 
     def table(self, name: str, start: int | None = None, stop: int | None = None) -> dict[str, np.ndarray[Any, Any]]:
         """Return one table of the turns from `start` on and before `stop`, as columns of equal length.

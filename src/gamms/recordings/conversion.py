@@ -283,11 +283,19 @@ _MOST_KINDS = 100  # of events that get a file of their own
 _FILE_NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_-]{0,63}")
 
 
-def to_csv(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> tuple[list[Path], str | None]:
-    """Write the tables of a recording of version 3 as CSV files, those that have rows.
+def to_csv(
+    path: str | os.PathLike[str], out: str | os.PathLike[str], *, turn_seconds: float = 1.0
+) -> tuple[list[Path], str | None]:
+    """Write the tables of a recording of version 3 as CSV files, those that have rows, and the tracks of its agents.
 
     `game.csv` gives `game_moves.csv`, `game_scores.csv`, and so on, with one file for each of the first hundred kinds
     of events whose name can be part of a file's name. Values that are no number and no text are written as JSON.
+    `game_tracks.csv`, where the agents were after each turn, takes a recording that holds its map.
+
+    Args:
+        path: of the recording.
+        out: of the files, but for what is added to their names.
+        turn_seconds: how long a turn takes, for the times of tracks.
 
     Returns:
         The files, and what is missing of a recording that was not finished.
@@ -302,7 +310,8 @@ def to_csv(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> tuple[l
         kinds_of_events = dict.fromkeys(event["kind"] for event in recording.events())
         names = dict.fromkeys((*_TABLES, *islice(filter(_FILE_NAME.fullmatch, kinds_of_events), _MOST_KINDS)))
         tables = {name: table for name in names if len((table := recording.table(name))["turn"])}
-        files = {name: target.with_name(f"{target.stem}_{name}.csv") for name in tables}
+        with_tracks = ["tracks"] if HASH not in recording.header and "tracks" not in tables else []
+        files = {name: target.with_name(f"{target.stem}_{name}.csv") for name in [*tables, *with_tracks]}
         for file in files.values():
             if file.exists():
                 raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
@@ -312,6 +321,8 @@ def to_csv(path: str | os.PathLike[str], out: str | os.PathLike[str]) -> tuple[l
                 writer.writerow(table)
                 columns = [column.tolist() for column in table.values()]
                 writer.writerows([_cell(value) for value in row] for row in zip(*columns, strict=True))
+        for name in with_tracks:
+            recording.export(files[name], turn_seconds=turn_seconds)
         return list(files.values()), recording.warning
 
 

@@ -1,0 +1,237 @@
+"""Where the agents of a recording were after each turn, as GPX, GeoJSON and CSV files."""
+
+import csv
+import json
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import UTC, datetime, timedelta
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+from xml.sax.saxutils import escape
+
+import numpy as np
+
+from gamms.arguments import as_path, as_range
+from gamms.errors import BadValue, MissingFolder, UnknownType, nearest
+from gamms.folders import whole_file
+from gamms.ir import projection
+from gamms.ir.geometry import point_at
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.limits import refuse_above
+
+_BYTES = 200  # of memory for one place
+_NOT_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_DECIMALS = 8  # of degrees: a millimetre
+_LONGEST_S = 1e9  # of a game: 30 years
+
+
+class Moment(NamedTuple):
+    """Where agents were after a turn.
+
+    Attributes:
+        agents: the columns of a `State`.
+        on_edges: the columns of its agents that say how far along edges they are.
+        columns: the map.
+    """
+
+    agents: Mapping[str, "np.ndarray[Any, Any]"]
+    on_edges: Mapping[str, Any]
+    columns: GraphColumns
+
+
+class Tracks(NamedTuple):
+    """Places of agents, ordered by agent, then by turn.
+
+    Attributes:
+        turn: (places,) how many turns were over.
+        agent: (places,) its name.
+        team: (places,) None without one.
+        node: (places,) where it is, was last, or what it is above.
+        alive: (places,)
+        xyz: (places, 3) map units; z is NaN on the ground.
+        latlon: (places, 2) degrees; None on a map without a CRS.
+        time: (places,) as ISO 8601 has it.
+    """
+
+    turn: IntArray
+    agent: "np.ndarray[Any, Any]"
+    team: "np.ndarray[Any, Any]"
+    node: IntArray
+    alive: "np.ndarray[Any, Any]"
+    xyz: FloatArray
+    latlon: FloatArray | None
+    time: list[str]
+
+
+def export(path: object, moments: Iterable[Moment], turns: int, created: object, turn_seconds: float) -> Path:
+    """Write the tracks of a recording in the format that the suffix names; see `Recording.export`.
+
+    Args:
+        path: of the file.
+        moments: the start, and each turn.
+        turns: how many turns there are.
+        created: when the recording began, seconds since 1970.
+        turn_seconds: how long a turn takes.
+    """
+    target, seconds = as_path(path, "path"), as_range(turn_seconds, "turn_seconds")
+    if seconds * max(turns, 1) > _LONGEST_S:
+        raise BadValue(f"turn_seconds must let a game end within {_LONGEST_S:g} seconds, not {seconds:g}.")
+    write = _FORMATS.get(target.suffix.lower())
+    if write is None:
+        hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
+        raise UnknownType(f"No tracks can be written as {target.suffix or 'a file without a suffix'!r}.{hint}")
+    if not target.parent.is_dir():
+        raise MissingFolder(target.name, target.parent)
+    began = float(created) if isinstance(created, (int, float)) and 0 <= created < _LONGEST_S * 4 else 0.0
+    found = tracks_of(moments, began, seconds)
+    if found.latlon is None and write is not _write_csv:
+        raise BadValue(
+            f"{target.suffix} counts in degrees, and the map of this recording has no CRS. Write .csv, or record a map "
+            "whose ctx.graph.graph.crs is set."
+        )
+    with whole_file(target) as beside:
+        write(beside, found)
+    return target
+
+
+def tracks_of(moments: Iterable[Moment], began: float, turn_seconds: float) -> Tracks:
+    """Return where the agents were at the start and after each turn; an agent whose node is gone is nowhere."""
+    parts: list[tuple[Any, ...]] = []
+    count, crs, seen, times = 0, None, _Places(), list[str]()
+    start = datetime.fromtimestamp(began, UTC)
+    for turn, moment in enumerate(moments):
+        agents, crs = moment.agents, moment.columns.crs
+        xyz = seen.of(moment)
+        parts.append((np.full(len(xyz), turn), agents["name"], agents["team"], agents["node"], agents["alive"], xyz))
+        times.append((start + timedelta(seconds=turn * turn_seconds)).isoformat().replace("+00:00", "Z"))
+        count += len(xyz)
+        refuse_above(count * _BYTES, f"The tracks of {len(xyz):,} agents in {turn:,} turns and more")
+    turns, names, teams, nodes, alive, xyz = (np.concatenate(column) for column in zip(*parts, strict=True))
+    order = np.lexsort((turns, np.unique(names.astype(np.str_), return_inverse=True)[1]))
+    order = order[np.isfinite(xyz[order, 0])]
+    xy, latlon = xyz[order, :2], None
+    if crs is not None:
+        latlon = projection.project_back_and_forth(xy, crs, projection.WGS84)[:, ::-1].round(_DECIMALS)
+    texts = [times[turn] for turn in turns[order].tolist()]
+    return Tracks(turns[order], names[order], teams[order], nodes[order], alive[order], xyz[order], latlon, texts)
+
+
+class _Places:
+    """Looks up where agents are on maps that seldom change."""
+
+    def __init__(self) -> None:
+        self._columns: GraphColumns | None = None
+        self._edges: dict[tuple[int, int], int] = {}  # ids of both ends -> row of the shortest edge
+
+    def of(self, moment: Moment) -> FloatArray:
+        """Return (agents, 3); NaN for z on the ground, and for what is not on the map."""
+        agents, state, columns = moment
+        if columns is not self._columns:
+            self._columns, self._edges = columns, {}
+            self._order = np.argsort(columns.node_ids, kind="stable")
+            self._ids = columns.node_ids[self._order]
+        xyz = np.column_stack([np.asarray(agents[axis], np.float64) for axis in "xyz"])
+        on_ground = np.flatnonzero(~np.isfinite(xyz[:, 0]))
+        nodes = np.asarray(agents["node"])[on_ground]
+        at = np.searchsorted(self._ids, nodes)
+        is_there = at < len(self._ids)
+        is_there[is_there] = self._ids[at[is_there]] == nodes[is_there]
+        xyz[on_ground[is_there], :2] = columns.xy[self._order[at[is_there]]]
+        for row in np.flatnonzero(state["edge_share"][: len(xyz)] > 0.0).tolist():
+            place = self._on_edge(int(state["edge_source"][row]), int(state["edge_target"][row]))
+            if place is not None:
+                xyz[row, :2] = point_at(place, float(state["edge_share"][row]))
+        return xyz
+
+    def _on_edge(self, source: int, target: int) -> FloatArray | None:
+        """Return the points of the shortest edge between two nodes."""
+        columns = self._columns
+        if columns is None:
+            return None
+        if not self._edges:
+            by_length = np.argsort(-columns.lengths, kind="stable").tolist()
+            ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
+            self._edges = {(ends[0][row], ends[1][row]): row for row in by_length}
+        row = self._edges.get((source, target))
+        if row is None:
+            return None
+        return columns.polylines.get(row, columns.xy[[columns.sources[row], columns.targets[row]]])
+
+
+# -- formats ------------------------------------------------------------------------------------------------------
+
+
+def _agents(tracks: Tracks) -> Iterator[tuple[str, Any, slice]]:
+    """Yield the name and team of each agent, and where its places are."""
+    starts = (np.flatnonzero(tracks.agent[1:] != tracks.agent[:-1]) + 1).tolist()
+    bounds = [0, *starts, len(tracks.agent)] if len(tracks.agent) else [0]
+    for start, stop in pairwise(bounds):
+        yield str(tracks.agent[start]), tracks.team[start], slice(start, stop)
+
+
+def _write_csv(file: Path, tracks: Tracks) -> None:
+    columns: dict[str, list[Any]] = {
+        "turn": tracks.turn.tolist(),
+        "time": tracks.time,
+        "agent": tracks.agent.tolist(),
+        "team": tracks.team.tolist(),
+        "node": tracks.node.tolist(),
+        "alive": tracks.alive.tolist(),
+        "x": tracks.xyz[:, 0].tolist(),
+        "y": tracks.xyz[:, 1].tolist(),
+        "z": [None if z != z else z for z in tracks.xyz[:, 2].tolist()],  # noqa: PLR0124 - NaN differs from itself
+    }
+    if tracks.latlon is not None:
+        columns |= {"lat": tracks.latlon[:, 0].tolist(), "lon": tracks.latlon[:, 1].tolist()}
+    with file.open("w", newline="", encoding="utf-8", errors="backslashreplace") as stream:
+        writer = csv.writer(stream)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))
+
+
+def _write_gpx(file: Path, tracks: Tracks) -> None:
+    with file.open("w", encoding="utf-8") as stream:
+        stream.write('<?xml version="1.0" encoding="UTF-8"?>\n')
+        stream.write('<gpx version="1.1" creator="GAMMS" xmlns="http://www.topografix.com/GPX/1/1">\n')
+        for name, team, rows in _agents(tracks):
+            kind = "" if team is None else f"<type>{_xml(team)}</type>"
+            stream.write(f"<trk><name>{_xml(name)}</name>{kind}<trkseg>\n")
+            for (lat, lon), z, time in _places(tracks, rows):
+                height = "" if z is None else f"<ele>{z:.3f}</ele>"
+                stream.write(f'<trkpt lat="{lat:.8f}" lon="{lon:.8f}">{height}<time>{time}</time></trkpt>\n')
+            stream.write("</trkseg></trk>\n")
+        stream.write("</gpx>\n")
+
+
+def _write_geojson(file: Path, tracks: Tracks) -> None:
+    with file.open("w", encoding="utf-8", errors="backslashreplace") as stream:
+        stream.write('{"type": "FeatureCollection", "features": [')
+        comma = "\n"
+        for name, team, rows in _agents(tracks):
+            places = [([lon, lat] if z is None else [lon, lat, z]) for (lat, lon), z, _ in _places(tracks, rows)]
+            is_line = len(places) > 1
+            geometry = {"type": "LineString" if is_line else "Point", "coordinates": places if is_line else places[0]}
+            given = {"agent": name, "team": team, "turns": tracks.turn[rows].tolist(), "times": tracks.time[rows]}
+            line = {"type": "Feature", "properties": given, "geometry": geometry}
+            stream.write(comma + json.dumps(line, ensure_ascii=False))
+            comma = ",\n"
+        stream.write("\n]}\n")
+
+
+def _places(tracks: Tracks, rows: slice) -> Iterator[tuple[list[float], float | None, str]]:
+    """Yield latitude and longitude, height and time of the places of an agent."""
+    latlon = np.zeros((0, 2)) if tracks.latlon is None else tracks.latlon
+    heights = [float(z) if np.isfinite(z) else None for z in tracks.xyz[rows, 2]]
+    return zip(latlon[rows].tolist(), heights, tracks.time[rows], strict=True)
+
+
+def _xml(text: object) -> str:
+    return escape(_NOT_IN_XML.sub("\ufffd", str(text)))
+
+
+_FORMATS: dict[str, Callable[[Path, Tracks], None]] = {
+    ".gpx": _write_gpx,
+    ".geojson": _write_geojson,
+    ".csv": _write_csv,
+}

@@ -1,0 +1,152 @@
+"""Where the agents of a recording were, as GPX, GeoJSON and CSV files."""
+
+import csv
+import io
+import json
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms import recorder
+from gamms.errors import BadType, BadValue, MissingFolder, UnknownType
+from gamms.recorder import RecordingError
+
+QUIET = {"level": "CRITICAL"}
+GPX = "{http://www.topografix.com/GPX/1/1}"
+
+
+def played(path, crs="EPSG:32635", **options):
+    """Record three turns of a walker, who is named against XML, and of a drone."""
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes(range(3), [385_000, 385_100, 385_100], [6_672_000, 6_672_000, 6_672_100])
+        ctx.graph.add_edges([0, 1], [0, 1], [1, 2])
+        ctx.graph.graph.crs = crs
+        walk = iter([1, 2, 2])
+        ctx.agent.create_agent("a<b>&", team="réd", start_node_id=0, strategy=lambda s: s.update(action=next(walk)))
+        drone = ctx.agent.create_agent("drone", agent_type="AERIAL", start_node_id=0, speed=10.0)
+        drone.position = (385_000.0, 6_672_000.0, 50.0)
+        ctx.record.start(path, created=1_750_000_000, **options)
+        for _ in range(3):
+            ctx.game.step()
+        ctx.record.stop()
+        return ctx.graph.columns().xy
+
+
+@pytest.fixture
+def game(tmp_path):
+    xy = played(tmp_path / "game.ggr")
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        yield recording, xy
+
+
+def degrees(places):
+    from gamms.ir import projection
+
+    return projection.project(np.array(places, float), "EPSG:32635", projection.WGS84)[:, ::-1]
+
+
+def test_gpx_holds_a_track_for_each_agent(game, tmp_path):
+    recording, xy = game
+    assert recording.export(tmp_path / "game.gpx", turn_seconds=30) == tmp_path / "game.gpx"
+    tracks = ET.parse(tmp_path / "game.gpx").getroot().findall(f"{GPX}trk")
+    assert [track.find(f"{GPX}name").text for track in tracks] == ["a<b>&", "drone"]
+    points = tracks[0].findall(f"{GPX}trkseg/{GPX}trkpt")
+    latlon = np.array([[float(point.get("lat")), float(point.get("lon"))] for point in points])
+    assert np.abs(latlon - degrees(xy[[0, 1, 2, 2]])).max() < 1e-7
+    times = [point.find(f"{GPX}time").text for point in points]
+    assert times[:2] == ["2025-06-15T15:06:40Z", "2025-06-15T15:07:10Z"]
+    assert tracks[1].find(f"{GPX}trkseg/{GPX}trkpt/{GPX}ele").text == "50.000"
+
+
+def test_geojson_holds_a_line_for_each_agent(game, tmp_path):
+    recording, xy = game
+    recording.export(tmp_path / "game.geojson")
+    walker, drone = json.loads((tmp_path / "game.geojson").read_text(encoding="utf-8"))["features"]
+    assert (walker["properties"]["agent"], walker["properties"]["team"]) == ("a<b>&", "réd")
+    assert walker["properties"]["turns"] == [0, 1, 2, 3]
+    assert np.abs(np.array(walker["geometry"]["coordinates"])[:, ::-1] - degrees(xy[[0, 1, 2, 2]])).max() < 1e-7
+    assert [place[2] for place in drone["geometry"]["coordinates"]] == [50.0] * 4
+
+
+def test_csv_holds_map_units_and_degrees(game, tmp_path):
+    recording, xy = game
+    recording.export(tmp_path / "game.csv")
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "game.csv").read_bytes().decode())))
+    assert [(row["turn"], row["agent"], row["node"]) for row in rows[:3]] == [
+        ("0", "a<b>&", "0"),
+        ("1", "a<b>&", "1"),
+        ("2", "a<b>&", "2"),
+    ]
+    assert [[float(row["x"]), float(row["y"])] for row in rows[:3]] == xy.tolist()
+    assert float(rows[2]["lat"]) == pytest.approx(degrees(xy[2:])[0, 0], abs=1e-7)
+
+
+def test_agents_along_an_edge_are_on_its_polyline(tmp_path):
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes([0, 1], [0, 60], [0, 80])
+        bend = [(0, 0), (60, 0), (60, 80)]
+        ctx.graph.graph.add_edge({"id": 0, "source": 0, "target": 1, "length": 140.0, "linestring": bend})
+        ctx.game.speed_unit = "metres"
+        ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state.update(action=1)).speed = 35.0
+        ctx.record.start(tmp_path / "game.ggr")
+        for _ in range(4):
+            ctx.game.step()
+        ctx.record.stop()
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        recording.export(tmp_path / "game.csv")
+    rows = list(csv.DictReader(io.StringIO((tmp_path / "game.csv").read_text())))
+    assert [(float(row["x"]), float(row["y"])) for row in rows] == [(0, 0), (35, 0), (60, 10), (60, 45), (60, 80)]
+    assert "lat" not in rows[0]
+
+
+def test_tracks_without_degrees_are_refused(tmp_path):
+    played(tmp_path / "game.ggr", crs=None)
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        with pytest.raises(BadValue, match="has no CRS"):
+            recording.export(tmp_path / "game.gpx")
+        recording.export(tmp_path / "game.csv")
+        for path, error in [("game.gpz", UnknownType), ("game", UnknownType), ("no/game.gpx", MissingFolder)]:
+            with pytest.raises(error):
+                recording.export(tmp_path / path)
+        for seconds, error in [(-1.0, BadValue), ("x", BadType), (1e12, BadValue), (float("nan"), BadValue)]:
+            with pytest.raises(error):
+                recording.export(tmp_path / "game.csv", turn_seconds=seconds)
+
+
+def test_a_recording_without_its_map_has_no_tracks(tmp_path):
+    played(tmp_path / "game.ggr", embed_graph=False)
+    with recorder.open(tmp_path / "game.ggr") as recording, pytest.raises(RecordingError, match="map"):
+        recording.export(tmp_path / "game.gpx")
+    assert not (tmp_path / "game.gpx").exists()
+
+
+def test_an_agent_whose_node_is_gone_is_nowhere(tmp_path):
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes(range(2), [385_000, 385_100], [6_672_000, 6_672_000])
+        ctx.graph.graph.crs = "EPSG:32635"
+        ctx.agent.create_agent("a", start_node_id=0)
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.game.step()
+        ctx.graph.graph.remove_node(0)
+        ctx.visual.simulate()
+        ctx.record.stop()
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        recording.export(tmp_path / "game.geojson")
+    (line,) = json.loads((tmp_path / "game.geojson").read_text())["features"]
+    assert line["properties"]["turns"] == [0, 1]
+
+
+def test_the_command_line_writes_tracks(game, tmp_path):
+    from typer.testing import CliRunner
+
+    from gamms.cli.commands import app
+
+    done = CliRunner().invoke(
+        app, ["convert", str(tmp_path / "game.ggr"), str(tmp_path / "c.gpx"), "--turn-seconds", "5"]
+    )
+    assert done.exit_code == 0, done.output
+    assert "2025-06-15T15:06:45Z" in (tmp_path / "c.gpx").read_text()
+    again = CliRunner().invoke(app, ["convert", str(tmp_path / "game.ggr"), str(tmp_path / "c.gpx")])
+    assert again.exit_code != 0
