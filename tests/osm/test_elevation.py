@@ -5,6 +5,7 @@ import math
 import networkx as nx
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -213,3 +214,50 @@ def test_heights_go_through_contexts_and_files(make_map, heights, tmp_path):
         ((*_, z),) = [(n, ctx.graph.graph.node_attributes(n)["z"]) for n in [0]]
         assert z == graph_from_file(path, elevation=hill).nodes[0]["z"]
         assert "grade" in ctx.graph.graph.edge_attributes(0)
+
+
+# -- walls ------------------------------------------------------------------------------------------------------
+
+BLOCK = {11: (60.17, 24.940), 12: (60.17, 24.942), 13: (60.171, 24.942), 14: (60.171, 24.940), 15: (60.172, 24.941)}
+HOUSE = ([11, 12, 13, 14, 11], {"building": "yes", "height": "20", "min_height": "3"})
+FENCE = ([11, 15], {"barrier": "wall", "height": "4"})
+
+
+def test_a_building_stands_level_on_its_lowest_point_and_a_barrier_follows_the_ground(make_map, heights):
+    path, hill = make_map(BLOCK, HOUSE, FENCE), heights(lambda column, row: row * 10)
+    flat = list(gamms.osm.obstacle_from_file(path, barriers=True))
+    walls = list(gamms.osm.obstacle_from_file(path, barriers=True, elevation=hill))
+    lowest = 0.17 * 12_000
+    assert [face["type"] for face in walls] == [14] * 4 + [37]
+    for face, level in zip(walls[:4], flat, strict=False):
+        for corner in ("tr", "tl", "br", "bl"):
+            assert face[corner][:2] == level[corner][:2]
+            assert face[corner][2] == pytest.approx(level[corner][2] + lowest, abs=0.01)
+    fence = walls[4]
+    assert [fence[corner][2] for corner in ("br", "tr", "bl", "tl")] == pytest.approx(
+        [lowest, lowest + 4.0, lowest + 24.0, lowest + 28.0], abs=0.05
+    )
+    polygon = [(shapely.Polygon([BLOCK[id][::-1] for id in HOUSE[0]]), HOUSE[1])]
+    of_features = list(gamms.osm.faces_of_features(polygon, crs="EPSG:32635", elevation=hill))
+    assert of_features == walls[:4]
+
+
+def test_walls_without_a_file_of_heights_are_refused(make_map, tmp_path):
+    path = make_map(BLOCK, HOUSE)
+    with pytest.raises(FileNotFoundError, match="nowhere"):
+        gamms.osm.obstacle_from_file(path, elevation=tmp_path / "nowhere")
+    with pytest.raises(BadType, match="Did you mean 'elevation'"):
+        gamms.osm.obstacle_from_file(path, elevatoin=tmp_path)
+
+
+def test_a_scenario_names_its_heights(make_map, heights, tmp_path):
+    make_map({**NODES, **BLOCK}, ([2, 1, 3], {"highway": "residential"}), HOUSE)
+    heights(lambda column, row: row)
+    text = "map: {file: {path: map.osm, buildings: true, elevation: %s}}\nteams: {red: {count: 1}}\nmax_turns: 1\n"
+    (tmp_path / "game.yaml").write_text(text % "N60E024.hgt")
+    with gamms.scenario.load(tmp_path / "game.yaml").build() as ctx:
+        assert ctx.graph.graph.node_attributes(0)["z"] > 200.0
+        assert ctx.graph.get_obstacle_face(0).br[2] > 200.0
+    (tmp_path / "game.yaml").write_text(text % "../N60E024.hgt")
+    with pytest.raises(gamms.scenario.ScenarioError, match=r"map\.file\.elevation"):
+        gamms.scenario.load(tmp_path / "game.yaml").build()

@@ -4,7 +4,7 @@ import math
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from gamms.ir.graph import FloatArray
 from gamms.ir.projection import WGS84, crs_of, project, project_back_and_forth, utm_crs
 from gamms.osm import footprints
 from gamms.osm.constants import BARRIER_HEIGHTS, OSM_OBSTACLE_TAGS, wall_estimates
+from gamms.osm.elevation import Elevation, ElevationPath, as_elevation
 from gamms.osm.footprints import HeightEstimates, TagFilter, Wall
+from gamms.osm.load import refuse_unknown, with_options
 from gamms.osm.network import Segments, Ways, largest_part, segments_of
 from gamms.osm.osmium_reader import as_file, read_barriers, read_footprints, read_ways
 from gamms.osm.overpass import Location, features_of_place
@@ -23,11 +25,28 @@ from gamms.text import shown
 
 Barriers = bool | str | Iterable[str] | Mapping[str, float]  # which `barrier`s are walls
 Record = dict[str, Any]  # the arguments of `ctx.graph.add_obstacle_face`
-Projection = Callable[[FloatArray], FloatArray]  # points (points, 2) to points in metres
 
 _AT_ONCE = 4096  # faces
 
 
+class WallOptions(TypedDict, total=False):
+    """More options of functions that make walls.
+
+    `barriers` says which lines with `barrier` are walls, too: True for `gamms.osm.BARRIER_HEIGHTS`, some of its keys,
+    or a table of your own, value of the tag -> height in metres.
+
+    `elevation` is a .hgt file of SRTM, or a folder of them, as for roads: walls stand on the ground then, and z is
+    above sea level.
+    """
+
+    barriers: Barriers
+    elevation: ElevationPath | Elevation | None
+
+
+_with_options = with_options(WallOptions, {"barriers": False, "elevation": None})
+
+
+@_with_options
 def obstacle_from_file(
     filepath: str | os.PathLike[str],
     tags: TagFilter = OSM_OBSTACLE_TAGS,
@@ -35,7 +54,7 @@ def obstacle_from_file(
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
     crs: object = None,
-    barriers: Barriers = False,
+    **more: Unpack[WallOptions],
 ) -> Iterator[Record]:
     """Return the walls of the buildings in an OpenStreetMap file (.osm, .xml, .osm.gz, .osm.bz2, .osm.pbf).
 
@@ -53,8 +72,7 @@ def obstacle_from_file(
         crs: the CRS of the walls, in metres; give `ctx.graph.crs` if there are streets already. None: that of
             `graph_from_xml` with its defaults for the same file or, in a file without roads, the UTM zone of the
             mean point of the footprints.
-        barriers: which lines with `barrier` are walls, too: True for `gamms.osm.BARRIER_HEIGHTS`, some of its keys, or
-            a table of your own, value of the tag -> height in metres.
+        more: see `WallOptions`.
 
     Returns:
         An iterator over dicts for `ctx.graph.add_obstacle_face(**wall)`, or all of it for `ctx.graph.add_obstacles`:
@@ -62,26 +80,28 @@ def obstacle_from_file(
 
     Raises:
         FileNotFoundError, IsADirectoryError: there is no such file.
-        BadFile: it is damaged or not OpenStreetMap data.
+        BadFile: it is damaged or not OpenStreetMap data, or `elevation` is no file of heights.
         BadValue, BadType: an argument is impossible.
         MissingExtra: osmium is not installed.
     """
-    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
-    projection = _projection(crs, lambda points: _crs_of(segments_of(roads)) or utm_crs(points))
+    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
+    heights = as_elevation(more.get("elevation"))
+    plane = _plane(crs, heights, lambda points: _crs_of(segments_of(roads)) or utm_crs(points))
     file = as_file(filepath)
     outlines, fences = read_footprints(file, rules), read_barriers(file, rules)
     if not len(outlines.owners) and not len(fences.owners):
         return iter(())
     roads = read_ways(file, lambda _: None)
     shapes = np.concatenate((footprints.footprints_of(outlines), footprints.lines_of(fences)))
-    to_metres = projection(np.concatenate((outlines.lonlat, fences.lonlat)))
+    to_metres, ground = plane(np.concatenate((outlines.lonlat, fences.lonlat)))
     walls = [*outlines.about, *(fences.about[row] for row in fences.owners.tolist())]
-    return _records(faces_of(shapes, walls, to_metres, tolerance, _streets(roads)))
+    return _records(faces_of(shapes, walls, to_metres, tolerance, _streets(roads), ground))
 
 
 obstacle_from_xml = obstacle_from_file  # the name that 1.0.0 gave it
 
 
+@_with_options
 def obstacle_from_osm(
     location: Location,
     tags: TagFilter = OSM_OBSTACLE_TAGS,
@@ -89,9 +109,9 @@ def obstacle_from_osm(
     min_tolerance: float = 0.5,
     relative_tolerance: float = 0.01,
     crs: object = None,
-    barriers: Barriers = False,
     *,
     offline: bool = False,
+    **more: Unpack[WallOptions],
 ) -> Iterator[Record]:
     """Return the walls of the buildings of a place, such as `"Monaco"`, from the servers of OpenStreetMap.
 
@@ -104,13 +124,14 @@ def obstacle_from_osm(
         PlaceError, NetworkError: there is no such place, nothing in it, or no answer.
         MissingExtra: requests is not installed.
     """
-    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
-    projection = _projection(crs)
+    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
+    plane = _plane(crs, as_elevation(more.get("elevation")))
     lines = ("highway", "barrier") if rules.has_barriers else ("highway",)
     features = features_of_place(location, tags, lines, offline=offline)
-    return _records_of_features(features, rules, tolerance, projection)
+    return _records_of_features(features, rules, tolerance, plane)
 
 
+@_with_options
 def faces_of_features(
     features: Iterable[tuple[Any, Mapping[str, Any]]],
     crs: object = None,
@@ -119,7 +140,7 @@ def faces_of_features(
     relative_tolerance: float = 0.01,
     *,
     tags: TagFilter | None = None,
-    barriers: Barriers = False,
+    **more: Unpack[WallOptions],
 ) -> Iterator[Record]:
     """Return the walls of shapely polygons and multipolygons in longitude and latitude, each with its tags.
 
@@ -130,8 +151,8 @@ def faces_of_features(
         BadValue, BadType: an argument is impossible, or a polygon has no place in the CRS.
         MissingExtra: the CRS is no zone of UTM, and pyproj is not installed.
     """
-    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), barriers)
-    return _records_of_features(features, rules, tolerance, _projection(crs))
+    rules, tolerance = _checked(tags, height_estimates, (min_tolerance, relative_tolerance), more)
+    return _records_of_features(features, rules, tolerance, _plane(crs, as_elevation(more.get("elevation"))))
 
 
 def extract_osm_polygon_faces(
@@ -148,27 +169,34 @@ def extract_osm_polygon_faces(
         BadType: it is no GeoDataFrame.
         BadValue: its CRS is none, or another argument is impossible.
     """
-    rules, tolerance = _checked(None, height_estimates, (min_tolerance, relative_tolerance), False)
+    rules, tolerance = _checked(None, height_estimates, (min_tolerance, relative_tolerance), {})
     try:
         name = gdf.geometry.name
         features = [(row[name], row) for row in gdf.to_dict("records")]
     except AttributeError:
         raise BadType(f"gdf must be a GeoDataFrame, not {type(gdf).__name__}.") from None
     in_degrees = gdf.crs is not None and crs_of(gdf.crs)[1]
-    projection = _projection(None) if in_degrees else lambda _: lambda points: points
-    return _records_of_features(features, rules, tolerance, projection)
+    plane = _plane(None, None) if in_degrees else lambda _: Plane(lambda points: points)
+    return _records_of_features(features, rules, tolerance, plane)
 
 
 # -- inside -----------------------------------------------------------------------------------------------------
+
+
+class Plane(NamedTuple):
+    """How places become metres, and how high the ground is there."""
+
+    to_metres: Callable[[FloatArray], FloatArray]  # of points (points, 2)
+    ground: Callable[[FloatArray], FloatArray] | None = None  # heights at points in metres
 
 
 def _records_of_features(
     features: Iterable[tuple[Any, Mapping[str, Any]]],
     rules: footprints.WallRules,
     tolerance: Tolerance,
-    projection: Callable[[FloatArray], Projection],
+    plane: Callable[[FloatArray], Plane],
 ) -> Iterator[Record]:
-    """Return the walls of shapes; `projection` says for all their points how these become metres."""
+    """Return the walls of shapes; `plane` says for all their points how these become metres."""
     walls, streets = list[tuple[Any, Wall]](), list[Any]()
     for shape, given in features:
         tags = {key: text for key, text in given.items() if isinstance(text, str)}
@@ -182,8 +210,8 @@ def _records_of_features(
     points = footprints.points_of(shapes)
     if not len(points):
         return iter(())
-    roads = footprints.shapes_of(streets)
-    return _records(faces_of(shapes, [wall for _, wall in walls], projection(points), tolerance, roads))
+    roads, (to_metres, ground) = footprints.shapes_of(streets), plane(points)
+    return _records(faces_of(shapes, [wall for _, wall in walls], to_metres, tolerance, roads, ground))
 
 
 def _streets(roads: Ways) -> footprints.Shapes:
@@ -193,15 +221,24 @@ def _streets(roads: Ways) -> footprints.Shapes:
     return footprints.lines_of(footprints.outlines_of_ways(roads.offsets, roads.lonlat, rows, ways, roads.tags))
 
 
-def _projection(crs: object, default: Callable[[FloatArray], str] = utm_crs) -> Callable[[FloatArray], Projection]:
-    """From the points of a map to its projection: to a CRS in metres of the caller's, or to the default one."""
-    if crs is None:
-        return lambda points: partial(project, source=WGS84, target=default(points))
-    name, in_degrees = crs_of(crs)
-    if in_degrees:
-        raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")
-    # It may belong to another part of the world.
-    return lambda _: partial(project_back_and_forth, source=WGS84, target=name)
+def _plane(
+    crs: object, elevation: Elevation | None, default: Callable[[FloatArray], str] = utm_crs
+) -> Callable[[FloatArray], Plane]:
+    """From the points of a map to its plane: in a CRS in metres of the caller's, or in the default one."""
+    if crs is not None:
+        name, in_degrees = crs_of(crs)
+        if in_degrees:
+            raise BadValue(f"crs is {name}, which counts in degrees. Give one in metres, such as ctx.graph.crs.")
+
+    def plane(points: FloatArray) -> Plane:
+        # A CRS of the caller's may belong to another part of the world.
+        target, to = (default(points), project) if crs is None else (name, project_back_and_forth)
+        to_metres = partial(to, source=WGS84, target=target)
+        if elevation is None:
+            return Plane(to_metres)
+        return Plane(to_metres, lambda xy: elevation.heights(project(xy, target, WGS84)))
+
+    return plane
 
 
 def _records(faces: Faces) -> Iterator[Record]:
@@ -219,10 +256,11 @@ def _crs_of(segments: Segments) -> str | None:
 
 
 def _checked(
-    tags: TagFilter | None, estimates: HeightEstimates | None, tolerances: tuple[float, float], barriers: Barriers
+    tags: TagFilter | None, estimates: HeightEstimates | None, tolerances: tuple[float, float], more: WallOptions
 ) -> tuple[footprints.WallRules, Tolerance]:
     """Return what decides on the walls, and the tolerance of their simplification."""
-    heights = _barrier_heights(barriers)
+    refuse_unknown(more, WallOptions, "walls")
+    heights = _barrier_heights(more.get("barriers", False))
     rules = footprints.WallRules(tags, wall_estimates() if estimates is None else estimates, heights)
     tolerance = Tolerance(as_range(tolerances[0], "min_tolerance"), as_range(tolerances[1], "relative_tolerance"))
     if math.inf in tolerance:

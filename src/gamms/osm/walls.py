@@ -10,7 +10,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.osm.footprints import PART, Shapes, Wall, repaired
 
-_LINE, _POLYGON = 1, 3  # shapely's numbers of the types
+_LINE, _POLYGON, _AREA = 1, 3, 2  # shapely's numbers of two types, and of dimensions
 _MOST_RELATIVE_M = 0.5
 _AT_ONCE = 16  # shapes that are looked for in a tree
 _MOST_PAIRS = 1_000_000  # of lines and pieces of streets that meet
@@ -26,6 +26,17 @@ class Faces:
 
     corners: FloatArray  # (faces, 4, 3)  top right, top left, bottom right, bottom left
     types: IntArray  # (faces,)
+
+
+def _floor(heights: FloatArray, owner: IntArray, shapes: Shapes) -> FloatArray:
+    """Return from where the height of a wall is measured at each point: of an area from its lowest point."""
+    import shapely
+
+    lowest = np.full(len(shapes), np.inf)
+    np.minimum.at(lowest, owner, heights)
+    is_area = shapely.get_dimensions(shapes) == _AREA
+    floor: FloatArray = np.where(is_area[owner], lowest[owner], heights)
+    return floor
 
 
 class Tolerance(NamedTuple):
@@ -48,8 +59,12 @@ def faces_of(
     to_metres: Callable[[FloatArray], FloatArray],
     tolerance: Tolerance,
     streets: Shapes | None = None,
+    ground: Callable[[FloatArray], FloatArray] | None = None,
 ) -> Faces:
     """Walls along lines and around polygons, around courtyards too; `to_metres` projects points (points, 2).
+
+    With heights of the `ground`, given points in metres, z is above sea level: a building is level and stands on the
+    lowest point of its outline, as `height` is measured; a barrier follows the ground.
 
     Where a line has a vertex in common with a street, it has an opening. A line that would cross a street only because
     it was simplified is not simplified. Of a building with parts, what these do not cover stands for itself.
@@ -65,7 +80,10 @@ def faces_of(
     start = np.flatnonzero((line[:-1] == line[1:]) & (points[:-1] != points[1:]).any(axis=1))
     of_wall = owner[line[start]]
     base, top, types = (np.array([wall[i] for wall in walls])[of_wall] for i in range(3))
-    corners = [np.column_stack((points[row], height)) for height in (top, base) for row in (start, start + 1)]
+    floor = np.zeros(len(points)) if ground is None else _floor(ground(points), owner[line], shapes)
+    corners = [
+        np.column_stack((points[row], floor[row] + height)) for height in (top, base) for row in (start, start + 1)
+    ]
     return Faces(np.stack(corners, axis=1).reshape(-1, 4, 3), types.astype(np.int64))
 
 

@@ -13,6 +13,7 @@ from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Streets, Values, given_values, in_full
 from gamms.text import shown
 
+_OF_OSM = {"osm_type", "buildings", "scenery", "tags", "elevation"}  # what is for OpenStreetMap files alone
 _KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
 
 
@@ -102,11 +103,13 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
         elif map.helsinki is not None:
             osm.helsinki(ctx, **given_values(map.helsinki))
         elif map.place is not None:
-            _load_place(ctx, in_full(MapPlace, map.place), mode_of(map, folder))
+            given = in_full(MapPlace, map.place)
+            _load_place(ctx, given, _options_of(given, mode_of(map, folder), folder))
         elif map.generator is not None:
             _generate(ctx, in_full(Code, map.generator), library)
         elif map.file is not None and (file := map_file(map, folder)) is not None:
-            _load_file(ctx, in_full(MapFile, map.file), file, mode_of(map, folder))
+            of_file = in_full(MapFile, map.file)
+            _load_file(ctx, of_file, file, _options_of(of_file, mode_of(map, folder), folder))
         if not len(ctx.graph.graph):
             raise ScenarioError(f"map.{kind}", "this map has no nodes.")
         for number, part in enumerate(map.closed):
@@ -116,10 +119,10 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
         return ctx.graph.storage.snapshot()
 
 
-def _load_file(ctx: Context, given: MapFile, file: Path, mode: osm.Mode | None) -> None:
-    options, is_saved, is_geojson = _options_of(given, mode), file.suffix == ".gamms", osm.is_geojson(file)
+def _load_file(ctx: Context, given: MapFile, file: Path, options: Values) -> None:
+    is_saved, is_geojson = file.suffix == ".gamms", osm.is_geojson(file)
     named = {*options, *(name for name in ("buildings", "scenery") if getattr(given, name))}
-    for option in named if is_saved else {"osm_type", "buildings", "scenery", "tags"} & named if is_geojson else ():
+    for option in named if is_saved else _OF_OSM & named if is_geojson else ():
         raise ScenarioError(f"map.file.{option}", f"{file.name} is no OpenStreetMap file, which this is for.")
     if is_saved:
         ctx.graph.load(file)
@@ -128,25 +131,33 @@ def _load_file(ctx: Context, given: MapFile, file: Path, mode: osm.Mode | None) 
     else:
         ctx.graph.attach_networkx_graph(osm.graph_from_file(file, **options))
     if given.buildings:
-        ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs, barriers=given.barriers))
+        ctx.graph.add_obstacles(osm.obstacle_from_file(file, crs=ctx.graph.crs, **_walls_of(given, options)))
     if given.scenery:
         ctx.graph.graph.scenery = osm.scenery_from_file(file, ctx, buildings=not given.buildings)
 
 
-def _load_place(ctx: Context, given: MapPlace, mode: osm.Mode | None) -> None:
-    ctx.graph.attach_networkx_graph(osm.graph_from_place(given.location, **_options_of(given, mode)))
+def _load_place(ctx: Context, given: MapPlace, options: Values) -> None:
+    ctx.graph.attach_networkx_graph(osm.graph_from_place(given.location, **options))
     if given.buildings:
-        options: Values = {"barriers": given.barriers, "offline": given.offline}
-        ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, **options))
+        walls = {**_walls_of(given, options), "offline": given.offline}
+        ctx.graph.add_obstacles(osm.obstacle_from_osm(given.location, crs=ctx.graph.crs, **walls))
     if given.scenery:
         drawn: dict[str, bool] = {"buildings": not given.buildings, "offline": given.offline}
         ctx.graph.graph.scenery = osm.scenery_from_osm(given.location, ctx, **drawn)
 
 
-def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None) -> Values:
+def _walls_of(given: MapFile | MapPlace, options: Values) -> Values:
+    """Return what is set for the walls of a map."""
+    return {"barriers": given.barriers, "elevation": options.get("elevation")}
+
+
+def _options_of(given: MapFile | MapPlace, mode: osm.Mode | None, folder: Path | None) -> Values:
     """Return what is set for the streets of a map, as functions of `gamms.osm` take it."""
     ours = ("path", "location", "buildings", "scenery", "barriers", "modes")
     options = {name: one for name, one in given_values(given).items() if name not in ours}
+    if given.elevation is not None:
+        where = f"map.{'file' if isinstance(given, MapFile) else 'place'}.elevation"
+        options["elevation"] = inside(given.elevation, folder, where, "file of heights")
     return options if mode is None else {**options, "osm_type": mode}
 
 

@@ -98,6 +98,7 @@ class Streets(_Mapping, frozen=True, kw_only=True):
     buildings: bool = False
     barriers: Annotated[bool | list[str], Meta(description="Which barriers are walls, too.")] = False
     tags: Annotated[list[str], Meta(description="Tags that edges and nodes keep.")] | None = None
+    elevation: Annotated[Location, Meta(description="A .hgt file, or a folder of them, in the folder.")] | None = None
     scenery: bool = False
 
 
