@@ -257,7 +257,7 @@ def test_a_class_has_at_most_25_public_methods():
                 assert len(methods) <= PUBLISHED.get(node.name, 25), f"{shown(path)}: {node.name} has {len(methods)}"
 
 
-PUBLISHED = {"Graph": 33, "IGraph": 26}  # of which 1.0.0 published 12
+PUBLISHED = {"Graph": 34, "IGraph": 27}  # of which 1.0.0 published 12
 
 
 def is_plain_method(node):

@@ -520,7 +520,7 @@ READERS = {
         find get_obstacle_faces inside nearest_node networkx_labels node_attributes obstacle_columns place
         scenery_columns shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
-        get_neighbors get_node get_nodes has_node nearest_node node_attributes nodes_near place positions
+        get_neighbors get_node get_nodes ground has_node nearest_node node_attributes nodes_near place positions
         shortest_path to_latlon to_networkx weights within""",
     "NoEngine": """artist as_html clear_layer create_layer draw_commands fill_layer frame get_viewport
         human_input picture position_of save stay_open update""",

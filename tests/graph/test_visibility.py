@@ -215,7 +215,7 @@ def test_a_larger_town_is_answered_alike_by_one_worker_and_by_three(ctx, radius)
 
 def scene(nodes=200):
     rng = np.random.default_rng(1)
-    return VisibilityTask(rng.uniform(0, 90, (nodes, 2)), np.zeros((0, 4, 3)), 30.0, 1.6)
+    return VisibilityTask(rng.uniform(0, 90, (nodes, 2)), np.zeros((0, 4, 3)), 30.0, 1.6, np.zeros((nodes, 2)))
 
 
 @pytest.mark.parametrize(

@@ -43,7 +43,8 @@ class Places(NamedTuple):
         """Ask where agents are now."""
         nodes = [agent.current_node_id for agent in agents]
         xyz = np.zeros((len(agents), 3))
-        xyz[:, :2] = ctx.graph.graph.positions(nodes)
+        xyz[:, :2], ground = ctx.graph.graph.positions(nodes), ctx.graph.graph.ground(nodes)
+        xyz[:, 2] = 0.0 if ground is None else ground.z
         positions: list[Position | None] = [getattr(agent, "position", None) for agent in agents]
         for row, position in enumerate(positions):
             if position is not None:
@@ -207,7 +208,7 @@ class Propagation:
     def _antennas(self, rows: BoolArray | list[int]) -> FloatArray:
         """Return the ends of sight lines (rows, 3)."""
         xyz, flies = self._places.xyz[rows].copy(), self._places.flies[rows]
-        xyz[~flies, 2] = _ANTENNA_M
+        xyz[~flies, 2] += _ANTENNA_M
         return xyz
 
     def _meant(self, to: Any) -> BoolArray:

@@ -19,7 +19,17 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.scenery import Scenery
 from gamms.readonly import ReadOnlyMapping, frozen
 from gamms.text import shown
-from gamms.typing.graph_engine import IGraph, IPackedGraph, Node, NodeColumns, NodeIds, Numbers, OSMEdge, Surroundings
+from gamms.typing.graph_engine import (
+    IGraph,
+    IPackedGraph,
+    Node,
+    NodeColumns,
+    NodeGround,
+    NodeIds,
+    Numbers,
+    OSMEdge,
+    Surroundings,
+)
 from gamms.typing.map_storage import IGraphSource
 from gamms.typing.routes import RouteQueries
 
@@ -276,6 +286,14 @@ class Graph(Guarded, IGraph):
         """Return coordinates (nodes, 2) of several nodes."""
         xy: FloatArray = self._store.nodes.array("xy")[self._rows(node_ids)]
         return xy
+
+    def ground(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> NodeGround | None:
+        """Return the ground at several nodes, by their `z` and `underground`; None for a map that has neither."""
+        ground = self._store.ground()
+        if ground is None:
+            return None
+        z, tunnels = ground[self._rows(node_ids)].T
+        return NodeGround(z, tunnels.astype(np.int64))
 
     def node_attributes(self, node_id: int) -> dict[str, Any]:
         """Return the attributes of a node that are not `id`, `x` or `y`; a fresh dict (KeyError)."""

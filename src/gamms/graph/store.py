@@ -6,6 +6,7 @@
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from copy import deepcopy
+from math import isfinite
 from typing import Any, TypeVar
 from weakref import WeakSet
 
@@ -16,11 +17,12 @@ from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
 from gamms.graph.tables import Closed, EdgeTable, NodeTable
-from gamms.ir.graph import GraphColumns
+from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
 _FEW = 32
+_GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
 
 ClosedEdges = Mapping[int, Mapping[str, Any]]
 Attributes = Mapping[str, Mapping[int, Any]]  # name -> row -> value
@@ -92,6 +94,8 @@ class GraphStore:
         self.scenery: str | Scenery | None = None
         self.closed: ClosedEdges = {}
         self._columns: GraphColumns | None = None
+        self._ground: FloatArray | None = None
+        self._ground_key: tuple[int, int, int] | None = None
         self.rows_added()
 
     def columns(self) -> GraphColumns:
@@ -101,6 +105,19 @@ class GraphStore:
             self._compact(fully=True)
             known = self._columns = self._frozen()
         return known
+
+    def ground(self) -> FloatArray | None:
+        """Return the height of each row of the nodes, dead ones too, and its tunnel (rows, 2); None where all are 0."""
+        key = self.revision, self.nodes.count, self.nodes.dead
+        if key != self._ground_key:
+            attributes, ground = self.nodes.attributes, np.zeros((self.nodes.count, 2))
+            for column, name in enumerate(_GROUND):
+                for row, value in attributes.get(name, {}).items():
+                    # An attribute of the user's may be anything.
+                    if type(value) in (int, float) and isfinite(value):
+                        ground[row, column] = value
+            self._ground, self._ground_key = ground if ground.any() else None, key
+        return self._ground
 
     def replace(
         self, columns: GraphColumns, attribution: str | None, scenery: str | Scenery | None, closed: ClosedEdges

@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from hashlib import sha256
 from pathlib import Path
 from struct import pack
-from typing import Literal, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -47,9 +47,10 @@ class MapFingerprint:
         self._obstacles = obstacles
         self._revisions = self._revisions_now()
         self._is_current = True
-        self.node_ids, self.xy = _nodes_of(store)
+        self.node_ids, self.xy, *ground = _nodes_of(store)
+        self.ground = ground[0] if ground else np.zeros((len(self.xy), 2))  # (nodes, 2) height, tunnel
         self.corners: FloatArray = obstacles.columns().corners  # (faces, 4, 3)
-        self._nodes, self._faces = _digest(self.node_ids, self.xy), _digest(self.corners)
+        self._nodes, self._faces = _digest(self.node_ids, self.xy, *ground), _digest(self.corners)
 
     @property
     def is_current(self) -> bool:
@@ -71,10 +72,11 @@ class MapFingerprint:
         return self._store.revision, self._obstacles.revision
 
 
-def _nodes_of(store: GraphStore) -> tuple[IntArray, FloatArray]:
-    """Return ids (nodes,) and coordinates (nodes, 2), in insertion order."""
-    rows = store.nodes.living()
-    return store.nodes.array("ids")[rows], store.nodes.array("xy")[rows]
+def _nodes_of(store: GraphStore) -> "tuple[np.ndarray[tuple[int, ...], np.dtype[Any]], ...]":
+    """Return ids (nodes,) and coordinates (nodes, 2), in insertion order, and the ground unless it is flat."""
+    rows, ground = store.nodes.living(), store.ground()
+    nodes = store.nodes.array("ids")[rows], store.nodes.array("xy")[rows]
+    return nodes if ground is None else (*nodes, ground[rows])
 
 
 def _digest(*arrays: "np.ndarray[tuple[int, ...], np.dtype[np.generic]]") -> bytes:
@@ -250,7 +252,7 @@ class VisibilityTables:
         place = self._place(path, key)
         kept = self._read(place, key, len(fingerprint.node_ids))
         if table is None:
-            task = VisibilityTask(fingerprint.xy, fingerprint.corners, reach, height)
+            task = VisibilityTask(fingerprint.xy, fingerprint.corners, reach, height, fingerprint.ground)
             seen = self._storage.visibility_rows.get(0, key, lambda: kept or _made(task, workers, is_shown=progress))
             table = self._tables[reach, height] = Visibility(fingerprint, self._routes, reach, height, seen)
         if place is not None and kept is None:

@@ -40,6 +40,7 @@ class VisibilityTask(NamedTuple):
     corners: FloatArray  # (faces, 4, 3)
     radius: float
     observer_height: float
+    ground: FloatArray  # (nodes, 2)  height, and number of the tunnel or 0
 
 
 class VisibilityRows(NamedTuple):
@@ -55,7 +56,8 @@ class SightLines:
     def __init__(self, task: VisibilityTask) -> None:
         count, faces = len(task.xy), len(task.corners)
         self._radius = task.radius
-        self._points = np.column_stack((task.xy, np.full(count, task.observer_height)))
+        height, self._tunnels = task.ground.T
+        self._points = np.column_stack((task.xy, height + task.observer_height))
         nodes = NodeTable()
         nodes.extend(np.arange(count), xy=task.xy)
         self._grid = NodeGrid(nodes)
@@ -64,12 +66,15 @@ class SightLines:
 
     def seen(self, first: int, last: int) -> VisibilityRows:
         """Return what the observers in these rows see; there must be one."""
-        found = [self._row(self._points[row]) for row in range(first, last)]
+        found = [self._row(row) for row in range(first, last)]
         return VisibilityRows(np.array([len(rows) for rows in found], np.int32), np.concatenate(found))
 
-    def _row(self, observer: FloatArray) -> RowArray:
+    def _row(self, row: int) -> RowArray:
+        observer = self._points[row]
         near = self._grid.within(float(observer[0]), float(observer[1]), self._radius)
-        return near[self._obstacles.visible(observer, self._points[near])].astype(np.int32)
+        near = near[self._tunnels[near] == self._tunnels[row]]
+        seen: RowArray = near[self._obstacles.visible(observer, self._points[near])].astype(np.int32)
+        return seen
 
 
 def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable[[str], None]) -> VisibilityRows:
@@ -105,7 +110,7 @@ def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) ->
 
     def seen(span: Span) -> VisibilityRows:
         head = np.array([len(task.xy), *span, task.radius, task.observer_height])
-        question = np.concatenate((head, task.xy.ravel(), task.corners.ravel())).astype("<f8")
+        question = np.concatenate((head, task.xy.ravel(), task.ground.ravel(), task.corners.ravel())).astype("<f8")
         try:
             processes.append(process := _started())
             if is_over.is_set():
@@ -147,6 +152,7 @@ def serve() -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that asks is interrupted, and ends this one
     numbers = np.frombuffer(sys.stdin.buffer.read(), "<f8").astype(np.float64)
     nodes, first, last = (int(number) for number in numbers[:3])
-    xy, corners = np.split(numbers[_HEAD:], [2 * nodes])
-    task = VisibilityTask(xy.reshape(-1, 2), corners.reshape(-1, 4, 3), float(numbers[3]), float(numbers[4]))
+    xy, ground, corners = np.split(numbers[_HEAD:], [2 * nodes, 4 * nodes])
+    faces, (radius, height) = corners.reshape(-1, 4, 3), numbers[3:_HEAD].tolist()
+    task = VisibilityTask(xy.reshape(-1, 2), faces, radius, height, ground.reshape(-1, 2))
     sys.stdout.buffer.write(np.concatenate(SightLines(task).seen(first, last)).astype("<i4").tobytes())

@@ -349,6 +349,8 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show, ground: Ground | None 
     """Cut joined roads as the recipe says, and make the graph."""
     show(f"Cutting {len(network.sources)} roads")
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
+    if pieces.refs is not None:
+        pieces = replace(pieces, tunnels=topology.tunnels_of(pieces))
     if ground is not None:
         pieces = on_ground(pieces, ground.elevation, is_walked=ground.is_walked)
     show(f"Making a graph of {len(pieces.sources)} pieces")

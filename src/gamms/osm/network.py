@@ -420,6 +420,7 @@ class RoadNetwork:
     nodes: NodeTags = _NO_NODE_TAGS
     z: FloatArray | None = None  # (nodes,)  metres above sea level
     is_walked: bool = False  # whether slopes count in travel times
+    tunnels: IntArray | None = None  # (nodes,)  number of the tunnel that a node lies in; 0: on the surface
 
 
 def network_of_part(segments: Segments, tags: Sequence[Mapping[str, Any]], *, strong: bool) -> RoadNetwork:

@@ -277,6 +277,9 @@ def _node_columns(network: RoadNetwork, rows: IntArray) -> dict[str, dict[int, A
     for row, ref in numbers.items():
         for name, value in network.nodes.of.get(ref, {}).items():
             columns.setdefault(name, {})[row] = value
+    tunnels = np.zeros(0, np.int64) if network.tunnels is None else network.tunnels[rows]
+    if tunnels.any():
+        columns["underground"] = {row: int(tunnels[row]) for row in np.flatnonzero(tunnels).tolist()}
     return columns if network.z is None else {**columns, "z": dict(enumerate(network.z[rows].tolist()))}
 
 

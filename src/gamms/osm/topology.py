@@ -1,5 +1,6 @@
 """Join roads from junction to junction, merge the vertices of one junction, and cut roads into equal pieces."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import product
@@ -11,8 +12,19 @@ from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import refuse_above
-from gamms.osm.network import RoadNetwork, along, chosen_roads, components, moved_ends, offsets_of, reversed_points
+from gamms.osm.network import (
+    RoadNetwork,
+    along,
+    chosen_roads,
+    components,
+    first_seen,
+    moved_ends,
+    offsets_of,
+    reversed_points,
+)
 
+_NO_TUNNELS = ("no", "building_passage", "avalanche_protector")  # open to the side, or above the ground
+_BELOW = re.compile(r"-[0-9]{1,3}")  # layers
 _REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
 _VERTICAL = ("steps", "escalator", "elevator")
 _MOST_FLOORS = 62  # pairs of layer and level that are told apart on one map
@@ -48,6 +60,29 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         tags=[_joined_tags(ways, network.tags) for ways in np.split(walked.ways, begins[1:])],
     )
     return without_unused_nodes(joined)
+
+
+def tunnels_of(network: RoadNetwork) -> IntArray:
+    """Return the number of the tunnel, from 1, that each node lies in; 0 for nodes that have a road on the surface.
+
+    Tunnels are roads with `tunnel` or a negative `layer`, but for passages through buildings; those that meet
+    underground are one.
+    """
+    is_under = np.array([_is_underground(tags) for tags in network.tags], np.bool_)[network.ways]
+    ends = np.column_stack((network.sources, network.targets))
+    inside = np.zeros(len(network.xy), np.bool_)
+    inside[ends[is_under]] = True
+    inside[ends[~is_under]] = False
+    a, b = ends[is_under & inside[ends].all(axis=1)].T
+    label = components(a, b, len(network.xy))
+    numbers = np.zeros(len(network.xy), np.int64)
+    numbers[inside] = first_seen(label[inside])[0] + 1
+    return numbers
+
+
+def _is_underground(tags: Mapping[str, Any]) -> bool:
+    tunnel, layer = str(tags.get("tunnel", "no")), str(tags.get("layer", "0"))
+    return tunnel not in _NO_TUNNELS or (tunnel == "no" and _BELOW.fullmatch(layer) is not None)
 
 
 def without_unused_nodes(network: RoadNetwork) -> RoadNetwork:

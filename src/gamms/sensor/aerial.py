@@ -18,7 +18,7 @@ from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.ground import map_view
 from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import at_height, memory_of
+from gamms.sensor.views import ground_at, memory_of, on_ground
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -187,9 +187,10 @@ class AerialSensor(FlyingSensor):
             return Surroundings({}, [])
         x, y, _ = pose.position.tolist()
         ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
-        ground = at_height(xy, 0.0)
+        ground, is_outside = on_ground(self.ctx, ids, xy)
         rows = self._reaches(ground - pose.position, pose.axis)
         if self._is_occluded:
+            rows = rows[is_outside[rows]]
             rows = rows[self.ctx.graph.visible(pose.position, ground[rows])]
         return self.ctx.graph.graph.among(ids[rows])
 
@@ -204,9 +205,9 @@ class OccludedAerialSensor(AerialSensor):
 class AerialAgentSensor(DetectingSensor, FlyingSensor):
     """`data`: fresh `{agent name: (AgentType, (x, y, z))}` of the other agents, in the order of their creation.
 
-    Agents on the ground are at height 0 of their node. Seen is an agent at most `range` away in space and inside
-    the cone, both rims included, but for one at the very point of the sensor, as in 1.0.0. Without an owner and a fixed
-    place none is seen.
+    Agents on the ground are at the height of their node, 0 on a flat map. Seen is an agent at most `range` away in
+    space and inside the cone, both rims included, but for one at the very point of the sensor, as in 1.0.0. Without an
+    owner and a fixed place none is seen.
 
     Args:
         ctx: the context.
@@ -259,8 +260,8 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         return [row for row in super()._reportable() if row not in flyers]
 
     def _sighting(self, node_id: int) -> _Sighting:
-        node = self.ctx.graph.graph.get_node(node_id)
-        return AgentType.BASIC, (node.x, node.y, 0.0)
+        node, ground = self.ctx.graph.graph.get_node(node_id), ground_at(self.ctx, node_id)
+        return AgentType.BASIC, (node.x, node.y, float(ground.z[0]))
 
     def _displaced(self, sightings: list[_Sighting], errors: FloatArray) -> list[_Sighting]:
         places = (self._places(sightings) + errors).tolist()
@@ -275,11 +276,13 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
             return np.zeros(0, np.int64), np.zeros(0)
         x, y, _ = pose.position.tolist()
         ids, xy = self.ctx.graph.graph.nodes_near(x, y, self.range)
-        offsets = at_height(xy, 0.0) - pose.position
+        ground, is_outside = on_ground(self.ctx, ids, xy)
+        offsets = ground - pose.position
         rows = self._reaches(offsets, pose.axis)
         rows = rows[offsets[rows].any(axis=1)]
         if self._is_occluded:
-            rows = rows[self.ctx.graph.visible(pose.position, at_height(xy[rows], 0.0))]
+            rows = rows[is_outside[rows]]
+            rows = rows[self.ctx.graph.visible(pose.position, ground[rows])]
         return ids[rows], np.linalg.norm(offsets[rows], axis=1)
 
     @of_data
@@ -304,6 +307,7 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         wanted = self.notice.wanted([row for row in rows.tolist() if names[row] != own], positions.teams)
         rows = np.array(wanted, np.int64)
         if self._is_occluded:
+            rows = rows[memory_of(self.ctx).nearby.coordinates().is_outside[rows]]
             rows = rows[self.ctx.graph.visible(pose.position, xyz[rows])]
         if self.notice.needs_chance:
             distances = np.linalg.norm(offsets[rows], axis=1)

@@ -17,7 +17,7 @@ from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import FULL_CIRCLE, Place, at_height, coordinates, in_sight, memory_of, nodes_ahead
+from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, is_unhidden, memory_of, nodes_ahead
 from gamms.typing import IContext
 from gamms.typing.graph_engine import NodeColumns, Surroundings
 from gamms.typing.sensor_engine import SensorType
@@ -362,8 +362,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
         seen = _selected(on_nodes, in_sight(self.ctx, place, nodes, self.range, height))
         between = [row for row in rows if row in on_edges]
         if between:
-            origin = np.array([*coordinates(self.ctx, place), height])
-            seen += _selected(between, self.ctx.graph.visible(origin, at_height(xy[between], height)))
+            places = NodeColumns(positions.node_ids[between], xy[between])
+            seen += _selected(between, is_unhidden(self.ctx, place, places, height))
         return sorted(seen)
 
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:

@@ -17,7 +17,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
 from gamms.sensor import fov_geometry
 from gamms.typing import IContext
-from gamms.typing.graph_engine import IGraph, NodeColumns, Surroundings
+from gamms.typing.graph_engine import IGraph, NodeColumns, NodeGround, Surroundings
 from gamms.typing.on_edges import located
 
 FULL_CIRCLE = 2.0 * pi
@@ -29,6 +29,7 @@ _FAR_BEYOND = 3.0  # how far an area is measured, in distances to the farthest n
 _MOST_AREAS = 1000
 _MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all
 _WORDS_PER_NODE = 12  # of a dict entry
+_SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
 _WORDS_PER_VIEW = 100  # of its key and its empty containers
 
 
@@ -125,9 +126,11 @@ class ViewsPastObstacles(Views):
     def _area_in_sight(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
         (radius, heading, fov), see = sector, self._ctx.graph.visible
         end = _FAR_BEYOND * float(np.abs(self._ctx.graph.columns().xy - place).max(initial=0.0))
-        within, origin = min(radius, end) if radius < inf and end > 0.0 else radius, np.array([*place, height])
+        within = min(radius, end) if radius < inf and end > 0.0 else radius
+        level = float(ground_at(self._ctx, place).z[0]) + height  # the area is cut where the eyes are
+        origin = np.array([*place, level])
         return fov_geometry.area_in_sight(
-            lambda points: see(origin, at_height(points, height)), *place, within, heading, fov
+            lambda points: see(origin, at_height(points, level)), *place, within, heading, fov
         )
 
     def _renew(self) -> None:
@@ -187,13 +190,41 @@ def in_sight(
         table = ctx.graph.visibility_table(radius, height)
         if table is not None:
             return table.mask(place, nodes.ids)
-    origin = np.array([*coordinates(ctx, place), height])
-    return ctx.graph.visible(origin, at_height(nodes.xy, height))
+    return is_unhidden(ctx, place, nodes, height)
+
+
+def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float) -> BoolArray:
+    """Return whether no obstacle hides each node, or a place beside it, without asking a table."""
+    here, there = ground_at(ctx, place), ctx.graph.graph.ground(nodes.ids)
+    origin = here.eyes(np.array([coordinates(ctx, place)]), height)[0]
+    if there is None:
+        return ctx.graph.visible(origin, at_height(nodes.xy, height))
+    is_near: BoolArray = there.tunnels == here.tunnels
+    return is_near & ctx.graph.visible(origin, there.eyes(nodes.xy, height))
+
+
+def ground_at(ctx: IContext, place: Place) -> NodeGround:
+    """Return the ground at one place; at (x, y) that of the surface, as high as the nearest node."""
+    graph = ctx.graph.graph
+    if not isinstance(place, tuple):
+        ground = graph.ground([place])
+    elif (ground := graph.ground([])) is not None:
+        ground = graph.ground([int(graph.nearest_node(place[0], place[1]))])
+        ground = ground and ground._replace(tunnels=_SURFACE.tunnels)
+    return _SURFACE if ground is None else ground
 
 
 def at_height(xy: FloatArray, height: float) -> FloatArray:
-    """Return points (points, 3) above places (points, 2)."""
+    """Return points (points, 3) above places (points, 2) of a flat map."""
     return np.column_stack([xy, np.full(len(xy), height)])
+
+
+def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Return the nodes as points (nodes, 3) on the ground, and which of them are not in a tunnel."""
+    ground = ctx.graph.graph.ground(ids)
+    if ground is None:
+        return at_height(xy, 0.0), np.ones(len(xy), np.bool_)
+    return ground.eyes(xy, 0.0), ground.tunnels == 0
 
 
 # -- agents ----------------------------------------------------------------------------------------------------------
@@ -206,9 +237,10 @@ _WIDE = 4096  # nodes: a disc with more is compared with the places of all agent
 class Coordinates(NamedTuple):
     """Where all agents are on the map, in the order of their creation."""
 
-    xyz: FloatArray  # (agents, 3)  of the node or the place on an edge, at height 0, or of an agent that flies
+    xyz: FloatArray  # (agents, 3)  of the node or the place on an edge, on the ground, or of an agent that flies
     xy: FloatArray  # (agents, 2)  of the node, or of the place on an edge
     is_flying: BoolArray  # (agents,)
+    is_outside: BoolArray  # (agents,)  not in a tunnel
 
 
 class NearbyAgents:
@@ -239,9 +271,11 @@ class NearbyAgents:
             for row, progress in positions.on_edges.items():
                 place = located(graph, progress)
                 xy[row] = xy[row] if place is None else place.xy
-            xyz, is_flying = np.column_stack([xy, np.zeros(len(xy))]), np.zeros(len(xy), np.bool_)
+            # On an edge an agent is as high as the node that it passed last, and in its tunnel.
+            xyz, is_on_surface = on_ground(self._ctx, positions.node_ids, xy)
+            is_flying = np.zeros(len(xy), np.bool_)
             xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
-            self._coordinates = Coordinates(xyz, xy, is_flying)
+            self._coordinates = Coordinates(xyz, xy, is_flying, is_on_surface | is_flying)
             self._key, self._nodes_by_name = key, None
         return self._coordinates
 

@@ -19,6 +19,7 @@ from gamms.typing.graph_values import (
     Engine,
     Node,
     NodeColumns,
+    NodeGround,
     NodeIds,
     Numbers,
     ObsFace,
@@ -45,6 +46,7 @@ __all__ = [
     "NearestEdge",
     "Node",
     "NodeColumns",
+    "NodeGround",
     "NodeIds",
     "Numbers",
     "OSMEdge",
@@ -195,6 +197,14 @@ class IGraph(ABC):
         """Return coordinates (nodes, 2) of several nodes (KeyError)."""
         nodes = [self.get_node(int(id)) for id in node_ids]
         return np.array([(node.x, node.y) for node in nodes], np.float64).reshape(-1, 2)
+
+    def ground(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> NodeGround | None:
+        """Return the ground at several nodes; None for a map that is flat and has no tunnels.
+
+        It is what the attributes `z`, a height, and `underground`, the number of a tunnel, say of a node. What looks
+        past obstacles sees from a node those in the same tunnel, and from the surface those on it.
+        """
+        return None
 
     # -- routing: may override for speed ---------------------------------------------------------------------------
     #

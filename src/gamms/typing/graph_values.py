@@ -137,6 +137,17 @@ class NodeColumns(NamedTuple):
     xy: FloatArray  # (nodes, 2)
 
 
+class NodeGround(NamedTuple):
+    """What lies under and above some nodes."""
+
+    z: FloatArray  # (nodes,)  height of the ground; 0 where none is known
+    tunnels: IntArray  # (nodes,)  the number of the tunnel that a node lies in; 0 on the surface
+
+    def eyes(self, xy: FloatArray, height: float) -> FloatArray:
+        """Return points (nodes, 3) at a height above these nodes."""
+        return np.column_stack([xy, self.z + height])
+
+
 class Surroundings(NamedTuple):
     """Nodes in a disc by id, and the edges that have both ends among them; both in insertion order."""
 
