@@ -80,6 +80,12 @@ def street(**tags):
         ({"highway": "construction", "construction": "primary"}, []),
         ({"highway": "proposed"}, []),
         ({"highway": "disused"}, []),
+        ({"highway": "demolished"}, []),
+        ({"highway": "ladder"}, []),
+        ({"highway": "crossing"}, []),
+        (street(demolished="yes", foot="yes"), []),
+        (street(razed="yes"), []),
+        ({"highway": "steps", "conveying": "yes", "disused": "yes"}, []),
         ({"highway": "raceway"}, []),
         ({"highway": "bus_stop"}, []),
         ({"highway": "via_ferrata"}, []),
@@ -125,6 +131,16 @@ BOTH, ALONG, AGAINST = (True, True), (True, False), (False, True)
         (street(oneway="yes", oneway__bicycle="no"), BOTH, BOTH, ALONG),
         (street(oneway__bicycle="yes"), BOTH, ALONG, BOTH),
         (street(oneway="yes", cycleway="opposite"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", cycleway="opposite_track"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", cycleway="opposite_share_busway"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", cycleway="lane"), BOTH, ALONG, ALONG),
+        (street(oneway="yes", cycleway__right="opposite_lane"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", cycleway__right__oneway="-1"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", cycleway__left__oneway="no"), BOTH, BOTH, ALONG),
+        (street(oneway="yes", cycleway__both__oneway="no"), BOTH, BOTH, ALONG),
+        (street(oneway="true"), BOTH, ALONG, ALONG),
+        (street(oneway="1"), BOTH, ALONG, ALONG),
+        (street(oneway="reverse"), BOTH, AGAINST, AGAINST),
         (street(oneway="-1", cycleway="opposite_lane"), BOTH, BOTH, AGAINST),
         (street(oneway="yes", cycleway__left="opposite_track"), BOTH, BOTH, ALONG),
         (street(oneway="yes", cycleway__left="lane", cycleway__left__oneway="-1"), BOTH, BOTH, ALONG),
@@ -142,7 +158,8 @@ def test_each_mode_has_its_own_one_way_streets(tags, walk, bike, drive):
     ("conveying", "directions"), [("forward", ALONG), ("backward", AGAINST), ("reversible", BOTH), ("yes", BOTH)]
 )
 def test_an_escalator_leads_where_it_runs(conveying, directions):
-    assert modes()["walk"]({"highway": "steps", "conveying": conveying})[1:] == directions
+    for highway in ("steps", "footway", "escalator"):
+        assert modes()["walk"]({"highway": highway, "conveying": conveying})[1:] == directions
 
 
 def test_motorways_are_one_way_unless_they_say_otherwise():

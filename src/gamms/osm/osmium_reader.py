@@ -209,11 +209,14 @@ def read_ways(
     source, lines, rule = _source_of(file), _Lines(allowance_of(file)), rule or classic_rule(None)
     kept: list[tuple[dict[str, Any], bool]] = []
     marked, texts, barriers = dict[int, dict[str, str]](), dict[str, str](), set[int]()
+    relations: list[tuple[int, dict[str, str], list[int]]] = []
     show(f"Reading {file.name}")
     with _errors_of(file):
-        squares = open_squares(_multipolygons(source), rule) if areas else {}
         for count, one in enumerate(_roads(source, tags if stops is None else [*tags, "barrier"]), 1):
             given = {tag.k: tag.v for tag in one.tags}
+            if one.is_relation():
+                relations.append((one.id, given, _rings(cast("osm.Relation", one))))
+                continue
             if one.is_node():
                 marked[one.id] = _shared({name: given[name] for name in node_keys(tags) if name in given}, texts)
                 barriers.update([one.id] if stops is not None and stops(given) else [])
@@ -225,6 +228,7 @@ def read_ways(
                 kept.append((_shared(found[0], texts), found[1]))
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {file.name}: {count} roads")
+        squares = open_squares(relations, rule) if areas else {}
         rims = rims_of(squares)
         for way in _ways(source) if rims.keys() - lines.row_of.keys() else ():
             if way.id in rims and not way.deleted and way.id not in lines.row_of:
@@ -261,16 +265,9 @@ def count_turn_restrictions(file: Path) -> int:
         return sum(not cast("osm.Relation", one).deleted for one in found)
 
 
-def _multipolygons(source: "io.File") -> Iterator[tuple[int, dict[str, str], list[int]]]:
-    """Yield the ids and tags of relations with a `highway` tag, and the ids of the ways around them."""
-    from osmium import FileProcessor, osm
-    from osmium.filter import KeyFilter
-
-    for one in FileProcessor(source, osm.RELATION).with_filter(KeyFilter("highway")):
-        relation = cast("osm.Relation", one)
-        if not relation.deleted:
-            rings = [part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES]
-            yield relation.id, {tag.k: tag.v for tag in relation.tags}, rings
+def _rings(relation: "osm.Relation") -> list[int]:
+    """Return the ids of the ways around a multipolygon."""
+    return [part.ref for part in relation.members if part.type == "w" and part.role in RING_ROLES]
 
 
 def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
@@ -278,16 +275,16 @@ def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
     return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
 
 
-def _roads(source: "io.File", tags: Sequence[str]) -> "Iterator[osm.Node | osm.Way]":
-    """Read the ways with a `highway`, and the nodes with that or one of these tags."""
+def _roads(source: "io.File", tags: Sequence[str]) -> "Iterator[osm.Node | osm.Way | osm.Relation]":
+    """Read the ways and relations with a `highway`, and the nodes with that or one of these tags."""
     from osmium import FileProcessor, osm
     from osmium.filter import KeyFilter
 
     ways, nodes = KeyFilter("highway"), KeyFilter(*node_keys(tags))
-    ways.enable_for(osm.WAY)
+    ways.enable_for(osm.WAY | osm.RELATION)
     nodes.enable_for(osm.NODE)
-    objects = FileProcessor(source, osm.NODE | osm.WAY).with_locations().with_filter(ways).with_filter(nodes)
-    return cast("Iterator[osm.Node | osm.Way]", iter(objects))
+    objects = FileProcessor(source, osm.NODE | osm.WAY | osm.RELATION).with_locations()
+    return cast("Iterator[osm.Node | osm.Way | osm.Relation]", iter(objects.with_filter(ways).with_filter(nodes)))
 
 
 def _source_of(file: Path) -> "io.File":
