@@ -454,3 +454,35 @@ rules: [{rule: time_limit, with: {turns: 2}}]
     )
     result = gamms.scenario.load(tmp_path / "walk.yaml").play()
     assert result.agents["anna"]["node"] == 1  # 40 m on
+
+
+# -- strategies -------------------------------------------------------------------------------------------------------
+
+
+def test_random_walkers_go_on_and_those_who_stay_stop_where_they_are():
+    ctx = road(0, 90, 180, 270)
+    walker = ctx.agent.create_agent("walker", start_node_id=1, speed=10.0, strategy=gamms.strategies.random_walk)
+    passed = []
+    for _ in range(60):
+        ctx.game.step()
+        passed.append(x_of(walker))
+    assert {0.0, 90.0, 180.0} <= {round(x, 6) for x in passed}  # it never turns on the way
+    ctx.game.run(2)
+    at = x_of(walker)
+    walker.strategy = gamms.strategies.stay
+    ctx.game.run(3)
+    assert x_of(walker) == at
+
+
+def test_pursuers_catch_on_edges():
+    ctx = road(0, 90, 180, 270, 360)
+    for name, team, node, speed in (("cat", "cats", 0, 30.0), ("mouse", "mice", 2, 10.0)):
+        ctx.sensor.create_sensor(f"eyes of {name}", SensorType.AGENT)
+        strategy = gamms.strategies.chase(ctx) if team == "cats" else gamms.strategies.goto(ctx, 4)
+        ctx.agent.create_agent(
+            name, start_node_id=node, team=team, speed=speed, sensors=[f"eyes of {name}"], strategy=strategy
+        )
+    ctx.game.add(gamms.rules.tag("cats", "mice", then="eliminate"))
+    result = ctx.game.run(20)
+    (caught,) = [event for event in result.events if event["kind"] == "tag"]
+    assert caught["turn"] == 9  # 180 m at 20 m a turn

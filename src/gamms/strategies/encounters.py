@@ -18,6 +18,7 @@ from gamms.strategies.knowledge import (
     legal_on_map,
     mates_in_sight,
     move_to,
+    move_to_agent,
     node_of,
     pace_of,
     required,
@@ -46,7 +47,8 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
     def strategy(state: State) -> None:
         here = node_of(state, "chase")
         enemies = enemies_in_sight(ctx, state, "chase")
-        move_to(ctx, state, ctx.graph.routes.nearest(here, enemies.values()), fallback, "chase")
+        nearest = ctx.graph.routes.nearest(here, enemies.values())
+        move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
     return strategy
 
@@ -181,7 +183,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
             target = ctx.graph.routes.nearest(here, seen.values())
         else:
             target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
-        move_to(ctx, state, target, fallback, "assign")
+        move_to_agent(ctx, state, target, seen, fallback, "assign")
 
     return strategy
 

@@ -4,11 +4,11 @@ Strategies that act on enemies need `state["team"]`, and a sensor that shows age
 OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from inspect import iscoroutinefunction
 from itertools import takewhile
 from math import inf, isfinite
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
 from gamms.arguments import as_int, as_items
@@ -243,6 +243,47 @@ def move_to(ctx: IContext, state: State, target: int | None, fallback: Strategy,
         fallback(state)
     else:
         state["action"] = step
+
+
+def move_to_agent(
+    ctx: IContext, state: State, target: int | None, seen: Mapping[str, int], fallback: Strategy, caller: str
+) -> None:
+    """Set the action to a step towards an agent in sight: to the node it has passed last, and on along its edge.
+
+    Args:
+        ctx: the context.
+        state: of an agent on the ground.
+        target: the node; None: no agent is in sight.
+        seen: the agents in sight, with the nodes that they have passed last; the first at the node is gone to.
+        fallback: is called where there is none, or no path.
+        caller: the name of the strategy, for messages.
+    """
+    name = next((name for name, node in seen.items() if node == target), None)
+    its: Any = None if name is None or "edge" not in state else getattr(ctx.agent.get_agent(name), "edge", None)
+    if its is None or its[0] != target:
+        move_to(ctx, state, target, fallback, caller)
+        return
+    graph, edge, (source, end, street) = ctx.graph.graph, state["edge"], its
+    gone, length = getattr(ctx.agent.get_agent(cast("str", name)), "offset_m", 0.0), graph.get_edge(street).length
+    if edge is not None and set(edge[:2]) == {source, end}:  # both are on one street
+        offset = state["offset_m"] if edge[0] == source else length - state["offset_m"]
+        state["action"] = end if offset < gone else source
+        return
+    starts = {state["curr_pos"]: state["offset_m"]}
+    if edge is not None:
+        starts[edge[1]] = graph.get_edge(edge[2]).length - state["offset_m"]
+    ways = [(source, end, gone)]
+    if source in graph.neighborhoods[end]:
+        ways.append((end, source, length - gone))
+    far, start, first, last = min(
+        (begun + graph.distance(start, first) + rest, start, first, last)
+        for start, begun in starts.items()
+        for first, last, rest in ways
+    )
+    if far == inf:
+        fallback(state)
+    else:
+        state["action"] = [*graph.shortest_path(start, first), last]
 
 
 def step_towards(

@@ -33,17 +33,18 @@ from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strate
 
 
 def stay(state: State | AerialState) -> None:
-    """Stay; it always sets an action."""
+    """Stay, on an edge too; it always sets an action."""
     if is_aerial(state):
         state["action"] = (0.0, 0.0, 0.0)
     else:
-        state["action"] = state["curr_pos"]
+        state["action"] = state["curr_pos"] if state.get("edge") is None else None
 
 
 def random_walk(state: State | AerialState) -> None:
     """Go to one of the legal nodes, the agent's own included, each as likely; fly in any horizontal direction.
 
-    Without `state["legal"]`, the legal nodes are those that a NEIGHBOR sensor shows.
+    In games by metres an agent on an edge goes on to the end of it. Without `state["legal"]`, the legal nodes are those
+    that a NEIGHBOR sensor shows.
 
     Raises:
         MissingKey: there is neither `state["draw"]` nor `state["rng"]`, or nothing that gives legal nodes.
@@ -51,6 +52,8 @@ def random_walk(state: State | AerialState) -> None:
     if is_aerial(state):
         angle = 2.0 * pi * drawn_fraction(state, "random_walk")
         state["action"] = (cos(angle), sin(angle), 0.0)
+    elif (edge := state.get("edge")) is not None:
+        state["action"] = edge[1]
     else:
         legal = legal_nodes(state, "random_walk")
         state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
