@@ -23,7 +23,7 @@ class DrawKind(IntEnum):
     RECTANGLE = 2  # two points: top-left corner, in world units; (width, height), in the unit of `space`
     LINE = 3  # two or more points, an open polyline; width
     POLYGON = 4  # three or more points, closed; what it winds around is filled, so a seam to a ring may make a hole
-    TEXT = 5  # one point, the anchor; size = font height
+    TEXT = 5  # one point, the upper left corner, around which it is turned by the angle; size = font height
     IMAGE = 6  # one point, the centre; size = half of the side; `text` is the path or name of the image
 
 

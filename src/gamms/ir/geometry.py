@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -46,6 +46,23 @@ def seamed(rings: Sequence[FloatArray]) -> FloatArray:
     """Return one line (points, 2) along the rings of a polygon, as `rings_of` gives them, with a seam to each hole."""
     outer, *holes = rings
     return np.concatenate([outer[:-1], *(np.concatenate([outer[:1], hole]) for hole in holes)])
+
+
+def joined_lines(points: FloatArray, offsets: IntArray, groups: IntArray) -> list[tuple[int, FloatArray]]:
+    """Return the lines of each group, joined where two of it meet, as (group, points).
+
+    Args:
+        points: (points, 2)
+        offsets: (lines + 1,)
+        groups: (lines,) whole numbers from 0 on, without gaps.
+    """
+    import shapely
+
+    lines = shapely.linestrings(points, indices=np.repeat(np.arange(len(groups)), np.diff(offsets)))
+    order = np.argsort(groups, kind="stable")
+    bundles = shapely.multilinestrings(lines[order], indices=groups[order])
+    parts, owner = shapely.get_parts(shapely.line_merge(bundles), return_index=True)
+    return [(group, shapely.get_coordinates(part)) for group, part in zip(owner.tolist(), parts, strict=True)]
 
 
 def line_strings(points: FloatArray, lines: "np.ndarray[Any, np.dtype[np.int64]]") -> "list[LineString]":

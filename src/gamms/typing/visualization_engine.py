@@ -98,6 +98,8 @@ class PictureOptions(TypedDict, total=False):
     """Whether what sensors see is drawn, as far as it is by default or was declared: True."""
     captions: bool
     """Whether the turn and what happens in it stand below the map: in films, not in pictures."""
+    street_names: bool
+    """Whether streets have their names along them where the map is shown close by: True."""
 
 
 class GraphVisual(TypedDict, total=False):

@@ -132,8 +132,8 @@ class Commands:
         extent = as_range(width, "The width of a rectangle"), as_range(height, "The height of a rectangle")
         self._add(DrawKind.RECTANGLE, _as_points([(x, y), extent]), [2], color, space=DrawSpace.SCREEN)
 
-    def add_text(self, text: str, x: float, y: float, color: AnyColor, font_px: float) -> None:
-        """Write `text` with its top-left corner at (x, y)."""
+    def add_text(self, text: str, x: float, y: float, color: AnyColor, font_px: float, angle: float = 0.0) -> None:
+        """Write `text` with its top-left corner at (x, y), turned around that counter-clockwise by `angle` degrees."""
         self._add(
             DrawKind.TEXT,
             _as_points([(x, y)]),
@@ -141,6 +141,7 @@ class Commands:
             color,
             space=DrawSpace.SCREEN,
             size=font_px,
+            angle=as_float(angle, "angle"),
             text=str(text),
         )
 

@@ -23,7 +23,7 @@ from gamms.visual.backends.raster import Painting
 from gamms.visual.camera import CSS_DPI, Box, Camera, Point, Viewpoint, bounds
 from gamms.visual.captions import CAPTION_SECONDS, CaptionBar, Captions, Card, end_card
 from gamms.visual.drawing import Commands, Drawing, joined, magnified
-from gamms.visual.labels import LABEL_PX, Labels, write_labels
+from gamms.visual.labels import LABEL_PX, STREET_PX, Labels, StreetNames, name_ink, write_labels, write_street_names
 from gamms.visual.legend import Block, blocks_of, grown
 from gamms.visual.page import Page, PageStyle, page_size, style_of
 from gamms.visual.scene import Scene, whole_frame
@@ -125,7 +125,10 @@ def painted(source: "Source", sheet: Sheet, style: PageStyle) -> bytes:
         if marks > 1.0 and source.drawing.has_marks:
             page, camera, corner = fitted(commands := group.commands())
         pen = page.pen(camera)
-        for words, left, middle in page.labels(Labels(), camera, source.ctx, artists, corner):
+        labels = page.labels(Labels(), camera, source.ctx, artists, corner)
+        for name in page.street_names(StreetNames(), camera, source.ctx, artists, corner, labels):
+            pen.turned_text(name.words, name.corner, STREET_PX, name_ink(style.background), name.angle)
+        for words, left, middle in labels:
             pen.text(words, left, middle, LABEL_PX)
     commands = joined(joined(commands, pen.commands.freeze()), page.commands(camera, corner))
     if page.has_captions:
@@ -255,6 +258,7 @@ class Frames:
             width, height = _sides(asked, box, blocks, self._viewpoint, self._style)
         self.width, self.height = (side + side % 2 * is_even for side in size(width, height, FILM_BYTES))
         self.canvas = Canvas(self.width, self.height, paper=self._style.background[:3])
+        self._street_names = StreetNames()
         self._fitted: tuple[Camera, Point] | None = None
         self._artists: dict[str, IArtist] | None = None
         self._is_new_turn = True
@@ -296,6 +300,8 @@ class Frames:
         page, bar = self._page, self._caption_bar
         with self._themed():
             labels = page.labels(self._labels, camera, self.ctx, self._artists or {}, corner)
+            names = page.street_names(self._street_names, camera, self.ctx, self._artists or {}, corner, labels)
+        write_street_names(self.canvas, names, name_ink(self._style.background))
         write_labels(self.canvas, labels, inks(self._style.background)[0])
         self._around.paint(self.canvas, camera, (page, camera), lambda: page.commands(camera, corner))
         if page.has_captions:

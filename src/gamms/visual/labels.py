@@ -1,24 +1,28 @@
-"""Words beside agents: names, heights, and how many stand on one node; where they go, and how they are drawn.
+"""Words on the map: names of agents, heights, how many stand on one node, names of streets; where they go.
 
 A label stands at one of eight sides of its own dot, and never on a dot, another label, what stands around the map or
-the edge of the page; one that finds no place is left out. `Labels` remembers the sides from frame to frame.
+the edge of the page; one that finds no place is left out. The name of a street stands along it where it is straight and
+nothing else is. `Labels` and `StreetNames` remember places from frame to frame.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from math import atan2, cos, degrees, hypot, radians, sin
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
 from gamms.errors import BadType, UnknownName
 from gamms.ir.draw import DrawKind, DrawSpace
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.geometry import joined_lines
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IArtist, IContext
-from gamms.visual.appearance import AgentData, Rgb
+from gamms.visual.appearance import AgentData, Rgb, Rgba, inks
 from gamms.visual.artist import ArtistGroup, data_of, looks_of
-from gamms.visual.camera import Camera, on_screen
+from gamms.visual.camera import Camera, on_screen, touching
 from gamms.visual.drawers.agents import RING, RING_PX
+from gamms.visual.drawers.streets import classes_of, in_metres, levels_of, one_way_each, polylines
 from gamms.visual.drawing import Commands, drawing_of
 from gamms.visual.lettering import EM, MIDDLE, words_width
 
@@ -292,3 +296,208 @@ def _cells(box: Rectangle) -> list[tuple[int, int]]:
 
 def _touch(one: Rectangle, other: Rectangle) -> bool:
     return one[0] < other[2] and one[2] > other[0] and one[1] < other[3] and one[3] > other[1]
+
+
+# -- names of streets -------------------------------------------------------------------------------------------
+
+
+STREET_PX = 15.0
+_CLOSE = 0.8  # pixels of a metre from which on streets have names
+_NAME_AREA = 40_000.0  # pixels of the page for each name
+_AGAIN_PX, _BETWEEN_PX = 320.0, 14.0  # from a name to the same one, and to another
+_ROOM_PX, _TRY_PX = 10.0, 24.0  # of a street beyond each end of its name; from place to place that is tried
+_STRAIGHT, _BENT_PX = 0.99, 2.0  # a stretch for a name: how straight, and how far its middle may be beside
+_UPRIGHT = 0.2  # so far across, as a share of how far down, a name still reads upwards
+_LONGEST_NAME = 60  # letters
+
+
+class StreetName(NamedTuple):
+    """Words along a street, pixels from the upper left corner."""
+
+    words: str
+    x: float  # of their middle
+    y: float
+    angle: float  # degrees, counter-clockwise
+
+    @property
+    def corner(self) -> tuple[float, float]:
+        """The upper left corner of the words, around which they are turned."""
+        across, down, turn = words_width(self.words, STREET_PX) / 2, MIDDLE * STREET_PX, radians(self.angle)
+        return self.x - across * cos(turn) - down * sin(turn), self.y + across * sin(turn) - down * cos(turn)
+
+
+class _Named(NamedTuple):
+    """Streets with names, the greatest first, and the boxes around them."""
+
+    words: list[str]
+    points: list[FloatArray]  # (points, 2) each
+    along: list[FloatArray]  # (points,) each: how far from its beginning, world units
+    widths: FloatArray  # (streets,)  of the words, pixels
+    low: FloatArray  # (streets, 2)
+    high: FloatArray  # (streets, 2)
+
+
+class StreetNames:
+    """The names of streets, which stay where they are on the map as long as they can."""
+
+    def __init__(self) -> None:
+        self._places: dict[int, float] = {}  # street -> how far along it its name was, world units
+
+    def placed(
+        self,
+        camera: Camera,
+        fine: float,
+        ctx: IContext,
+        artists: Mapping[str, IArtist],
+        page: Rectangle,
+        taken: Sequence[Rectangle],
+    ) -> list[StreetName]:
+        """Return the names of the greatest streets, where the map is shown so large that they have room.
+
+        Args:
+            camera: of the picture.
+            fine: how many of its pixels are one of the page.
+            ctx: the context.
+            artists: that have drawn agents, of whose dots names are kept clear.
+            page: where names may be.
+            taken: where they may not.
+        """
+        scale, before, self._places = camera.scale / fine, self._places, {}
+        if scale < _CLOSE or not in_metres(ctx.graph.columns()):
+            return []
+        streets, found = drawing_of(ctx).of_map(_named_streets), list[StreetName]()
+        looks = [look for look in looks_of(artists) if look.current_position is not None]
+        kept = dots_of(looks, camera, fine)
+        left, top, right, bottom = page
+        most = (right - left) * (bottom - top) / _NAME_AREA
+        west, east = (camera.left + x / scale for x in (left, right))
+        south, north = (camera.top - y / scale for y in (bottom, top))
+        is_near = touching(streets.low, streets.high, (west, south, east, north))
+        is_near &= np.array([way[-1] for way in streets.along]) * scale > streets.widths + 2 * _ROOM_PX
+        for row in np.flatnonzero(is_near).tolist():
+            if len(found) + 1 > most:
+                break
+            words, along = streets.words[row], streets.along[row] * scale
+            clear = [name for name in found if name.words == words]
+            width = float(streets.widths[row])
+            tries = _stretches(camera.to_screen(streets.points[row]) / fine, along, width, page)
+            for place in _in_order(tries, before.get(row, -1.0) * scale):
+                name, reach = _name_at(words, tries, place), Dots(*_marks_along(width, tries, place))
+                if any(hypot(name.x - one.x, name.y - one.y) < _AGAIN_PX for one in clear):
+                    continue
+                if _is_clear(reach, kept, taken):
+                    kept = Dots(
+                        np.concatenate([kept.centers, reach.centers]),
+                        np.concatenate([kept.radii, reach.radii + _BETWEEN_PX]),
+                    )
+                    self._places[row] = float(tries.along[place]) / scale
+                    found.append(name)
+                    break
+        return found
+
+
+class _Stretches(NamedTuple):
+    """Straight stretches of a street that are on the page, from end to end."""
+
+    along: FloatArray  # (stretches,)  of their middles, pixels
+    begins: FloatArray  # (stretches, 2)
+    ends: FloatArray  # (stretches, 2)
+
+
+def _stretches(points: FloatArray, along: FloatArray, width: float, page: Rectangle) -> _Stretches:
+    """Return where a street is straight for so long, and inside the page, with the left end first."""
+    half = width / 2 + _ROOM_PX
+    middles = np.arange(half, max(float(along[-1]) - half, 0.0), _TRY_PX)
+    between = _points_at(points, along, middles)
+    is_there = ((between > page[:2]) & (between < page[2:])).all(axis=1)
+    middles, between = middles[is_there], between[is_there]
+    begins, ends = (_points_at(points, along, middles + way) for way in (-half, half))
+    is_good = np.hypot(*(ends - begins).T) >= _STRAIGHT * 2 * half
+    is_good &= np.hypot(*(between - (begins + ends) / 2).T) <= _BENT_PX
+    for places in (begins, ends):
+        is_good &= ((places > page[:2]) & (places < page[2:])).all(axis=1)
+    ways = ends - begins
+    is_back = ways[:, 0] < _UPRIGHT * ways[:, 1]  # of names that are nearly upright, all read upwards
+    begins, ends = np.where(is_back[:, None], ends, begins), np.where(is_back[:, None], begins, ends)
+    return _Stretches(middles[is_good], begins[is_good], ends[is_good])
+
+
+def _points_at(points: FloatArray, along: FloatArray, places: FloatArray) -> FloatArray:
+    """Return the points (places, 2) of a line so far along it."""
+    return np.column_stack([np.interp(places, along, axis) for axis in points.T])
+
+
+def _in_order(tries: _Stretches, before: float) -> list[int]:
+    """Return the stretches: that of the frame before first, then from the middle outwards."""
+    if not len(tries.along):
+        return []
+    goal = before if before >= 0.0 and abs(tries.along - before).min() < _TRY_PX else float(np.median(tries.along))
+    order: list[int] = np.argsort(abs(tries.along - goal), kind="stable").tolist()
+    return order
+
+
+def _name_at(words: str, tries: _Stretches, place: int) -> StreetName:
+    (x, y), (across, down) = (tries.begins[place] + tries.ends[place]) / 2, tries.ends[place] - tries.begins[place]
+    return StreetName(words, float(x), float(y), degrees(atan2(-float(down), float(across))))
+
+
+def _marks_along(width: float, tries: _Stretches, place: int) -> tuple[FloatArray, FloatArray]:
+    """Return circles that cover the words on a stretch: their centers and radii."""
+    radius = EM * STREET_PX / 2 + 1.0
+    count = max(int(width / radius), 1) + 1
+    shares = np.linspace(0.0, 1.0, count)[:, None]
+    return tries.begins[place] * (1 - shares) + tries.ends[place] * shares, np.full(count, radius)
+
+
+def _is_clear(reach: Dots, kept: Dots, taken: Sequence[Rectangle]) -> bool:
+    """Return whether circles touch no others, and nothing that is taken."""
+    apart = np.hypot(*np.moveaxis(reach.centers[:, None] - kept.centers, 2, 0))
+    if (apart < reach.radii[:, None] + kept.radii + _APART_PX).any():
+        return False
+    boxes = np.array(taken).reshape(-1, 4)
+    beyond = np.maximum(np.maximum(boxes[:, :2] - reach.centers[:, None], reach.centers[:, None] - boxes[:, 2:]), 0.0)
+    return not (np.hypot(beyond[..., 0], beyond[..., 1]) < reach.radii[:, None] + _APART_PX).any()
+
+
+def box_of(label: Label) -> Rectangle:
+    """Return the rectangle around a label."""
+    half = EM * LABEL_PX / 2
+    return label.left, label.middle - half, label.left + words_width(label.words, LABEL_PX), label.middle + half
+
+
+def name_ink(background: Rgba) -> Rgb:
+    """Return the colour of names of streets: a little paler than those of agents, and still read upon a street."""
+    red, green, blue = (round((2 * ink + faint) / 3) for ink, faint in zip(*inks(background), strict=True))
+    return red, green, blue
+
+
+def write_street_names(canvas: "Canvas", names: Sequence[StreetName], ink: Rgb) -> None:
+    """Write names of streets on a picture of pixels."""
+    for name in names:
+        canvas.turned_text(name.words, name.corner, STREET_PX, (*ink, 255), name.angle)
+
+
+def _named_streets(columns: GraphColumns) -> _Named:
+    """Return the streets of a map that have names, joined where their edges meet, but no tunnels."""
+    names = {row: _first_text(value) for row, value in columns.edge_attributes.get("name", {}).items()}
+    rows = one_way_each(columns)
+    rows = rows[(levels_of(columns)[rows] >= 0) & np.isin(rows, [row for row, name in names.items() if name])]
+    if not len(rows):
+        return _Named([], [], [], np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)))
+    texts, group = np.unique([names[row] for row in rows.tolist()], return_inverse=True)
+    classes = np.zeros(len(texts), np.int64)
+    np.maximum.at(classes, group, classes_of(columns)[rows])
+    parts = joined_lines(*polylines(columns, rows), group)
+    along = [np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))]) for _, points in parts]
+    order = sorted(range(len(parts)), key=lambda part: (-classes[parts[part][0]], -along[part][-1]))
+    points = [parts[part][1] for part in order]
+    low, high = (np.array([measure(one, axis=0) for one in points]) for measure in (np.min, np.max))
+    words = [str(texts[parts[part][0]]) for part in order]
+    widths = np.array([words_width(one, STREET_PX) for one in words])
+    return _Named(words, points, [along[part] for part in order], widths, low, high)
+
+
+def _first_text(value: object) -> str:
+    """Return a name, or the first of several; "" for what is none, or too long."""
+    text = value[0] if isinstance(value, list | tuple) and value else value
+    return text.strip() if isinstance(text, str) and len(text) <= _LONGEST_NAME else ""

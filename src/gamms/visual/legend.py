@@ -272,6 +272,10 @@ class Pen:
         """Fill a polygon."""
         self.commands.add_polygon([self._place(*point) for point in points], color)
 
+    def turned_text(self, words: str, corner: tuple[float, float], font_px: float, ink: Rgb, angle: float) -> None:
+        """Write words from their upper left corner, turned around that counter-clockwise by degrees."""
+        self.commands.add_text(words, *self._place(*corner), ink, self._zoom * font_px, angle)
+
     def text(self, words: str, x: float, middle: float, font_px: float, ink: Rgb | None = None) -> None:
         """Write words whose small letters have their middle so far down."""
         place = self._place(x, middle - MIDDLE * font_px)

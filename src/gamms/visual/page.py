@@ -4,7 +4,7 @@ From the top down: the title; the map with the legend at its right; the turn and
 scale bar, north and the note.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from math import ceil, floor, log10
 from typing import Unpack
@@ -21,14 +21,14 @@ from gamms.typing.visualization_engine import PictureOptions
 from gamms.visual.appearance import PAPER, Rgb, Rgba, inks, rgba
 from gamms.visual.camera import Box, Camera, Point, fit_box
 from gamms.visual.captions import LINE_PX, CaptionBar, Card, draw_caption_bar, draw_card
-from gamms.visual.labels import AUTO, Choice, Label, Labels, as_choice
+from gamms.visual.drawers.streets import in_metres
+from gamms.visual.labels import AUTO, Choice, Label, Labels, Rectangle, StreetName, StreetNames, as_choice, box_of
 from gamms.visual.legend import Block, Legend, Pen
 from gamms.visual.lettering import shortened, words_width
 from gamms.visual.shown_turn import as_turns
 from gamms.visual.themes import THEMES, Theme, theme_called
 
 _FITS = "page", "tight"
-_IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # maps in which lengths cannot be read off
 _AREA = 560_000.0  # square pixels of the map on a page of no given size
 _SLIMMEST = 0.45  # the shorter side of such a map, as a share of the longer one, at least
 _ENDLESS = 1_000_000  # pixels
@@ -56,6 +56,7 @@ class PageStyle:
     trails: int = 0
     sensors: bool = True
     has_captions: bool = False
+    street_names: bool = True
 
 
 def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
@@ -69,20 +70,21 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     fit, scale_bar = options.get("fit", _FITS[0]), options.get("scale_bar")
     if fit not in _FITS:
         raise BadValue(f"fit is one of {', '.join(map(repr, _FITS))}, not {shown(fit)}.")
-    crs, theme = ctx.graph.columns().crs, theme_called(options.get("theme", "light"))
-    has_bar = crs is not None and crs not in _IN_DEGREES if scale_bar is None else as_bool(scale_bar, "scale_bar")
+    columns, theme = ctx.graph.columns(), theme_called(options.get("theme", "light"))
+    has_bar = in_metres(columns) if scale_bar is None else as_bool(scale_bar, "scale_bar")
     return PageStyle(
         title=as_text(options.get("title", ""), "title"),
         note=noted(ctx, options.get("note", "")),
         background=rgba(options.get("background") or theme.background),
         is_tight=fit == _FITS[1],
-        unit=(" m" if crs else "") if has_bar else None,
+        unit=(" m" if columns.crs else "") if has_bar else None,
         north=as_bool(options.get("north", False), "north"),
         theme=theme,
         labels=as_choice(ctx, options.get("labels", AUTO)),
         trails=as_turns(options.get("trails", 0)),
         sensors=as_bool(options.get("sensors", True), "sensors"),
         has_captions=as_bool(options.get("captions", False), "captions"),
+        street_names=as_bool(options.get("street_names", True), "street_names"),
     )
 
 
@@ -187,11 +189,31 @@ class Page:
         self, labels: Labels, camera: Camera, ctx: IContext, artists: Mapping[str, IArtist], corner: Point | None
     ) -> list[Label]:
         """Return what stands beside agents, where the map is on this page."""
+        page, taken = self._free(corner)
+        return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
+
+    def street_names(
+        self,
+        names: StreetNames,
+        camera: Camera,
+        ctx: IContext,
+        artists: Mapping[str, IArtist],
+        corner: Point | None,
+        labels: Sequence[Label],
+    ) -> list[StreetName]:
+        """Return the names of streets, where they are clear of agents, these labels and the legend."""
+        if not self._style.street_names:
+            return []
+        page, taken = self._free(corner)
+        return names.placed(camera, self._fine, ctx, artists, page, [*taken, *map(box_of, labels)])
+
+    def _free(self, corner: Point | None) -> tuple[Rectangle, list[Rectangle]]:
+        """Return where words may be, and where the legend is."""
         (width, height), (left, top) = self._size, self._legend_at(corner)
         page = 2.0, _HEADER_PX if self._style.title else 2.0, width - 2.0, height - self._foot
         right, bottom = left + self.legend.width, top + self.legend.height
         taken = [(left - self._margin, top - self._margin, right, bottom + self._margin)] * bool(self.legend.width)
-        return labels.placed(camera, self._fine, ctx, artists, self._style.labels, page, taken)
+        return page, taken
 
     def captions(self, camera: Camera, bar: CaptionBar, corner: Point | None) -> DrawCommands:
         """Return the turn and what happened in it, below the map, or upon one without a corner on this page."""

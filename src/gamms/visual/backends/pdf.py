@@ -134,7 +134,12 @@ class _Painter:
             if mode == _STROKE:
                 self._page.setLineWidth(_HALO_PX)
                 self._page.setStrokeColorRGB(*(part / 255 for part in self._sheet.paper))
-            text: Any = self._page.beginText(x, y - ASCENT * size)
+            angle, begin = float(self._sheet.angle[row]), (x, y)
+            if angle:
+                self._page.translate(x, y)
+                self._page.rotate(angle)
+                begin = 0.0, 0.0
+            text: Any = self._page.beginText(begin[0], begin[1] - ASCENT * size)
             text.setFont(_FAMILY, size)
             text.setTextRenderMode(mode)
             text.textOut(words)

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import lru_cache
 from itertools import repeat
+from math import cos, radians, sin
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
@@ -41,6 +42,7 @@ _MOST_NOTED = 256  # surfaces that are painted together
 _LETTERS = 8  # that are as broad as one is high, at most
 _FINER, _FINE_PX = 8, 200  # letters up to so high are painted so many times as large, then made smaller
 _STEPS = 4  # places within a pixel at which a letter can be
+_TURNED = 2  # words that are turned are painted so many times as large, then made smaller
 
 BLACK, WHITE = (0, 0, 0, 255), (255, 255, 255, 255)
 
@@ -193,6 +195,19 @@ class Canvas:
         if -written.get_width() < left < self.width and -written.get_height() < y - 1 < self.height:
             self._lay(written, (round(left), round(y - 1)))
 
+    def turned_text(self, words: str, corner: tuple[float, float], font_px: float, color: Rgba, angle: float) -> None:
+        """Write with the upper left corner at a place, turned around that counter-clockwise by degrees."""
+        font_px = min(max(round(font_px), 1), _MOST_FONT_PX // _TURNED)
+        words = _UNWRITABLE.sub(" ", words[: _LETTERS * (self.width + self.height) // font_px + _LETTERS])
+        warn_of_boxes(words)
+        edge = self._paper if is_dark(color) != is_dark(self._paper) else None
+        turned = _turned_text(words, font_px, color, edge, round(angle % 360.0, 1))
+        (x, y), turn = corner, radians(angle)
+        across, down = words_width(words, font_px) / 2, _height(font_px) / 2
+        x += across * cos(turn) + down * sin(turn) - turned.get_width() / 2
+        y += down * cos(turn) - across * sin(turn) - turned.get_height() / 2
+        self._lay(turned, (round(x), round(y)))
+
     def image(self, path: str, x: float, y: float, side: float, angle: float) -> None:
         """Draw an image file in a square of `side` px around (x, y), turned counter-clockwise by degrees."""
         drawn = _image(path, round(min(side, _MOST_IMAGE_PX)), round(angle % 360.0, 1))
@@ -264,6 +279,29 @@ def _text(words: str, font_px: int, color: Rgba, edge: Rgb | None) -> "Surface":
     surface.blit(written, (1, 1))
     surface.set_alpha(color[3])
     return surface
+
+
+def _height(font_px: int) -> float:
+    """Return how high words are, the first free pixel below them included."""
+    return float(_letter("x", font_px, BLACK[:3], 0).get_height())
+
+
+@lru_cache(maxsize=512)
+def _turned_text(words: str, font_px: int, color: Rgba, edge: Rgb | None, angle: float) -> "Surface":
+    """Return words that are turned, painted larger and made smaller in one step."""
+    ink, pygame, wide = color[:3], load(), _TURNED
+    width, height = round(words_width(words, font_px)) + 4, round(_height(font_px)) + 4
+    surface: Surface = pygame.Surface((width * wide, height * wide), pygame.SRCALPHA, 32)
+    surface.fill((*(edge or ink), 0))
+    if edge is not None:
+        around = _written(words, font_px * wide, edge)
+        for x, y in _HALO:
+            surface.blit(around, (2 * x * wide, 2 * y * wide))
+            surface.blit(around, ((x + 1) * wide, (y + 1) * wide))
+    surface.blit(_written(words, font_px * wide, ink), (2 * wide, 2 * wide))
+    turned: Surface = pygame.transform.rotozoom(surface, angle, 1 / wide)
+    turned.set_alpha(color[3])
+    return turned
 
 
 def _written(words: str, font_px: int, ink: Rgb) -> "Surface":

@@ -334,7 +334,10 @@ def _polygon(canvas: Canvas, camera: Camera, command: _Command) -> None:
 
 def _text(canvas: Canvas, camera: Camera, command: _Command) -> None:
     x, y = command.points[0].tolist()
-    if -_reach(command) < x < camera.width and -2 * command.size < y < camera.height and command.text:
+    reach = _reach(command)
+    if command.angle and -reach < x < camera.width + reach and -reach < y < camera.height + reach:
+        canvas.turned_text(command.text, (x, y), command.size, command.color, command.angle)
+    elif -reach < x < camera.width and -2 * command.size < y < camera.height and command.text:
         canvas.text(command.text, x, y, command.size, command.color)
 
 

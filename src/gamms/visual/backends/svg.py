@@ -168,8 +168,14 @@ def _polygon(sheet: Sheet, row: int) -> str:
 def _text(sheet: Sheet, row: int) -> str:
     ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
     baseline = _number(y + round(ASCENT * size))
-    place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_halo(sheet, row)}'
+    place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_turned(sheet, row)}{_halo(sheet, row)}'
     return f"<text {place}>{_escaped(sheet.text[row])}</text>"
+
+
+def _turned(sheet: Sheet, row: int) -> str:
+    """Return the attribute that turns an element around its point."""
+    ((x, y),), angle = sheet.points_of(row), float(sheet.angle[row])
+    return f' transform="rotate({-angle:.6g} {_number(x)} {_number(y)})"' if angle else ""
 
 
 def _halo(sheet: Sheet, row: int) -> str:
@@ -178,9 +184,7 @@ def _halo(sheet: Sheet, row: int) -> str:
 
 def _image(sheet: Sheet, row: int) -> str:
     ((x, y),), half = sheet.points_of(row), int(sheet.size[row])
-    turn = float(sheet.angle[row])
-    turned = f' transform="rotate({-turn:.6g} {_number(x)} {_number(y)})"' if turn else ""
-    side = _number(2 * half)
+    turned, side = _turned(sheet, row), _number(2 * half)
     return (
         f'<image x="{_number(x - half)}" y="{_number(y - half)}" width="{side}" height="{side}"{turned} '
         f'href="{_embedded(Path(sheet.text[row]))}"/>'

@@ -11,6 +11,7 @@ from gamms.typing import IContext
 from gamms.visual.appearance import AnyColor, GraphData, rgba
 from gamms.visual.drawing import Drawing, drawing_of
 
+_IN_DEGREES = "EPSG:4326", "OGC:CRS84"  # maps in which lengths cannot be read off
 _FEW = 2_000  # up to so many edges streets are drawn broader
 _ID_PX = 17
 _STREET = 2.0  # metres: how broad a street of a real map is drawn
@@ -86,9 +87,14 @@ def render_tunnels(ctx: IContext, data: dict[str, Any]) -> None:
         visual.render_circles(columns.xy[streets.is_below], look.node_size, color)
 
 
+def in_metres(columns: GraphColumns) -> bool:
+    """Return whether lengths on a map are metres."""
+    return columns.crs is not None and columns.crs not in _IN_DEGREES
+
+
 def has_tunnels(columns: GraphColumns) -> bool:
     """Return whether there is a tunnel on a real map."""
-    return columns.crs is not None and bool((_levels(columns) == _BELOW).any())
+    return columns.crs is not None and bool((levels_of(columns) == _BELOW).any())
 
 
 def _draw(visual: Drawing, strokes: list[_Strokes], look: GraphData, *, tinted: bool) -> None:
@@ -117,7 +123,7 @@ def _made(columns: GraphColumns) -> _Streets:
     rows, is_below = one_way_each(columns), np.zeros(len(columns.xy), bool)
     if columns.crs is None:
         return _Streets([_Strokes(*polylines(columns, rows), 0.0, 0.0, 0)] if len(rows) else [], is_below)
-    breadth, classes, levels = min(_STREET, _SLIM * median(columns.lengths)), _classes(columns), _levels(columns)
+    breadth, classes, levels = min(_STREET, _SLIM * median(columns.lengths)), classes_of(columns), levels_of(columns)
     is_main, strokes = classes > _ORDINARY, list[_Strokes]()
     # Each look is a pass over the picture: great tunnels look like others, great roads are above the others anyway.
     classes[is_main & (levels == _BELOW)] = _ORDINARY
@@ -136,7 +142,7 @@ def _made(columns: GraphColumns) -> _Streets:
     return _Streets(strokes, is_below)
 
 
-def _classes(columns: GraphColumns) -> IntArray:
+def classes_of(columns: GraphColumns) -> IntArray:
     """Return the class of each edge, (edges,); streets where it is not known."""
     classes, kinds = np.full(len(columns.edge_ids), _ORDINARY), columns.edge_attributes.get("highway", {})
     # NOTE: the usual kind costs no call (first frame of 100,000 edges).
@@ -151,7 +157,7 @@ def _class_of(kinds: object) -> int:
     return max((_CLASS_OF.get(kind, _ORDINARY) for kind in known), default=_ORDINARY)
 
 
-def _levels(columns: GraphColumns) -> IntArray:
+def levels_of(columns: GraphColumns) -> IntArray:
     """Return which edges, (edges,), are tunnels, bridges or on the ground."""
     levels, attributes = np.zeros(len(columns.edge_ids), np.int64), columns.edge_attributes
     layers = {row: _layer(value) for row, value in attributes.get("layer", {}).items()}

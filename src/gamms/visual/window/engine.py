@@ -42,7 +42,7 @@ from gamms.visual.window.panels import HudLines
 
 _OPTIONS = (
     "width", "height", "simulation_time_constant", "input_overlay", "max_fps", "theme", "trails", "labels", "title",
-    "fog", "stay_open", "captions",
+    "fog", "stay_open", "captions", "street_names",
 )  # fmt: skip
 _SMALLEST = 0.1  # world units: half the width that a graph without extent is seen in
 _FOR_TILES = 0.005  # seconds of a frame
@@ -66,6 +66,7 @@ class WindowEngine(WindowNames, PictureEngine):
         fog: whether the window shows no more than the team of the person who is asked knows; or a team, by its text,
             of which it always shows the view.
         captions: whether it is said what happens, such as tags.
+        street_names: whether streets have their names along them where the map is shown close by.
         stay_open: whether a `with` block, or a program, whose game is over ends only when the window is closed.
         kwargs: options of other engines are no error.
 
@@ -102,6 +103,7 @@ class WindowEngine(WindowNames, PictureEngine):
         fog: bool | str = True,
         stay_open: bool = True,
         captions: bool = True,
+        street_names: bool = True,
         **kwargs: object,
     ) -> None:
         theme_, self._theme = theme_called(theme), theme
@@ -114,6 +116,7 @@ class WindowEngine(WindowNames, PictureEngine):
         self.overlay.keep_trails(as_turns(trails))
         self.overlay.labels = as_choice(ctx, labels)
         self.overlay.has_captions = as_bool(captions, "captions")
+        self.overlay.has_street_names = as_bool(street_names, "street_names")
         self.playback: IPlayback | None = None
         self._fog, self._fogs, self._is_fog_known = fog, dict[str, Fog](), False
         self._wanted: int | None = None  # the turn that the person has chosen in this frame

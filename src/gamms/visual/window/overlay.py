@@ -18,7 +18,17 @@ from gamms.visual.camera import Point, WindowCamera, nearest_point
 from gamms.visual.captions import ALL_PLAYED, CAPTION_SECONDS, Captions, Card, Line, end_card, score_line, scores_of
 from gamms.visual.default_scene import DefaultScene, artists_of_sights
 from gamms.visual.drawing import Drawing
-from gamms.visual.labels import AUTO, Choice, Labels, dots_of, write_labels
+from gamms.visual.labels import (
+    AUTO,
+    Choice,
+    Labels,
+    StreetNames,
+    box_of,
+    dots_of,
+    name_ink,
+    write_labels,
+    write_street_names,
+)
 from gamms.visual.page import noted
 from gamms.visual.themes import Theme
 from gamms.visual.window.display import Pace
@@ -52,6 +62,7 @@ class Overlay(Guarded):
         has_captions: whether it is said what happens.
         captions: what is said.
         labels: whose names are shown.
+        has_street_names: whether streets have names where the map is shown close by.
         turns: how many were shown.
         is_over: whether the game, or its recording, has come to its end, which a card says.
         is_replay: whether the turns are those of a recording.
@@ -71,6 +82,7 @@ class Overlay(Guarded):
         self.trails, self.most_trails = 0, _DEFAULT_TRAILS
         self.labels: Choice = AUTO
         self._names, self.turns = Labels(), 0
+        self._street_names, self.has_street_names = StreetNames(), True
         self.is_over = self.is_replay = False
         self.has_captions, self._captions = True, Captions(ctx, drawing)
         self.captions: tuple[Line, ...] = ()
@@ -146,7 +158,7 @@ class Overlay(Guarded):
         unseen = [one for one in sights if one.view is not None and f"sensor_{one.sensor.sensor_id}" not in self.shown]
         colored = {one.sensor.sensor_id: [(rgba(look.color)[:3], one.view)] for one in unseen}
         hints: dict[str, IArtist] = {**artists_of_sights(self._ctx, colored, look.size, self._artists.declared)}
-        return {"rings of the hint" if key == "rings" else key: artist for key, artist in hints.items()}
+        return {f"{key} of the hint" if key in ("rings", "sights") else key: artist for key, artist in hints.items()}
 
     # -- agents under the pointer ----------------------------------------------------------------------------
 
@@ -311,6 +323,10 @@ class Overlay(Guarded):
         view, theme, page = self._camera.camera(), self.hud.theme, (0.0, 0.0, canvas.width, canvas.height)
         labels = self._names.placed(view, 1.0, self._ctx, self.shown, self.labels, page, self.hud.taken)
         paper = Canvas(canvas.width, canvas.height, canvas.surface, paper=theme.background[:3])
+        if self.has_street_names:
+            taken = [*self.hud.taken, *map(box_of, labels)]
+            names = self._street_names.placed(view, 1.0, self._ctx, self.shown, page, taken)
+            write_street_names(paper, names, name_ink(theme.background))
         write_labels(paper, labels, theme.ink[:3])
 
     def _placed_looks(self) -> list[AgentData]:
