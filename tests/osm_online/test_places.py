@@ -23,6 +23,7 @@ from gamms.osm import (
     graph_from_point,
     graph_from_polygon,
     graph_from_xml,
+    report,
 )
 
 PLACE = "Kluuvi, Helsinki"
@@ -393,6 +394,35 @@ def test_barriers_end_the_streets_of_an_area(server):
     assert len(after) > len(before)
     walk = graph_from_polygon(shapely.box(24.93, 60.16, 24.96, 60.1801), osm_type="walk", **options)
     assert walk.graph["barriers"] == 0
+
+
+@pytest.mark.parametrize("load", [create_osm_graph, graph_from_place])
+def test_a_street_with_sidewalks_of_their_own_is_closed_to_walkers_of_places_and_files(server, tmp_path, load):
+    places = {1: (60.168, 24.944), 2: (60.169, 24.944), 3: (60.169, 24.946), 4: (60.1695, 24.945)}
+    street = {"highway": "residential"}
+    ways = {
+        7: ([1, 2], street),
+        8: ([2, 3], {**street, "sidewalk": "separate"}),
+        9: ([2, 4, 3], {"highway": "footway"}),
+    }
+    nodes = [{"type": "node", "id": id, "lat": lat, "lon": lon} for id, (lat, lon) in places.items()]
+    streets = [{"type": "way", "id": id, "nodes": refs, "tags": tags} for id, (refs, tags) in ways.items()]
+
+    def change(data):
+        wanted = [way for way in streets if load is graph_from_place or way["tags"].get("sidewalk") != "separate"]
+        data["elements"] = [*nodes, *wanted]  # as a server does that understands the filter of the question
+
+    server.misbehaviour["interpreter"] = changes(change)
+    graph = load(PLACE, tolerance=0.0)
+    assert osmids(graph) == {7, 9}
+    path = tmp_path / "town.osm"
+    lines = [f'<node id="{id}" lat="{lat}" lon="{lon}"/>' for id, (lat, lon) in places.items()]
+    for id, (refs, tags) in ways.items():
+        inside = "".join(f'<nd ref="{ref}"/>' for ref in refs)
+        lines.append(f'<way id="{id}">{inside}{"".join(f"""<tag k="{k}" v="{v}"/>""" for k, v in tags.items())}</way>')
+    path.write_text("\n".join(['<osm version="0.6">', *lines, "</osm>"]))
+    assert report(graph, path).is_faithful, str(report(graph, path))
+    assert [*report(graph, path).closed] == ["sidewalk=separate"]
 
 
 def test_a_place_by_name_is_the_area_inside_its_boundary(server):

@@ -69,9 +69,12 @@ _NO_STREETS = {"bridleway", "bus_guideway", "cycleway", "path", "pedestrian", "s
 _DRIVEWAYS = {"alley", "driveway", "emergency_access", "parking", "parking_aisle", "private"}
 _PRIVATE = {"access": {"private"}, "service": {"private"}}
 _NO_AREA = {"area": {"yes"}}
+_SEPARATE = {  # there is another way to walk
+    name: {"separate"} for name in ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")
+}
 CLOSED_TO: dict[OSMType | None, dict[str, set[str]]] = {
     None: {"highway": _NO_WAYS},
-    OSMType.WALK: _PRIVATE | {"highway": _NOT_ON_FOOT, "foot": {"no"}} | _NO_AREA,
+    OSMType.WALK: _PRIVATE | {"highway": _NOT_ON_FOOT, "foot": {"no"}} | _NO_AREA | _SEPARATE,
     OSMType.BIKE: _PRIVATE | {"highway": (_NOT_ON_FOOT - {"cycleway"}) | _INDOORS, "bicycle": {"no"}} | _NO_AREA,
     OSMType.DRIVE: {
         "access": {"private"},

@@ -49,7 +49,6 @@ _MOST_KM2 = 20_000.0
 _KM_PER_DEGREE = 111.32
 _FARTHEST = (180.0, 90.0)  # degrees of longitude and latitude
 _MOST_CUT = 1 / 3  # share of areas that may lack nodes: where a map was cut, some do; where it is damaged, most do
-_SIDEWALKS = ("sidewalk", "sidewalk:both", "sidewalk:left", "sidewalk:right")  # separate: there is another way to walk
 Location = str | dict[str, str] | Sequence[str | dict[str, str]]
 _Query = tuple[list[str], str]  # the kinds of elements with their filters, and what to output of those found
 
@@ -298,10 +297,8 @@ def _download(
 
 def _filter_of(osm_type: OSMType) -> str:
     """Return the ways that files would be read for, as a filter of Overpass."""
-    closed = {name: sorted(values) for name, values in CLOSED_TO[osm_type].items()}
-    if osm_type is OSMType.WALK:
-        closed.update({name: ["separate"] for name in _SIDEWALKS})
-    return '["highway"]' + "".join(f'["{name}"!~"^({"|".join(values)})$"]' for name, values in closed.items())
+    closed = CLOSED_TO[osm_type].items()
+    return '["highway"]' + "".join(f'["{name}"!~"^({"|".join(sorted(values))})$"]' for name, values in closed)
 
 
 # -- what is asked, checked -------------------------------------------------------------------------------------
