@@ -12,6 +12,7 @@ import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_float, as_range
 from gamms.errors import BadFile, BadType, BadValue, nearest
+from gamms.ir.geometry import region_of
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import crs_of
 from gamms.osm import topology
@@ -21,8 +22,10 @@ from gamms.osm.geojson import is_geojson, read_lines
 from gamms.osm.modes import (
     Mode,
     ModeFunction,
+    WayFilter,
     as_mode,
     closed_rule,
+    filtered,
     honouring_traffic,
     keeping,
     name_of,
@@ -52,11 +55,13 @@ from gamms.osm.osmium_reader import as_file, read_ways
 from gamms.osm.tags import as_tags
 from gamms.osm.topology import resample
 from gamms.progress import Show, progress
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
 
 if TYPE_CHECKING:
     import networkx as nx
+    from shapely import Polygon
 
 FilePath = str | os.PathLike[str]
 _Reader = Callable[[Path, Show, Rule | None, Sequence[str]], Ways]
@@ -91,6 +96,7 @@ class Selection(NamedTuple):
     tags: tuple[str, ...] = ()  # which are kept, too
     stops: Stops | None = None  # which barriers end a road
     is_classic: bool = False  # nodes have no more than gamms 1.0.0 gives them
+    clip: "Polygon | None" = None  # the area in degrees that is taken
 
 
 class MapOptions(TypedDict, total=False):
@@ -105,6 +111,20 @@ class MapOptions(TypedDict, total=False):
 
     tags: Sequence[str]
     elevation: "ElevationPath | Elevation | None"
+
+
+class FileOptions(MapOptions, total=False):
+    """More options of functions that make graphs of files.
+
+    `filter` says which ways are taken of those that are open: a function from the tags of a way to a bool, or a dict
+    from tags to the value that a way has to have, a list of such values, or True for any value.
+
+    `clip` is the area that is taken: (west, south, east, north) in degrees, or a polygon in degrees, as (longitude,
+    latitude) pairs, of shapely or of GeoJSON. Roads end at their last node in it. Memory is taken for that area only.
+    """
+
+    filter: "WayFilter | None"
+    clip: "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any] | Polygon | None"
 
 
 Made = TypeVar("Made", bound=Callable[..., Any])
@@ -172,7 +192,7 @@ def graph_from_xml(
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
-@with_options(MapOptions, {"tags": (), "elevation": None})
+@with_options(FileOptions, {"tags": (), "elevation": None, "filter": None, "clip": None})
 def graph_from_file(
     filepath: FilePath,
     resolution: float = 10.0,
@@ -182,7 +202,7 @@ def graph_from_file(
     osm_type: "OSMType | str | ModeFunction | None" = None,
     simplify: bool = True,
     strong: bool | None = None,
-    **more: Unpack[MapOptions],
+    **more: Unpack[FileOptions],
 ) -> "nx.DiGraph[int]":
     """Make a graph of the roads in an OpenStreetMap file for one mode of travel, or of all.
 
@@ -199,7 +219,7 @@ def graph_from_file(
             None takes all roads, with the speed of cars.
         simplify: cut roads from junction to junction; False makes a node at every vertex of the file.
         strong: keep the largest part in which every node can be reached from every other; by default with a mode.
-        more: see `MapOptions`.
+        more: see `FileOptions`.
 
     Returns:
         A graph as `graph_from_xml` makes it. Nodes that the map has, too, have its number of them as `osmid` and, at
@@ -207,13 +227,31 @@ def graph_from_file(
 
     Raises: as `graph_from_xml`.
     """
-    refuse_unknown(more, MapOptions, "graph_from_file")
+    refuse_unknown(more, FileOptions, "graph_from_file")
     mode = None if osm_type is None else as_mode(osm_type)
     tolerance = tolerance_of(mode) if tolerance is None else tolerance
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     recipe = for_mode(recipe, mode, bidirectional, strong)
     selection = selection_of(recipe, mode, as_tags(more.get("tags", ())))
+    selection = selection._replace(rule=filtered(selection.rule, more.get("filter")), clip=_area_of(more.get("clip")))
     return _graph(filepath, recipe, read_ways, selection, as_ground(more.get("elevation"), mode))
+
+
+def _area_of(clip: object) -> "Polygon | None":
+    """Return an area of the caller's as a polygon in degrees.
+
+    Raises:
+        BadValue: it is none.
+    """
+    if clip is None:
+        return None
+    if isinstance(clip, (list, tuple)) and len(clip) == 4 and all(isinstance(one, (int, float)) for one in clip):
+        west, south, east, north = (as_float(one, "A side of clip") for one in clip)
+        clip = [(west, south), (east, south), (east, north), (west, north)]
+    region = region_of(clip, "clip", lambda lonlat: lonlat)
+    if (np.abs(np.reshape(region.bounds, (2, 2))) > (180.0, 90.0)).any():
+        raise BadValue(f"clip counts in degrees of longitude and latitude, and reaches to {shown(region.bounds)}.")
+    return region
 
 
 def for_mode(recipe: Recipe, mode: ModeFunction | None, bidirectional: bool | None, strong: bool | None) -> Recipe:
@@ -420,10 +458,11 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
     if read is read_lines or (read is None and is_geojson(file)):
         ways = read_lines(file, show)
     else:
-        rule, tags, stops = selection.rule, selection.tags, selection.stops
-        ways = with_ways_across(read_ways(file, show, rule, tags, areas=selection.areas, stops=stops))
+        rule, tags, stops, clip = selection.rule, selection.tags, selection.stops, selection.clip
+        ways = with_ways_across(read_ways(file, show, rule, tags, areas=selection.areas, stops=stops, clip=clip))
     if not ways.tags:
         whose = f" for the mode {selection.mode!r}" if selection.mode else ""
+        whose += " in the area of clip" if selection.clip is not None else ""
         raise BadFile(
             f"{str(file)!r} cannot be used: it has no roads{whose}, that is no such ways with a highway tag. "
             "Export the area with its roads."

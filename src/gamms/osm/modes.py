@@ -260,3 +260,35 @@ def keeping(rule: Rule, names: Sequence[str]) -> Rule:
         return found and ({**{name: tags[name] for name in names if name in tags}, **found[0]}, found[1])
 
     return with_tags if names else rule
+
+
+WayFilter = Callable[[Mapping[str, str]], object] | Mapping[str, str | bool | Sequence[str]]
+
+
+def filtered(rule: Rule | None, given: WayFilter | None) -> Rule | None:
+    """Return a rule that takes no way that a filter of the caller's refuses.
+
+    Args:
+        rule: which ways are taken otherwise.
+        given: a function from tags to whether a way is taken; or tag -> the value that it has to have, a list of such
+            values, or True for any.
+
+    Raises:
+        BadType: the filter is none.
+    """
+    if rule is None or given is None:
+        return rule
+    keep = _of_values(given) if isinstance(given, Mapping) else given
+    if not callable(keep):
+        raise BadType(f"filter must be a function from tags to a bool, or a dict of tags, not {shown(given)}.")
+    return lambda osmid, tags: rule(osmid, tags) if keep(tags) else None
+
+
+def _of_values(given: Mapping[str, object]) -> Callable[[Mapping[str, str]], bool]:
+    wanted: dict[str, set[str] | None] = {}
+    for tag, values in given.items():
+        listed = [values] if isinstance(values, str) else values
+        if not (values is True or (isinstance(listed, (list, tuple, set)) and all(isinstance(v, str) for v in listed))):
+            raise BadType(f"filter[{tag!r}] must be a value, a list of values, or True for any, not {shown(values)}.")
+        wanted[tag] = set(listed) if isinstance(listed, (list, tuple, set)) else None
+    return lambda tags: all(tag in tags and (one is None or tags[tag] in one) for tag, one in wanted.items())

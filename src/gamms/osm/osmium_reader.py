@@ -13,8 +13,9 @@ import numpy as np
 
 from gamms.arguments import as_path
 from gamms.errors import BadFile, GammsError, MissingExtra
+from gamms.ir.geometry import are_inside
 from gamms.ir.graph import FloatArray
-from gamms.limits import Allowance
+from gamms.limits import Allowance, refuse_above
 from gamms.osm.areas import open_squares, rims_of, with_areas
 from gamms.osm.footprints import RING_ROLES, Outlines, WallRules, known_parts, outlines_of_ways
 from gamms.osm.network import Rule, Stops, Ways, classic_rule
@@ -24,6 +25,7 @@ from gamms.text import shown
 
 if TYPE_CHECKING:
     from osmium import io, osm
+    from shapely import Polygon
 
 _CHUNK = 1 << 20
 _MEMORY_PER_XML = 5  # bytes that osmium takes at most for one of XML; map data shrinks 10 to 30 times
@@ -151,13 +153,13 @@ class _Lines:
         self.x, self.y = array("q"), array("q")
         self.row_of: dict[int, int] = {}  # way id -> row
 
-    def add(self, way: "osm.Way") -> None:
+    def add(self, way: "osm.Way", clip: "_Clip | None" = None) -> None:
         self.allowance.charge(_BYTES_PER_POINT * len(way.nodes))
         for node in way.nodes:
-            place = node.location
             self.refs.append(node.ref)
-            self.x.append(place.x)
-            self.y.append(place.y)
+            x, y = (node.location.x, node.location.y) if clip is None else clip.place_of.get(node.ref, _OUTSIDE)
+            self.x.append(x)
+            self.y.append(y)
         self.row_of[way.id] = len(self.offsets) - 1
         self.offsets.append(len(self.refs))
 
@@ -183,6 +185,45 @@ class _Lines:
         return lonlat
 
 
+_OUTSIDE = (_NOWHERE, _NOWHERE)
+_BYTES_PER_NODE = 250  # of memory, of a node in an area
+
+
+class _Clip:
+    """The nodes of a map file that lie in an area; memory is taken for these only, however large the file is.
+
+    Args:
+        source: the file.
+        region: in degrees of longitude and latitude.
+
+    Attributes:
+        place_of: id of a node -> longitude and latitude in osmium's units.
+    """
+
+    def __init__(self, source: "io.File", region: "Polygon") -> None:
+        from osmium import FileProcessor, osm
+
+        west, south, east, north = (round(one * _DEGREE) for one in region.bounds)
+        ids, x, y = array("q"), array("q"), array("q")
+        for one in FileProcessor(source, osm.NODE):
+            place = cast("osm.Node", one).location
+            if west <= place.x <= east and south <= place.y <= north:
+                ids.append(one.id)
+                x.append(place.x)
+                y.append(place.y)
+                if not len(ids) % _SHOW_EVERY:
+                    refuse_above(_BYTES_PER_NODE * len(ids), f"A part of a map with {len(ids):,} nodes and more")
+        units = np.column_stack((np.array(x, np.int64), np.array(y, np.int64)))
+        rows = np.flatnonzero(are_inside(region, units / _DEGREE)).tolist()
+        self.place_of = {ids[row]: (x[row], y[row]) for row in rows}
+
+    def has_part_of(self, one: "osm.Node | osm.Way | osm.Relation") -> bool:
+        """Return whether a node lies in the area, or a node of a way; relations might."""
+        if not one.is_way():
+            return one.is_relation() or one.id in self.place_of
+        return any(node.ref in self.place_of for node in cast("osm.Way", one).nodes)
+
+
 def read_ways(
     file: Path,
     show: Show,
@@ -191,6 +232,7 @@ def read_ways(
     *,
     areas: bool = False,
     stops: Stops | None = None,
+    clip: "Polygon | None" = None,
 ) -> Ways:
     """Return the ways of a map file that a rule takes, by default all roads, in its order; there may be none.
 
@@ -201,6 +243,7 @@ def read_ways(
         tags: of nodes, kept besides their `highway`, such as "crossing"; a node with one of them stays a node.
         areas: say which ways are areas, and take those around multipolygons that the rule takes, too.
         stops: whether a node with these tags is a barrier.
+        clip: an area in degrees; nodes outside of it are taken as if the file lacked them.
 
     Raises:
         BadFile: it is not OpenStreetMap data, damaged, or too large.
@@ -212,7 +255,11 @@ def read_ways(
     relations: list[tuple[int, dict[str, str], list[int]]] = []
     show(f"Reading {file.name}")
     with _errors_of(file):
-        for count, one in enumerate(_roads(source, tags if stops is None else [*tags, "barrier"]), 1):
+        part = None if clip is None else _Clip(source, clip)
+        roads = _roads(source, tags if stops is None else [*tags, "barrier"], has_places=part is None)
+        for count, one in enumerate(roads, 1):
+            if part is not None and not part.has_part_of(one):
+                continue
             given = {tag.k: tag.v for tag in one.tags}
             if one.is_relation():
                 relations.append((one.id, given, _rings(cast("osm.Relation", one))))
@@ -224,17 +271,19 @@ def read_ways(
             way = cast("osm.Way", one)
             found = None if way.deleted or way.id in lines.row_of else rule(way.id, given)
             if found is not None:
-                lines.add(way)
+                lines.add(way, part)
                 kept.append((_shared(found[0], texts), found[1]))
             if count % _SHOW_EVERY == 0:
                 show(f"Reading {file.name}: {count} roads")
         squares = open_squares(relations, rule) if areas else {}
         rims = rims_of(squares)
-        for way in _ways(source) if rims.keys() - lines.row_of.keys() else ():
-            if way.id in rims and not way.deleted and way.id not in lines.row_of:
-                lines.add(way)
+        for way in _ways(source, has_places=part is None) if rims.keys() - lines.row_of.keys() else ():
+            is_near = part is None or part.has_part_of(way)
+            if way.id in rims and is_near and not way.deleted and way.id not in lines.row_of:
+                lines.add(way, part)
                 kept.append((rims[way.id], False))
-        lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
+        if part is None:
+            lines.complete(source, lambda missing: show(f"Reading {file.name}: looking for {missing} nodes"))
     refs, offsets = np.array(lines.refs, np.int64), np.array(lines.offsets, np.int64)
     against = np.array([is_against for _, is_against in kept], np.bool_)
     ways = Ways(
@@ -275,7 +324,9 @@ def _shared(given: dict[str, Any], texts: dict[str, str]) -> dict[str, Any]:
     return {name: texts.setdefault(one, one) if isinstance(one, str) else one for name, one in given.items()}
 
 
-def _roads(source: "io.File", tags: Sequence[str]) -> "Iterator[osm.Node | osm.Way | osm.Relation]":
+def _roads(
+    source: "io.File", tags: Sequence[str], *, has_places: bool
+) -> "Iterator[osm.Node | osm.Way | osm.Relation]":
     """Read the ways and relations with a `highway`, and the nodes with that or one of these tags."""
     from osmium import FileProcessor, osm
     from osmium.filter import KeyFilter
@@ -283,7 +334,8 @@ def _roads(source: "io.File", tags: Sequence[str]) -> "Iterator[osm.Node | osm.W
     ways, nodes = KeyFilter("highway"), KeyFilter(*node_keys(tags))
     ways.enable_for(osm.WAY | osm.RELATION)
     nodes.enable_for(osm.NODE)
-    objects = FileProcessor(source, osm.NODE | osm.WAY | osm.RELATION).with_locations()
+    objects = FileProcessor(source, osm.NODE | osm.WAY | osm.RELATION)
+    objects = objects.with_locations() if has_places else objects  # which takes memory for all nodes of the file
     return cast("Iterator[osm.Node | osm.Way | osm.Relation]", iter(objects.with_filter(ways).with_filter(nodes)))
 
 
@@ -443,10 +495,11 @@ class _Footprints:
         return outlines_of_ways(offsets, self.lines.lonlat(), row_of, self.ways_of, self.walls)
 
 
-def _ways(source: "io.File", *keys: str) -> "Iterator[osm.Way]":
+def _ways(source: "io.File", *keys: str, has_places: bool = True) -> "Iterator[osm.Way]":
     """Read the ways that have one of these tags, if any are given."""
     from osmium import FileProcessor, osm
     from osmium.filter import EntityFilter, KeyFilter
 
-    objects = FileProcessor(source, osm.NODE | osm.WAY).with_locations().with_filter(EntityFilter(osm.WAY))
+    objects = FileProcessor(source, osm.NODE | osm.WAY) if has_places else FileProcessor(source, osm.WAY)
+    objects = (objects.with_locations() if has_places else objects).with_filter(EntityFilter(osm.WAY))
     return cast("Iterator[osm.Way]", iter(objects.with_filter(KeyFilter(*keys)) if keys else objects))

@@ -1,0 +1,113 @@
+"""Parts of map files: by a filter of one's own, and within an area."""
+
+import pytest
+
+from gamms.errors import BadFile, BadType, BadValue
+from gamms.osm import graph_from_file
+
+ROAD = {"highway": "residential"}
+ROW = {i: (60.17, 24.94 + 0.001 * i) for i in range(10)}
+WHOLE = {"resolution": 1e6, "tolerance": 0.0, "simplify": False}
+
+
+def ids(graph):
+    return {data["osmid"] for *_, data in graph.edges(data=True)}
+
+
+@pytest.fixture
+def streets(make_map):
+    ways = [([0, 1, 2], {**ROAD, "surface": "asphalt"}), ([2, 3, 4], {**ROAD, "surface": "gravel"})]
+    ways += [([4, 5, 6, 7, 8, 9], {"highway": "footway", "surface": "asphalt", "lit": "yes"}), ([9, 0], ROAD)]
+    return make_map(ROW, *ways)
+
+
+@pytest.mark.parametrize(
+    ("given", "found"),
+    [
+        (None, {100, 101, 102, 103}),
+        ({"surface": "asphalt"}, {100, 102}),
+        ({"surface": ["asphalt", "gravel"]}, {100, 101, 102}),
+        ({"surface": True, "highway": "residential"}, {100, 101}),
+        (lambda tags: "lit" not in tags, {100, 101, 103}),
+    ],
+)
+def test_a_filter_takes_some_of_the_open_ways(streets, given, found):
+    assert ids(graph_from_file(streets, retain_all=True, filter=given, **WHOLE)) == found
+
+
+def test_a_filter_opens_no_way_that_a_mode_closes(streets):
+    graph = graph_from_file(streets, retain_all=True, osm_type="drive", filter={"surface": True}, **WHOLE)
+    assert ids(graph) == {100, 101}
+
+
+@pytest.mark.parametrize("given", [7, "surface", {"surface": 7}, {"surface": [7]}, {"surface": False}])
+def test_a_filter_that_is_none_is_refused(streets, given):
+    with pytest.raises(BadType, match="filter"):
+        graph_from_file(streets, filter=given)
+
+
+def test_an_error_of_a_filter_is_raised(streets):
+    with pytest.raises(KeyError, match="lanes"):
+        graph_from_file(streets, filter=lambda tags: tags["lanes"])
+
+
+# -- areas ------------------------------------------------------------------------------------------------------
+
+BOX = (24.9415, 60.0, 24.9475, 61.0)  # nodes 2 to 7
+
+
+@pytest.mark.parametrize(
+    "clip",
+    [
+        BOX,
+        list(BOX),
+        [(24.9415, 60.0), (24.9475, 60.0), (24.9475, 61.0), (24.9415, 61.0)],
+        {
+            "type": "Polygon",
+            "coordinates": [[[24.9415, 60], [24.9475, 60], [24.9475, 61], [24.9415, 61], [24.9415, 60]]],
+        },
+    ],
+    ids=["box", "list", "outline", "geojson"],
+)
+def test_roads_end_at_their_last_node_in_an_area(streets, clip):
+    graph = graph_from_file(streets, retain_all=True, clip=clip, **WHOLE)
+    assert ids(graph) == {101, 102}
+    assert len(graph) == 6
+    assert len(graph.edges) == 10
+
+
+def test_a_hole_splits_a_road(streets):
+    hole = [[24.9435, 60.1], [24.9445, 60.1], [24.9445, 60.2], [24.9435, 60.2], [24.9435, 60.1]]
+    outer = [[24.9415, 60], [24.9475, 60], [24.9475, 61], [24.9415, 61], [24.9415, 60]]
+    clip = {"type": "Polygon", "coordinates": [outer, hole]}
+    graph = graph_from_file(streets, retain_all=True, clip=clip, **WHOLE)
+    assert len(graph) == 5
+    assert sorted(data["osmid"] for u, v, data in graph.edges(data=True) if u < v) == [101, 102, 102]
+
+
+@pytest.mark.parametrize("mode", [None, "walk", "bike", "drive"])
+def test_an_area_around_everything_changes_nothing(make_map, mode):
+    nodes = {i: (60.17 + 0.001 * (i // 4), 24.94 + 0.001 * (i % 4)) for i in range(16)}
+    ways = [([i, i + 1], {**ROAD, "name": str(i)}) for i in range(15) if i % 4 < 3]
+    ways += [([i, i + 4], ROAD) for i in range(12)]
+    ways += [([5, 6, 10, 9, 5], {"highway": "pedestrian", "area": "yes"})]
+    file = make_map(nodes, *ways)
+    one, other = (graph_from_file(file, osm_type=mode, clip=clip) for clip in (None, (24.0, 60.0, 25.0, 61.0)))
+    assert list(one.nodes(data=True)) == list(other.nodes(data=True))
+    assert [(u, v, data["length"]) for u, v, data in one.edges(data=True)] == [
+        (u, v, data["length"]) for u, v, data in other.edges(data=True)
+    ]
+
+
+@pytest.mark.parametrize(
+    "clip",
+    [7, "Helsinki", (1, 2, 3), (24.9, 60, 24.9, 61), (0, 0, 400, 10), {"type": "Point"}, (0, float("nan"), 1, 1)],
+)
+def test_an_area_that_is_none_is_refused(streets, clip):
+    with pytest.raises(BadValue, match=r"clip|side"):
+        graph_from_file(streets, clip=clip)
+
+
+def test_an_area_without_roads_is_named(streets):
+    with pytest.raises(BadFile, match="no roads in the area of clip"):
+        graph_from_file(streets, clip=(10, 10, 11, 11))
