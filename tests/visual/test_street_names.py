@@ -102,7 +102,7 @@ def test_tunnels_and_maps_without_metres_have_no_names():
 
 
 def test_they_are_never_many():
-    assert 1 < len(names(grid(30, 20), width=900, height=700)) <= 900 * 700 / 40_000
+    assert 1 < len(names(grid(30, 20), width=900, height=700)) <= 900 * 700 / 50_000
     assert len(names(grid(30, 20), width=400, height=300)) <= 3
 
 

@@ -6,7 +6,7 @@ nothing else is. `Labels` and `StreetNames` remember places from frame to frame.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from math import atan2, cos, degrees, hypot, radians, sin
+from math import atan2, cos, degrees, radians, sin
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
@@ -303,7 +303,7 @@ def _touch(one: Rectangle, other: Rectangle) -> bool:
 
 STREET_PX = 15.0
 _CLOSE = 0.8  # pixels of a metre from which on streets have names
-_NAME_AREA = 40_000.0  # pixels of the page for each name
+_NAME_AREA = 50_000.0  # pixels of the page for each name
 _AGAIN_PX, _BETWEEN_PX = 320.0, 14.0  # from a name to the same one, and to another
 _ROOM_PX, _TRY_PX = 10.0, 24.0  # of a street beyond each end of its name; from place to place that is tried
 _STRAIGHT, _BENT_PX = 0.99, 2.0  # a stretch for a name: how straight, and how far its middle may be beside
@@ -332,6 +332,7 @@ class _Named(NamedTuple):
     words: list[str]
     points: list[FloatArray]  # (points, 2) each
     along: list[FloatArray]  # (points,) each: how far from its beginning, world units
+    lengths: FloatArray  # (streets,)  world units
     widths: FloatArray  # (streets,)  of the words, pixels
     low: FloatArray  # (streets, 2)
     high: FloatArray  # (streets, 2)
@@ -342,6 +343,7 @@ class StreetNames:
 
     def __init__(self) -> None:
         self._places: dict[int, float] = {}  # street -> how far along it its name was, world units
+        self._known: tuple[object, list[StreetName]] = None, []  # what the last names depended on, and these
 
     def placed(
         self,
@@ -362,37 +364,42 @@ class StreetNames:
             page: where names may be.
             taken: where they may not.
         """
-        scale, before, self._places = camera.scale / fine, self._places, {}
-        if scale < _CLOSE or not in_metres(ctx.graph.columns()):
+        columns, scale = ctx.graph.columns(), camera.scale / fine
+        if scale < _CLOSE or not in_metres(columns):
+            self._places, self._known = {}, (None, [])
             return []
-        streets, found = drawing_of(ctx).of_map(_named_streets), list[StreetName]()
         looks = [look for look in looks_of(artists) if look.current_position is not None]
-        kept = dots_of(looks, camera, fine)
+        dots = dots_of(looks, camera, fine)
+        key = columns, camera, fine, page, tuple(taken), dots.centers.tobytes(), dots.radii.tobytes()
+        if key != self._known[0]:  # a window that rests shows many frames alike
+            streets = drawing_of(ctx).of_map(_named_streets)
+            self._known = key, self._fresh(streets, camera._replace(scale=scale), page, taken, dots)
+        return self._known[1]
+
+    def _fresh(
+        self, streets: _Named, camera: Camera, page: Rectangle, taken: Sequence[Rectangle], kept: Dots
+    ) -> list[StreetName]:
+        scale, before, self._places, found = camera.scale, self._places, dict[int, float](), list[StreetName]()
         left, top, right, bottom = page
-        most = (right - left) * (bottom - top) / _NAME_AREA
         west, east = (camera.left + x / scale for x in (left, right))
         south, north = (camera.top - y / scale for y in (bottom, top))
         is_near = touching(streets.low, streets.high, (west, south, east, north))
-        is_near &= np.array([way[-1] for way in streets.along]) * scale > streets.widths + 2 * _ROOM_PX
+        is_near &= streets.lengths * scale > streets.widths + 2 * _ROOM_PX
         for row in np.flatnonzero(is_near).tolist():
-            if len(found) + 1 > most:
+            if (len(found) + 1) * _NAME_AREA > (right - left) * (bottom - top):
                 break
-            words, along = streets.words[row], streets.along[row] * scale
-            clear = [name for name in found if name.words == words]
-            width = float(streets.widths[row])
-            tries = _stretches(camera.to_screen(streets.points[row]) / fine, along, width, page)
+            words, width = streets.words[row], float(streets.widths[row])
+            same = np.array([(name.x, name.y) for name in found if name.words == words]).reshape(-1, 2)
+            tries = _stretches(camera.to_screen(streets.points[row]), streets.along[row] * scale, width, page)
             for place in _in_order(tries, before.get(row, -1.0) * scale):
-                name, reach = _name_at(words, tries, place), Dots(*_marks_along(width, tries, place))
-                if any(hypot(name.x - one.x, name.y - one.y) < _AGAIN_PX for one in clear):
+                name, reach = _name_at(words, tries, place), _marks_along(width, tries, place)
+                if (np.hypot(*(same - (name.x, name.y)).T) < _AGAIN_PX).any() or not _is_clear(reach, kept, taken):
                     continue
-                if _is_clear(reach, kept, taken):
-                    kept = Dots(
-                        np.concatenate([kept.centers, reach.centers]),
-                        np.concatenate([kept.radii, reach.radii + _BETWEEN_PX]),
-                    )
-                    self._places[row] = float(tries.along[place]) / scale
-                    found.append(name)
-                    break
+                radii = np.concatenate([kept.radii, reach.radii + _BETWEEN_PX])
+                kept = Dots(np.concatenate([kept.centers, reach.centers]), radii)
+                self._places[row] = float(tries.along[place]) / scale
+                found.append(name)
+                break
         return found
 
 
@@ -441,12 +448,12 @@ def _name_at(words: str, tries: _Stretches, place: int) -> StreetName:
     return StreetName(words, float(x), float(y), degrees(atan2(-float(down), float(across))))
 
 
-def _marks_along(width: float, tries: _Stretches, place: int) -> tuple[FloatArray, FloatArray]:
-    """Return circles that cover the words on a stretch: their centers and radii."""
+def _marks_along(width: float, tries: _Stretches, place: int) -> Dots:
+    """Return circles that cover the words on a stretch."""
     radius = EM * STREET_PX / 2 + 1.0
     count = max(int(width / radius), 1) + 1
     shares = np.linspace(0.0, 1.0, count)[:, None]
-    return tries.begins[place] * (1 - shares) + tries.ends[place] * shares, np.full(count, radius)
+    return Dots(tries.begins[place] * (1 - shares) + tries.ends[place] * shares, np.full(count, radius))
 
 
 def _is_clear(reach: Dots, kept: Dots, taken: Sequence[Rectangle]) -> bool:
@@ -483,7 +490,7 @@ def _named_streets(columns: GraphColumns) -> _Named:
     rows = one_way_each(columns)
     rows = rows[(levels_of(columns)[rows] >= 0) & np.isin(rows, [row for row, name in names.items() if name])]
     if not len(rows):
-        return _Named([], [], [], np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)))
+        return _Named([], [], [], np.zeros(0), np.zeros(0), np.zeros((0, 2)), np.zeros((0, 2)))
     texts, group = np.unique([names[row] for row in rows.tolist()], return_inverse=True)
     classes = np.zeros(len(texts), np.int64)
     np.maximum.at(classes, group, classes_of(columns)[rows])
@@ -494,7 +501,8 @@ def _named_streets(columns: GraphColumns) -> _Named:
     low, high = (np.array([measure(one, axis=0) for one in points]) for measure in (np.min, np.max))
     words = [str(texts[parts[part][0]]) for part in order]
     widths = np.array([words_width(one, STREET_PX) for one in words])
-    return _Named(words, points, [along[part] for part in order], widths, low, high)
+    along = [along[part] for part in order]
+    return _Named(words, points, along, np.array([way[-1] for way in along]), widths, low, high)
 
 
 def _first_text(value: object) -> str:
