@@ -1,5 +1,6 @@
 """The words on the window: turn and scores, teams, the panel of an agent, names, and the source of the map."""
 
+import networkx as nx
 import numpy as np
 import pytest
 
@@ -272,3 +273,23 @@ def test_captions_have_the_colours_of_the_theme(ctx):
     before = ctx.visual.overlay.captions[0].color
     ctx.visual.toggle_theme()
     assert ctx.visual.overlay.captions[0].color == ctx.visual.drawing.group_colors()["red"] != before
+
+
+@pytest.mark.parametrize(("options", "scale", "names"), [({}, 3.0, 1), ({}, 0.3, 0), ({"street_names": False}, 3.0, 0)])
+def test_streets_have_their_names_close_by(open_window, monkeypatch, options, scale, names):
+    turned = []
+    monkeypatch.setattr(overlay.Canvas, "turned_text", lambda self, words, *rest: turned.append(words))
+    ctx = open_window(is_empty=True, **options)
+    graph = nx.MultiDiGraph(crs="EPSG:32635")
+    for number in range(6):
+        graph.add_node(number, x=500_000.0 + 30.0 * number, y=6_000_000.0)
+    for number in range(5):
+        graph.add_edge(number, number + 1, length=30.0, name="Long street")
+    ctx.graph.attach_networkx_graph(graph)
+    ctx.visual.update()
+    ctx.visual.look_at(500_075.0, 6_000_000.0, 640 / scale)
+    ctx.visual.camera.camera_x, ctx.visual.camera.camera_y = 500_075.0, 6_000_000.0
+    ctx.visual.camera.camera_size = 320 / scale
+    turned.clear()
+    ctx.visual.update()
+    assert turned == ["Long street"] * names
