@@ -17,6 +17,7 @@ from gamms.osm.networkx_bridge import walking_factor
 
 POSTS = 1201
 VOID = -32768
+TUNNEL = {"highway": "path", "tunnel": "yes"}
 NODES = {1: (60.17, 24.940), 2: (60.17, 24.950), 3: (60.18, 24.940)}
 
 
@@ -182,6 +183,16 @@ def test_a_bridge_and_a_tunnel_rise_evenly_between_their_ends(make_map, heights)
     graph = graph_from_file(make_map(nodes, *ways), resolution=20.0, elevation=sloping)
     grades = [abs(data["grade"]) for *_, data in graph.edges(data=True) if data.get("bridge")]
     assert max(grades) == pytest.approx(min(grades), abs=1e-4)
+
+
+def test_a_long_tunnel_costs_a_bounded_number_of_rounds(make_map, heights):
+    path = make_map(
+        {1: (60.1, 24.1), 2: (60.1, 24.11), 3: (60.1, 24.9)}, ([1, 2], {"highway": "path"}), ([2, 3], TUNNEL)
+    )
+    hill = heights(lambda column, row: column // 2 + row * 0)
+    graph = graph_from_file(path, resolution=5.0, elevation=hill)
+    assert len(graph) > 8000
+    assert max(abs(grade) for *_, grade in graph.edges(data="grade")) < 0.1
 
 
 def test_a_bridge_that_leads_nowhere_lies_on_the_ground(make_map, heights):

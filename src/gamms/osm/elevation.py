@@ -31,6 +31,7 @@ _ENDINGS = (".hgt", ".SRTMGL1.hgt", ".SRTMGL3.hgt", ".HGT")
 _POSTS = {2 * posts * posts: posts for posts in (1201, 3601)}  # bytes of a file -> posts along a side
 _VOID = -32768
 _REACH = 16  # posts, as far as a void is filled from its rim
+_MOST_ROUNDS = 2000  # exact for tunnels of so many nodes; longer ones are as high as the ground in their middle
 _AT_GROUND = ("no", "building_passage")
 _WAY_OUT = (
     "Give a .hgt file of SRTM (1201 x 1201 or 3601 x 3601 posts, named after its corner, such as N60E024.hgt), or a "
@@ -205,31 +206,31 @@ def _spanned(z: FloatArray, ends: IntArray, lengths: FloatArray, raised: BoolArr
     There the ground is elsewhere. The heights of nodes without another road are those for which the grades balance at
     each (the solution of Laplace's equation), found by conjugate gradients.
     """
-    count = len(z)
-    inner = (np.bincount(ends.ravel(), minlength=count) > 0) & (
-        np.bincount(ends[~raised].ravel(), minlength=count) == 0
-    )
-    a, b = ends[raised].T
-    pull = 1.0 / np.maximum(lengths[raised], 1e-3)
+    met, rows = np.unique(ends[raised], return_inverse=True)
+    a, b = rows.reshape(-1, 2).T
+    count = len(met)
+    inner = np.bincount(ends[~raised].ravel(), minlength=len(z))[met] == 0
     label = components(a, b, count)
-    met = np.unique(ends[raised])
-    inner &= np.isin(label, label[met[~inner[met]]])  # what leads nowhere has no other height
-    z = np.where(inner, 0.0, z)
+    inner &= np.isin(label, label[~inner])  # what leads nowhere has no other height
+    pull = 1.0 / np.maximum(lengths[raised], 1e-3)
 
     def balance(height: FloatArray) -> FloatArray:
         flow = pull * (height[a] - height[b])
         total = np.bincount(a, flow, count) - np.bincount(b, flow, count)
         return np.asarray(np.where(inner, total, 0.0), np.float64)
 
-    rest: FloatArray = -balance(z)
-    direction, size = rest, float(rest @ rest)
+    level = z[met]
+    rest: FloatArray = -balance(level)
+    direction, size = rest, float((rest * rest).sum())
     least = 1e-20 * size
-    for _ in range(int(inner.sum())):
+    for _ in range(min(int(inner.sum()), _MOST_ROUNDS)):
         if size <= least:
             break
-        turned = balance(np.where(inner, direction, 0.0))
-        step = size / float(direction @ turned)
-        z, rest = z + step * direction, rest - step * turned
-        before, size = size, float(rest @ rest)
+        turned = balance(direction)
+        step = size / float((direction * turned).sum())
+        level, rest = level + step * direction, rest - step * turned
+        before, size = size, float((rest * rest).sum())
         direction = rest + (size / before) * direction
-    return np.round(z, 3)
+    spanned = z.copy()
+    spanned[met] = level
+    return np.round(spanned, 3)
