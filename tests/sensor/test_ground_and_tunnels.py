@@ -93,6 +93,27 @@ def test_agents_in_a_tunnel_are_hidden(world):
         assert set(sensor.data) == found
 
 
+def test_an_agent_on_an_edge_is_in_the_tunnel_of_the_node_that_it_passed(world):
+    ctx = world(tunnels=(0, 1, 1, 0))
+    ctx.game.speed_unit = "metres"
+    found = {}
+
+    def strategy(state):
+        name = state["name"]
+        found[name] = sorted(state["sensor"][f"eyes of {name}"][1])
+        state["action"] = {"inside": 2, "outside": 3}[name]
+
+    for name, node in (("inside", 1), ("outside", 3), ("mole", 2)):
+        ctx.agent.create_agent(name, start_node_id=node, speed=30.0, strategy=strategy if name != "mole" else None)
+    for name in ("inside", "outside"):
+        sensor = ctx.sensor.create_sensor(f"eyes of {name}", SensorType.OCCLUDED_AGENT)
+        ctx.agent.get_agent(name).register_sensor(f"eyes of {name}", sensor)
+    for _ in range(2):
+        ctx.game.step()
+    assert ctx.agent.get_agent("inside").edge is not None
+    assert found == {"inside": ["mole"], "outside": []}
+
+
 def test_from_the_air_the_ground_is_at_its_height_and_tunnels_are_not_seen(world):
     ctx = world((5.0, 7.0, 9.0), (0, 1, 0))
     for node in range(3):

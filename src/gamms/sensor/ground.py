@@ -94,6 +94,13 @@ class GroundSensor(Sensor):
             raise BadType(f"Sensor {self.sensor_id!r} has no place of its own: sense(node_id), or give it at=.")
         return node_id  # the graph checks it
 
+    def _tunnel(self, place: Place) -> int:
+        """Return the tunnel of a place (x, y): that of its owner, which is on an edge; 0 on the surface."""
+        if self._owner is None or self._at is not None or not isinstance(place, tuple):
+            return 0
+        ground = self.ctx.graph.graph.ground([self.ctx.agent.get_agent(self._owner).current_node_id])
+        return 0 if ground is None else int(ground.tunnels[0])
+
     def heading(self) -> Heading:
         """Return where it looks, turned by the heading of its owner; (0.0, 0.0) while that has none."""
         if self._owner is None or self._at is not None:
@@ -197,7 +204,7 @@ class MapSensor(GroundSensor):
     def _look(self, place: Place, heading: Heading) -> Surroundings:
         if self._is_occluded:
             views = self._memory.views_past_obstacles
-            return views.look_past(place, self.range, self.fov, heading, self._observer_height)
+            return views.look_past(place, self.range, self.fov, heading, self._observer_height, self._tunnel(place))
         return self._memory.views.look(place, self.range, self.fov, heading)
 
 
@@ -308,7 +315,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         place = self.place(node_id)
         nodes = nodes_ahead(self.ctx, place, self.range, self.fov, heading)
         if self._is_occluded:
-            is_seen = in_sight(self.ctx, place, nodes, self.range, self._observer_height)
+            is_seen = in_sight(self.ctx, place, nodes, self.range, self._observer_height, self._tunnel(place))
             nodes = NodeColumns(nodes.ids[is_seen], nodes.xy[is_seen])
         return nodes.ids, np.hypot(*(nodes.xy - coordinates(self.ctx, place)).T)
 
@@ -359,11 +366,12 @@ class AgentSensor(DetectingSensor, GroundSensor):
         xy, height, on_edges = self._memory.nearby.coordinates().xy, self._observer_height, positions.on_edges
         on_nodes = [row for row in rows if row not in on_edges] if on_edges else rows
         nodes = NodeColumns(positions.node_ids[on_nodes], xy[on_nodes])
-        seen = _selected(on_nodes, in_sight(self.ctx, place, nodes, self.range, height))
+        tunnel = self._tunnel(place)
+        seen = _selected(on_nodes, in_sight(self.ctx, place, nodes, self.range, height, tunnel))
         between = [row for row in rows if row in on_edges]
         if between:
             places = NodeColumns(positions.node_ids[between], xy[between])
-            seen += _selected(between, is_unhidden(self.ctx, place, places, height))
+            seen += _selected(between, is_unhidden(self.ctx, place, places, height, tunnel))
         return sorted(seen)
 
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:

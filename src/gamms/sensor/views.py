@@ -100,18 +100,18 @@ class ViewsPastObstacles(Views):
         self._areas: dict[Any, FloatArray] = {}
 
     def look_past(
-        self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float
+        self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int = 0
     ) -> Surroundings:
-        """Return what a map sensor sees whose sight lines run `height` above the ground."""
+        """Return what a map sensor sees whose sight lines run `height` above the ground; `tunnel` as for `in_sight`."""
         self._renew()
-        kind = (radius, fov, heading, height)
+        kind = (radius, fov, heading, height, tunnel)
         try:
             return self._seen[kind][place]
         except KeyError:
-            ids = self._ids_in_sight(place, radius, fov, heading, height)
+            ids = self._ids_in_sight(place, radius, fov, heading, height, tunnel)
             return self._keep(kind, place, self._ctx.graph.graph.among(ids))
         except TypeError:  # not hashable
-            return self.look_past(as_int(place, "The id of a node"), radius, fov, heading, height)
+            return self.look_past(as_int(place, "The id of a node"), radius, fov, heading, height, tunnel)
 
     def area(self, place: tuple[float, float], sector: Sector, height: float) -> FloatArray:
         """Return the corners (corners, 2) of what is in sight of a sector, cut off far beyond the map."""
@@ -141,7 +141,7 @@ class ViewsPastObstacles(Views):
             self._areas.clear()
 
     def _ids_in_sight(
-        self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float
+        self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int
     ) -> IntArray:
         table = None if isinstance(place, tuple) else self._ctx.graph.visibility_table(radius, height)
         if table is not None and table.radius == radius:  # it has looked at what is in range already
@@ -149,7 +149,7 @@ class ViewsPastObstacles(Views):
             nodes = NodeColumns(ids, self._ctx.graph.graph.positions(ids))
             return ahead_of(nodes, *coordinates(self._ctx, place), fov, heading).ids
         nodes = nodes_ahead(self._ctx, place, radius, fov, heading)
-        return nodes.ids[in_sight(self._ctx, place, nodes, radius, height)]
+        return nodes.ids[in_sight(self._ctx, place, nodes, radius, height, tunnel)]
 
 
 def coordinates(ctx: IContext, place: Place) -> tuple[float, float]:
@@ -180,26 +180,27 @@ def ahead_of(nodes: NodeColumns, x: float, y: float, fov: float, heading: tuple[
 
 
 def in_sight(
-    ctx: IContext, place: Place, nodes: NodeColumns, radius: float, height: float
+    ctx: IContext, place: Place, nodes: NodeColumns, radius: float, height: float, tunnel: int = 0
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether no obstacle hides each node; all sight lines run `height` above the ground.
 
-    A visibility table answers if there is one; it was made of the same sight lines.
+    A visibility table answers if there is one; it was made of the same sight lines. `tunnel` is that of a place
+    (x, y); that of a node is known.
     """
     if not isinstance(place, tuple):
         table = ctx.graph.visibility_table(radius, height)
         if table is not None:
             return table.mask(place, nodes.ids)
-    return is_unhidden(ctx, place, nodes, height)
+    return is_unhidden(ctx, place, nodes, height, tunnel)
 
 
-def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float) -> BoolArray:
+def is_unhidden(ctx: IContext, place: Place, nodes: NodeColumns, height: float, tunnel: int = 0) -> BoolArray:
     """Return whether no obstacle hides each node, or a place beside it, without asking a table."""
     here, there = ground_at(ctx, place), ctx.graph.graph.ground(nodes.ids)
     origin = here.eyes(np.array([coordinates(ctx, place)]), height)[0]
     if there is None:
         return ctx.graph.visible(origin, at_height(nodes.xy, height))
-    is_near: BoolArray = there.tunnels == here.tunnels
+    is_near: BoolArray = there.tunnels == (tunnel if isinstance(place, tuple) else here.tunnels)
     return is_near & ctx.graph.visible(origin, there.eyes(nodes.xy, height))
 
 
