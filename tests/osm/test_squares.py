@@ -123,6 +123,22 @@ def test_a_hole_leaves_the_ways_past_it(make_map):
     assert length_across(graph) == pytest.approx(100 * math.sqrt(5) + 100 * math.sqrt(2), rel=1e-3)
 
 
+def test_a_square_whose_outline_crosses_itself_is_two(make_map):
+    """The outline is a bow tie with its knot in the middle: only its outer sides are in sight of each other."""
+    nodes, ways = town([(0, 0), (100, 100), (100, 0), (0, 100)])
+    graph = graph_from_file(make_map(nodes, *ways), NO_CUT, osm_type="walk")
+    assert nx.is_strongly_connected(graph)
+    assert length_across(graph) == 0.0
+
+
+@pytest.mark.parametrize("refs", [[1, 1], [1, 2, 1], [1, 2, 3, 2, 1], [1, 2, 9, 1], [1, 2, 3, 1, 2, 3, 1]])
+def test_an_area_that_encloses_nothing_or_lacks_nodes_is_a_way(make_map, refs):
+    nodes, ways = town([(0, 0), (100, 0), (100, 100)])
+    graph = graph_from_file(make_map(nodes, ([1, 2, 3], FOOTWAY), (refs, SQUARE), *ways[1:]), NO_CUT, osm_type="walk")
+    assert nx.is_strongly_connected(graph)
+    assert length_across(graph) == 0.0
+
+
 angles = st.lists(st.floats(0.0, 6.0), min_size=3, max_size=12, unique_by=lambda angle: round(angle, 1))
 
 

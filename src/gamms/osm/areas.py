@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import ellipsoid_lengths
-from gamms.osm.footprints import footprints_of, leads_across, outlines_of_ways
+from gamms.osm.footprints import footprints_of, leads_across, outlines_of_ways, repaired
 from gamms.osm.network import Rule, Ways
 
 Squares = Mapping[int, tuple[dict[str, Any], list[int]]]
@@ -17,7 +17,7 @@ Squares = Mapping[int, tuple[dict[str, Any], list[int]]]
 
 ACROSS = "across_area"  # the tag of the lines, which are on no map
 _NEAREST = 40  # junctions that a line from each junction may lead to
-_MOST_JUNCTIONS = 400  # of an area; around larger ones agents walk
+_MOST_JUNCTIONS = 400  # of an area, or ways around it; around larger ones agents walk
 _DETOUR = 1.05  # times the straight line: as far as the way between two junctions in sight of each other may be
 
 
@@ -60,8 +60,8 @@ def with_ways_across(ways: Ways) -> Ways:
     row_of = {row: row for row in range(len(ways.tags))}
     outlines = outlines_of_ways(ways.offsets, ways.lonlat, row_of, [[*rows] for rows in ways.areas], ways.areas)
     ends, tags = list[int](), [*ways.tags]
-    for rows, shape in zip(ways.areas, footprints_of(outlines), strict=True):
-        if np.isin(_refs_of(ways, rows), junctions).sum() > _MOST_JUNCTIONS:
+    for rows, shape in zip(ways.areas, repaired(footprints_of(outlines)), strict=True):
+        if max(np.isin(_refs_of(ways, rows), junctions).sum(), len(rows)) > _MOST_JUNCTIONS:
             continue
         rim, apart = _along_rim(ways, rows, junctions)
         pairs = _near_pairs(rim, ways, junctions)
