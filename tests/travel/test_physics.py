@@ -13,6 +13,8 @@ from gamms.rules import contacts
 
 LAWS = settings(max_examples=80, deadline=None, derandomize=True)
 TURNS, STEPS = 6, 500
+NEAR = 11.0
+HOW = [{}, {"euclid": NEAR}, {"metres": NEAR}]
 
 
 class Walker:
@@ -119,7 +121,7 @@ def play(xy, pairs, walks, decide):
                     passed[name] += len(move.path) - 1
                 gone.append((int(name), turn, sum(abs(leg.end - leg.begin) * length(ctx, leg) for leg in move.legs)))
             places.append([agent.xy for agent in agents])
-            met.append([one.time for one in contacts(ctx, 0, 1)])
+            met.append([[one.time for one in contacts(ctx, 0, 1, **how)] for how in HOW])
         return places, met, gone
 
 
@@ -147,10 +149,52 @@ def test_agents_are_where_speed_times_time_leads(decide, town):
 def test_agents_meet_when_and_where_small_steps_say(decide, town):
     xy, pairs, (one, other) = town
     _, met, _ = play(xy, pairs, (one, other), decide)
-    for turn, times in enumerate(met):
+    for turn, (times, *_) in enumerate(met):
         for time in times:
             assert dist(one.at(turn + time), other.at(turn + time)) <= 1e-6
         step = first_meeting(one, other, turn)
         assert (step is None) == (not times), (turn, times, step)
         if times:
             assert abs(turn + min(times) - step) <= 2.0 / STEPS
+
+
+def along_streets(xy, far, one, other):
+    """The distance by the streets, all of which lead both ways."""
+    ((a, b), i), ((c, d), k) = one, other
+    ends = ((a, i), (b, dist(xy[a], xy[b]) - i)), ((c, k), (d, dist(xy[c], xy[d]) - k))
+    ways = [gone + far[node, its] + more for node, gone in ends[0] for its, more in ends[1]]
+    return min([*ways, abs(i - k)] if (a, b) == (c, d) else ways)
+
+
+def all_distances(xy, pairs):
+    """The lengths of the shortest ways between all nodes (Floyd and Warshall), and 0 from each to itself."""
+    far = {(a, b): 0.0 if a == b else float("inf") for a in xy for b in xy}
+    far |= {pair: dist(xy[pair[0]], xy[pair[1]]) for a, b in pairs for pair in ((a, b), (b, a))}
+    for via in xy:
+        for a in xy:
+            for b in xy:
+                far[a, b] = min(far[a, b], far[a, via] + far[via, b])
+    return far
+
+
+@LAWS
+@given(town=plays())
+def test_agents_are_near_each_other_when_small_steps_say(town):
+    xy, pairs, (one, other) = town
+    _, met, _ = play(xy, pairs, (one, other), "turn")
+    far = all_distances(xy, pairs)
+    for kind in (1, 2):
+
+        def apart(time, kind=kind):
+            if kind == 1:
+                return dist(one.at(time), other.at(time))
+            return along_streets(xy, far, one.on_street(time), other.on_street(time))
+
+        for turn in range(TURNS):
+            times = met[turn][kind]
+            first = min((turn + time for time in times), default=turn + 1.0)
+            if times:
+                assert apart(first) <= NEAR + 1e-6
+            for i in range(1, STEPS, 10):
+                moment = turn + i / STEPS
+                assert moment >= first or apart(moment) > NEAR - 1e-6

@@ -6,9 +6,12 @@ from itertools import chain, pairwise
 from math import inf, sqrt
 from typing import NamedTuple
 
+import numpy as np
+
 from gamms.errors import UnknownName
 from gamms.graph import Graph
 from gamms.ir.agents import Position
+from gamms.ir.graph import FloatArray
 from gamms.typing.game import Leg, Track
 from gamms.typing.on_edges import line_along, point_along
 
@@ -125,13 +128,26 @@ class _Line(NamedTuple):
 def within_euclid(graph: Graph, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float) -> Iterator[Meeting]:
     """Yield the pairs that are so near in a straight line, each when it first is."""
     lines = {one.name: list(_lines(graph, one)) for one in (*ours, *theirs)}
-    for one in ours:
-        for other in theirs:
-            pairs = ((a, b) for a in lines[one.name] for b in lines[other.name])
-            found = [met for a, b in pairs if (met := _first_near(a, b, limit)) is not None]
-            if found:
-                time, distance = min(found)
-                yield time, distance, False, one.name, other.name, one.node_at(time), other.node_at(time)
+    low_a, high_a = _boxes([lines[one.name] for one in ours])
+    low_b, high_b = _boxes([lines[one.name] for one in theirs])
+    gaps = np.maximum(low_a[:, None] - high_b, low_b - high_a[:, None]).clip(0.0)
+    rows, columns = np.nonzero((gaps * gaps).sum(axis=2) <= limit * limit * (1.0 + TIME_SLACK))
+    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+        one, other = ours[row], theirs[column]
+        pairs = ((a, b) for a in lines[one.name] for b in lines[other.name])
+        found = [met for a, b in pairs if (met := _first_near(a, b, limit)) is not None]
+        if found:
+            time, distance = min(found)
+            yield time, distance, False, one.name, other.name, one.node_at(time), other.node_at(time)
+
+
+def _boxes(journeys: Sequence[Sequence[_Line]]) -> tuple[FloatArray, FloatArray]:
+    """Return the lowest and the highest coordinates on each journey, (journeys, 3) both."""
+    nowhere: list[Position] = [(inf, inf, inf)]
+    ends = ([point for line in lines for point in (line.begin, line.end)] for lines in journeys)
+    points = [np.array(some or nowhere) for some in ends]
+    low, high = np.array([one.min(axis=0) for one in points]), np.array([one.max(axis=0) for one in points])
+    return low.reshape(-1, 3), high.reshape(-1, 3)
 
 
 def _lines(graph: Graph, one: Journey) -> Iterator[_Line]:
@@ -211,13 +227,38 @@ def within_metres(
 ) -> Iterator[Meeting]:
     """Yield the pairs that are so near by the shorter of the paths there and back, each when it first is."""
     stretches = {one.name: list(_stretches(graph, one)) for one in (*ours, *theirs)}
+    ways = _in_reach(reached, stretches, ours, theirs), _in_reach(reached, stretches, theirs, ours)
+    near = ways[0] | {(one, other) for other, one in ways[1]}
+    names = ({one.name: one for one in side} for side in (ours, theirs))
+    of_ours, of_theirs = names
+    for name, its in sorted(near):
+        one, other = of_ours[name], of_theirs[its]
+        pairs = ((a, b) for a in stretches[name] for b in stretches[its])
+        found = [met for a, b in pairs if (met := _first_within(reached, a, b, limit)) is not None]
+        if found:
+            time, distance = min(found)
+            yield time, distance, False, name, its, one.node_at(time), other.node_at(time)
+
+
+def _in_reach(
+    reached: Reached, stretches: Mapping[str, Sequence["_Stretch"]], ours: Sequence[Journey], theirs: Sequence[Journey]
+) -> set[tuple[str, str]]:
+    """Return the pairs on one street, and those where a path leads from one to the other that may be short enough."""
+    at: dict[tuple[str, int], set[str]] = defaultdict(set)
+    for other in theirs:
+        for stretch in stretches[other.name]:
+            for node in stretch.entries:
+                at["node", node].add(other.name)
+            if stretch.street is not None:
+                at["street", stretch.street].add(other.name)
+    found = set[tuple[str, str]]()
     for one in ours:
-        for other in theirs:
-            pairs = ((a, b) for a in stretches[one.name] for b in stretches[other.name])
-            found = [met for a, b in pairs if (met := _first_within(reached, a, b, limit)) is not None]
-            if found:
-                time, distance = min(found)
-                yield time, distance, False, one.name, other.name, one.node_at(time), other.node_at(time)
+        for stretch in stretches[one.name]:
+            nodes = {node for exit in stretch.exits for node in reached(exit)}
+            keys = [("node", node) for node in nodes]
+            keys += [("street", stretch.street)] if stretch.street is not None else []
+            found.update((one.name, other) for key in keys if key in at for other in at[key])
+    return found
 
 
 def _stretches(graph: Graph, one: Journey) -> Iterator[_Stretch]:
@@ -239,27 +280,33 @@ def _first_within(reached: Reached, a: _Stretch, b: _Stretch, limit: float) -> t
     if since > until:
         return None
     least: tuple[float, float] | None = None
-    for begin, end in chain(_apart(reached, a, b, since, until), _apart(reached, b, a, since, until)):
+    for last, begin, end in chain(_apart(reached, a, b, since, until), _apart(reached, b, a, since, until)):
         if begin <= limit:
             met = since, begin
         elif end <= limit:
-            met = since + (until - since) * (begin - limit) / (begin - end), limit
+            met = since + (last - since) * (begin - limit) / (begin - end), limit
         else:
             continue
         least = met if least is None else min(least, met)
     return least
 
 
-def _apart(reached: Reached, a: _Stretch, b: _Stretch, since: float, until: float) -> Iterator[tuple[float, float]]:
-    """Yield the distances at two times by each path from one to the other; each changes evenly between them."""
+def _apart(
+    reached: Reached, a: _Stretch, b: _Stretch, since: float, until: float
+) -> Iterator[tuple[float, float, float]]:
+    """Yield by each path from one to the other a time, and the distances at `since` and then.
+
+    Each changes evenly between both, and does not fall after that time.
+    """
     if a.street is not None and a.street == b.street:
         first, last = (
             (_even(a.since, a.until, a.places, time) - _even(b.since, b.until, b.places, time)) * a.length
             for time in (since, until)
         )
         if first * last < 0.0:  # they pass each other
-            yield abs(first), 0.0
-        yield abs(first), abs(last)
+            yield since + (until - since) * first / (first - last), abs(first), 0.0
+        else:
+            yield until, abs(first), abs(last)
     for node, out in a.exits.items():
         far = reached(node)
         for end, into in b.entries.items():
@@ -269,7 +316,7 @@ def _apart(reached: Reached, a: _Stretch, b: _Stretch, since: float, until: floa
                     between + _even(a.since, a.until, out, time) + _even(b.since, b.until, into, time)
                     for time in (since, until)
                 )
-                yield begin, final
+                yield until, begin, final
 
 
 def _even(since: float, until: float, values: tuple[float, float], time: float) -> float:
