@@ -216,6 +216,14 @@ def test_a_graph_gets_heights_of_its_own(make_map, heights):
         add_elevation(nx.Graph([(0, 1)], crs="EPSG:32635"), hill)
 
 
+def test_lines_of_geojson_have_heights(heights, tmp_path):
+    path = tmp_path / "roads.geojson"
+    path.write_text('{"type": "LineString", "coordinates": [[24.5, 60.25], [24.5, 60.26]]}')
+    graph = gamms.osm.graph_from_geojson(path, elevation=heights(lambda column, row: row))
+    assert graph.nodes[0]["z"] == pytest.approx(300.0, abs=0.01)
+    assert graph.edges[0, 1]["grade"] == pytest.approx(12 / 1114, rel=0.01)
+
+
 def test_heights_go_through_contexts_and_files(make_map, heights, tmp_path):
     path, hill = make_map(NODES, ([2, 1, 3], {"highway": "residential"})), heights(lambda column, row: column + row)
     with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:

@@ -131,6 +131,13 @@ def test_a_building_in_a_notch_of_another_is_no_courtyard():
     assert areas(columns(walls(notched, 3.0), walls(notch, 3.0))) == [82.0, 18.0]
 
 
+def test_buildings_on_hills_are_as_dark_as_they_are_high():
+    flat = columns(walls(SQUARE, 9.0), walls(moved(SQUARE, 30.0), 21.0))
+    hills = flat.corners + np.repeat([(0.0, 0.0, 300.0), (0.0, 0.0, 100.0)], 4, axis=0)[:, None]
+    assert footprints(flat).heights.tolist() == [9.0, 21.0]
+    assert footprints(flat._replace(corners=hills)).heights.tolist() == [9.0, 21.0]
+
+
 @given(st.lists(st.tuples(st.integers(3, 9), st.booleans()), max_size=8))
 def test_every_building_of_a_town_is_found(sizes):
     buildings = []

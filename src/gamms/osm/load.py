@@ -285,6 +285,7 @@ def graph_from_geojson(
     retain_all: bool = False,
     tolerance: float = 0.0,
     simplify: bool = True,
+    elevation: "ElevationPath | Elevation | None" = None,
 ) -> "nx.DiGraph[int]":
     """Make a graph of the lines in a GeoJSON file; they join where they have equal coordinates.
 
@@ -292,7 +293,7 @@ def graph_from_geojson(
     `oneway`, `maxspeed` and `highway` mean what they do in OpenStreetMap. Other geometries are passed over.
     It needs no optional library.
 
-    Args, Returns: as for `graph_from_file`.
+    Args, Returns: as for `graph_from_file`; `elevation` as in `MapOptions`.
 
     Raises:
         FileNotFoundError, IsADirectoryError: there is no such file.
@@ -300,7 +301,7 @@ def graph_from_geojson(
         BadValue, BadType: an argument is impossible, or the lines lie too far apart or north for one projection.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
-    return _graph(filepath, recipe, read_lines, selection_of(recipe, None))
+    return _graph(filepath, recipe, read_lines, selection_of(recipe, None), as_ground(elevation, None))
 
 
 def process_osm_graph(osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":

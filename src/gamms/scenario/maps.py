@@ -13,7 +13,7 @@ from gamms.scenario.documents import ScenarioError, at
 from gamms.scenario.spec import Code, Map, MapFile, MapPlace, Streets, Values, given_values, in_full
 from gamms.text import shown
 
-_OF_OSM = {"osm_type", "buildings", "scenery", "tags", "elevation"}  # what is for OpenStreetMap files alone
+_OF_OSM = {"osm_type", "buildings", "scenery", "tags"}  # what is for OpenStreetMap files alone
 _KINDS = [name for name in Map.__struct_fields__ if name != "closed"]
 
 

@@ -156,10 +156,16 @@ def footprints(faces: ObstacleColumns) -> Footprints:
     return Footprints(
         points=np.array([point for polygon in polygons for point in polygon]).reshape(-1, 2),
         offsets=np.cumsum([0, *map(len, polygons)]),
-        heights=faces.corners[outer, 0, 2],
+        heights=_above_ground(faces.corners[outer]),
         types=faces.types[outer],
         row_of=row_of,
     )
+
+
+def _above_ground(corners: FloatArray) -> FloatArray:
+    """Return how high walls (walls, 4, 3) are: above their bases if none begins at 0, where the map is not flat."""
+    tops, bases = corners[:, 0, 2], corners[:, 2, 2]
+    return tops - bases if bases.all() else tops
 
 
 def _rings(rights: FloatArray, lefts: FloatArray) -> tuple[IntArray, list[bool]]:
