@@ -37,6 +37,7 @@ ENTRY = "belief"  # the first part of a key
 _REPORTS = "belief reports"  # likewise, of what was reported of earlier turns
 _ALL = ""  # the observer of what a team has observed together; no agent has this name
 _MAP = "belief map"  # the key of the digest of the map that was seen last
+_EVENTS = "belief events"  # the key of how many events of the game were read
 _ON_GROUND = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _IN_AIR = {SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT}
 _NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
@@ -307,7 +308,7 @@ def _nodes_under(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, 
 
 
 def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict[str, int]:
-    """Return where agents were put by `ctx.game.respawn` since the last turn, which all strategies can read.
+    """Return where agents were put by `ctx.game.respawn` since the agent has observed, which all strategies can read.
 
     What may have moved since is reported of an earlier turn.
     """
@@ -316,16 +317,21 @@ def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict
         return found
     with phase_of(ctx).suspended():  # NOTE: which spares a copy of the events of the whole game, 3 us for each
         events = ctx.game.events
-    for event in reversed(events):
-        if event["turn"] < state["turn"]:
-            break
+    memory, turn, known = _required(state, "memory"), state["turn"], set[str]()
+    for event in reversed(events[memory.get(_EVENTS, 0) :]):
         name = event.get("agent")
-        if event["kind"] == "respawned" and name in ctx.agent.agents and _is_other(ctx, state, name):
-            found.setdefault(name, event["node"])
-    for name in [one for one in found if _may_have_moved(ctx, state, one)]:
-        report = Report(name, found.pop(name), state["turn"] - 1, is_put=True)
-        if state["turn"]:  # before the first turn it can be anywhere
-            _report(state, report, share=share)
+        if event["kind"] != "respawned" or name in known or name not in ctx.agent.agents:
+            continue
+        known.add(name)
+        if _is_other(ctx, state, name):
+            # A rule for deeds may have put it there in this very turn, before the observer's team was to move.
+            then = min(event["turn"], turn) - _may_have_moved(ctx, state, name)
+            if then == turn:
+                found[name] = event["node"]
+            elif then >= 0:  # else it can be anywhere
+                _report(state, Report(name, event["node"], then, is_put=True), share=share)
+    if len(events) != memory.get(_EVENTS, 0):
+        memory[_EVENTS] = len(events)
     return found
 
 
@@ -404,6 +410,11 @@ def _closed(ctx: Context, memory: Memory) -> list[list[float]] | None:
     return [list(arc) for arc in sorted(known[before].arcs() - ground.arcs())] if before in known else None
 
 
+def _keys_of(memory: Mapping[Any, Any]) -> list[Key]:
+    """Return the keys of what was observed and reported."""
+    return [key for key in memory if type(key) is tuple and len(key) == 3 and key[0] in (ENTRY, _REPORTS)]
+
+
 def _prune(memory: Memory, turn: int, horizon: int) -> None:
     """Forget looks that are older than some turns; where each agent was seen last stays."""
     if turn % max(1, horizon // 2):  # NOTE: seldom, because what is worked out from the first entry on has to be again
@@ -419,7 +430,7 @@ def _prune(memory: Memory, turn: int, horizon: int) -> None:
             memory.pop((ENTRY, then, by), None)
             if found or closed:
                 memory[ENTRY, then, by] = _as_text(({"found": found} if found else {}) | closed)
-    for key in [key for key in memory if type(key) is tuple and key[0] == _REPORTS]:
+    for key in [key for key in _keys_of(memory) if key[0] == _REPORTS]:
         kept = [report for report in _reports_in(key[1], key[2], memory.pop(key)) if report.turn >= turn - horizon]
         if kept:
             memory[key] = _as_text(kept)
@@ -427,7 +438,7 @@ def _prune(memory: Memory, turn: int, horizon: int) -> None:
 
 def _join(memory: Memory, turn: int) -> None:
     """Join what was observed in turns of which all have heard; all do the same, so that they agree."""
-    keys = [key for key in memory if type(key) is tuple and len(key) == 3 and key[0] == ENTRY]
+    keys = [key for key in _keys_of(memory) if key[0] == ENTRY]
     then_of = sorted({then for _, then, by in keys if by != _ALL and then < turn - 1})
     turns = turns_in({key: memory[key] for key in keys if key[1] in then_of}) if then_of else {}
     for then, seen in turns.items():
