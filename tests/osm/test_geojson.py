@@ -243,3 +243,78 @@ def test_osm_and_geojson_are_not_mixed_up(write, make_map, cross):
         graph_from_file(write(line(A, B)))
     with pytest.raises(BadFile):
         graph_from_geojson(make_map(cross, ([1, 2], {"highway": "steps"})))
+
+
+# -- lines that nearly meet ---------------------------------------------------------------------------------------
+
+
+def parts_of(graph):
+    return nx.number_weakly_connected_components(graph)
+
+
+def test_ends_that_nearly_meet_are_joined_by_snapping(write, caplog):
+    near = [A[0] + 1e-9, A[1]]
+    file = write(collection(line(A, C, name="x"), line(near, D, name="y")))
+    with caplog.at_level("WARNING", logger="gamms"):
+        assert len(load(file)) == 2
+    assert "map.geojson has 2 lines in 2 parts; 41.5% of their length" in caplog.text
+    assert "snap=" in caplog.text
+    caplog.clear()
+    graph = load(file, snap=0.5)
+    assert (len(graph), parts_of(graph), caplog.text) == (3, 1, "")
+
+
+def test_an_end_beside_a_line_becomes_a_vertex_of_it(write):
+    beside = [B[0], B[1] + 1e-6]  # 0.11 m from the middle of the line from A to C
+    file = write(collection(line(A, C), line(beside, D)))
+    assert load(file, retain_all=True, snap=0.1).number_of_nodes() == 4
+    graph = load(file, snap=0.2)
+    assert (graph.number_of_nodes(), graph.number_of_edges()) == (4, 6)
+    length = sum(data["length"] for *_, data in load(file, retain_all=True).edges(data=True))
+    assert sum(data["length"] for *_, data in graph.edges(data=True)) == pytest.approx(length, abs=0.01)
+
+
+def test_several_ends_beside_one_line_are_in_order(write):
+    sides = [line([24.94 + 0.0001 * k, 60.170001], [24.94 + 0.0001 * k, 60.171], name=str(k)) for k in (15, 3, 9)]
+    graph = load(write(collection(line(A, C, name="x"), *sides)), snap=1.0)
+    assert (len(graph), parts_of(graph)) == (8, 1)
+    along = [data["length"] for *_, data in graph.edges(data=True) if data["name"] == "x"]
+    assert sum(along) / 2 == pytest.approx(111.0, abs=0.1)
+
+
+def test_lines_that_cross_stay_apart(write):
+    graph = load(write(collection(line(A, C), line([24.941, 60.169], D))), retain_all=True, snap=5.0)
+    assert parts_of(graph) == 2
+
+
+def test_snapping_changes_nothing_where_all_lines_meet(write):
+    file = write(collection(line(A, B, C, name="x"), line(B, D, name="y"), line(A, [24.94, 60.171], D, A)))
+    one, other = load(file), load(file, snap=2.0)
+    assert list(one.edges(data="length")) == list(other.edges(data="length"))
+
+
+@pytest.mark.parametrize("lines", [[[A]], [[]], [[A], [A, C], [[24.9400001, 60.17], D]]])
+def test_lines_without_a_length_are_passed_over(write, lines):
+    file = write(collection(*(line(*places) for places in lines)))
+    try:
+        assert len(load(file, snap=1.0)) == 2  # from C to D, by way of A
+    except BadFile:
+        assert len(lines) == 1
+
+
+def test_masses_of_near_lines_are_refused(write, monkeypatch):
+    from gamms.osm import geojson
+
+    monkeypatch.setattr(geojson, "_FEW_NEAR", 100)
+    monkeypatch.setattr(geojson, "_MOST_NEAR", 1)
+    file = write(collection(*(line([24.94 + 1e-9 * k, 60.17], [24.941, 60.17 + 1e-9 * k]) for k in range(40))))
+    with pytest.raises(BadFile, match="too many lines lie within 5 m"):
+        load(file, snap=5.0)
+
+
+@pytest.mark.parametrize(
+    ("snap", "error"), [(-1.0, BadValue), (float("nan"), BadValue), (1e9, BadValue), ("x", BadType)]
+)
+def test_a_distance_to_snap_that_is_none_is_refused(write, snap, error):
+    with pytest.raises(error, match="snap"):
+        load(write(collection(line(A, B))), snap=snap)

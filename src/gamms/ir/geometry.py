@@ -169,6 +169,27 @@ class LineTree:
         return int(min([line, *as_near]))
 
 
+class NearLines:
+    """Finds the polylines that are near to points.
+
+    Args:
+        lines: (points, 2) of each.
+    """
+
+    def __init__(self, lines: Sequence[FloatArray]) -> None:
+        import shapely
+
+        rows = np.repeat(np.arange(len(lines)), [len(line) for line in lines])
+        self._lines = shapely.linestrings(np.concatenate(lines), indices=rows)
+        self._tree, self._distance, self._points = shapely.STRtree(self._lines), shapely.distance, shapely.points
+
+    def within(self, points: FloatArray, distance: float) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return rows of points (points, 2), lines within a distance of them, and how far those are, (pairs,) each."""
+        near = self._points(points)
+        rows, lines = self._tree.query(near, predicate="dwithin", distance=distance)
+        return rows, lines, self._distance(near[rows], self._lines[lines])
+
+
 def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, float]:
     """Return the point of a polyline (points, 2) that is nearest to a place.
 

@@ -3,6 +3,8 @@
 import os
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -11,8 +13,11 @@ import numpy as np
 from msgspec import Meta
 
 from gamms.errors import BadFile
+from gamms.ir.geometry import NearLines, nearest_on
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.projection import WGS84, project, utm_crs
 from gamms.limits import refuse_above
-from gamms.osm.network import Rule, Ways, is_against, is_one_way, offsets_of
+from gamms.osm.network import Rule, Ways, components, is_against, is_one_way, offsets_of
 from gamms.osm.osmium_reader import as_file
 from gamms.progress import Show
 
@@ -40,8 +45,12 @@ class _Object(msgspec.Struct):
     copyright: Any = None
 
 
-def read_lines(file: Path, show: Show, _rule: Rule | None = None, _tags: Sequence[str] = ()) -> Ways:
+def read_lines(
+    file: Path, show: Show, _rule: Rule | None = None, _tags: Sequence[str] = (), *, snap: float = 0.0
+) -> Ways:
     """Return the lines of a GeoJSON file, in its order; points and polygons are passed over.
+
+    Ends of lines join other lines that are at most `snap` metres away.
 
     Raises:
         BadFile: it is no GeoJSON, damaged, too large, without lines, or not in degrees.
@@ -49,7 +58,8 @@ def read_lines(file: Path, show: Show, _rule: Rule | None = None, _tags: Sequenc
     show(f"Reading {file.name}")
     refuse_above(_MEMORY_PER_BYTE * file.stat().st_size, f"reading {str(file)!r}")
     try:
-        return _ways(file.read_bytes().removeprefix(b"\xef\xbb\xbf"))
+        ways = _ways(file.read_bytes().removeprefix(b"\xef\xbb\xbf"))
+        return snapped(ways, snap) if snap else ways
     except (ValueError, RecursionError, MemoryError, msgspec.MsgspecError) as error:
         raise BadFile(f"{str(file)!r} cannot be used: {str(error)[:200]}. {_WAY_OUT}") from None
 
@@ -121,3 +131,77 @@ def _tags(feature: _Object, number: int) -> dict[str, Any]:
     found = next((match for id in ids if (match := _ID.fullmatch(id))), None)
     oneway = is_one_way(given.get("oneway"), given.get("junction"))
     return {"osmid": number if found is None else int(found[1]), **kept, "oneway": oneway}
+
+
+# -- lines that nearly meet ---------------------------------------------------------------------------------------
+
+_AT_ONCE = 64  # ends of lines
+_MOST_NEAR = 1_000  # lines around an end, in the mean
+_FEW_NEAR = 1_000_000
+
+
+def snapped(ways: Ways, metres: float) -> Ways:
+    """Return lines whose ends are joined to the nearest other line, where that is at most `metres` away.
+
+    An end joins a vertex of that line if one is near enough, and otherwise becomes one. Lines that cross stay apart:
+    one may be a bridge.
+
+    Raises:
+        ValueError: so many lines lie so near to each other that it would take hours.
+    """
+    xy = project(ways.lonlat, WGS84, utm_crs(ways.lonlat))
+    lines = [slice(a, b) for a, b in pairwise(ways.offsets.tolist())]
+    counts = np.bincount(ways.refs)
+    whole = [line for line, rows in enumerate(lines) if rows.stop - rows.start > 1]
+    ends = [(line, at) for line in whole for at in (lines[line].start, lines[line].stop - 1)]
+    open_ends = [(line, at) for line, at in ends if counts[ways.refs[at]] == 1]
+    found = _nearest_lines({line: xy[lines[line]] for line in whole}, open_ends, xy, metres) if whole else {}
+    joined, inserted = [], dict[int, list[tuple[float, int]]]()  # places; line -> how far along it -> place
+    for (_, at), line in found.items():
+        points = xy[lines[line]]
+        off = np.hypot(*(points - xy[at]).T)
+        vertex = int(off.argmin())
+        if off[vertex] <= metres:
+            joined.append((ways.refs[at], ways.refs[lines[line].start + vertex]))
+        else:
+            inserted.setdefault(line, []).append((nearest_on(points, (xy[at, 0], xy[at, 1]))[0], at))
+    pairs = np.array(joined, np.int64).reshape(-1, 2)
+    label = components(pairs[:, 0], pairs[:, 1], len(counts))
+    order = _with_places(xy, lines, inserted)
+    refs = label[ways.refs][order]
+    lonlat = ways.lonlat[np.unique(ways.refs, return_index=True)[1]][refs]
+    sizes = np.diff(ways.offsets) + np.array([len(inserted.get(line, ())) for line in range(len(lines))])
+    return replace(ways, offsets=offsets_of(sizes), refs=refs, lonlat=lonlat)
+
+
+def _nearest_lines(
+    lines: dict[int, FloatArray], ends: list[tuple[int, int]], xy: FloatArray, metres: float
+) -> dict[tuple[int, int], int]:
+    """Return for ends, each a line and a position, the nearest other line within `metres`."""
+    tree, numbers = NearLines([*lines.values()]), np.array([*lines], np.int64)
+    found: dict[tuple[int, int], int] = {}
+    total = 0
+    for first in range(0, len(ends), _AT_ONCE):
+        part = ends[first : first + _AT_ONCE]
+        rows, near, off = tree.within(xy[[at for _, at in part]], metres)
+        others = numbers[near]
+        total += len(rows)
+        if total > _FEW_NEAR + _MOST_NEAR * (first + len(part)):
+            raise ValueError(f"too many lines lie within {metres:g} m of each other; snap less, or thin them out")
+        is_other = np.flatnonzero(others != np.array([line for line, _ in part])[rows])
+        for pair in is_other[np.argsort(-off[is_other], kind="stable")].tolist():
+            found[part[rows[pair]]] = int(others[pair])  # the last one is the nearest
+    return found
+
+
+def _with_places(xy: FloatArray, lines: list[slice], inserted: dict[int, list[tuple[float, int]]]) -> IntArray:
+    """Return the positions of all lines in their order, with places between them that are so far along."""
+    order: list[int] = []
+    for line, rows in enumerate(lines):
+        own = list(range(rows.start, rows.stop))
+        if line in inserted:
+            gone = np.append(0.0, np.hypot(*np.diff(xy[rows], axis=0).T).cumsum())
+            places = [*zip((gone / (gone[-1] or 1.0)).tolist(), own, strict=True), *inserted[line]]
+            own = [at for _, at in sorted(places, key=lambda place: place[0])]
+        order.extend(own)
+    return np.array(order, np.int64)

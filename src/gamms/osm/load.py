@@ -1,6 +1,7 @@
 """Maps in, graphs out: what `gamms.osm` offers, step by step from the file to the networkx graph."""
 
 import inspect
+import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -42,6 +43,7 @@ from gamms.osm.network import (
     both_ways,
     classic_closed_rule,
     classic_rule,
+    components,
     connected,
     joined_directions,
     network_of_columns,
@@ -97,6 +99,7 @@ class Selection(NamedTuple):
     stops: Stops | None = None  # which barriers end a road
     is_classic: bool = False  # nodes have no more than gamms 1.0.0 gives them
     clip: "Polygon | None" = None  # the area in degrees that is taken
+    snap: float = 0.0  # metres, of GeoJSON
 
 
 class MapOptions(TypedDict, total=False):
@@ -286,6 +289,7 @@ def graph_from_geojson(
     tolerance: float = 0.0,
     simplify: bool = True,
     elevation: "ElevationPath | Elevation | None" = None,
+    snap: float = 0.0,
 ) -> "nx.DiGraph[int]":
     """Make a graph of the lines in a GeoJSON file; they join where they have equal coordinates.
 
@@ -293,7 +297,18 @@ def graph_from_geojson(
     `oneway`, `maxspeed` and `highway` mean what they do in OpenStreetMap. Other geometries are passed over.
     It needs no optional library.
 
-    Args, Returns: as for `graph_from_file`; `elevation` as in `MapOptions`.
+    Args:
+        filepath: the map file.
+        resolution: as for `graph_from_file`, and so are those that are not listed.
+        bidirectional: likewise.
+        retain_all: keep every part of the map; otherwise what is left out is logged, with its share of the length.
+        tolerance: likewise.
+        simplify: likewise.
+        elevation: as in `MapOptions`.
+        snap: metres; the end of a line joins the nearest other line if that is not farther away. Lines that cross stay
+            apart.
+
+    Returns: as `graph_from_file`.
 
     Raises:
         FileNotFoundError, IsADirectoryError: there is no such file.
@@ -301,7 +316,11 @@ def graph_from_geojson(
         BadValue, BadType: an argument is impossible, or the lines lie too far apart or north for one projection.
     """
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
-    return _graph(filepath, recipe, read_lines, selection_of(recipe, None), as_ground(elevation, None))
+    if (metres := as_range(snap, "snap")) > _WIDEST_JUNCTION_M:
+        raise BadValue(f"snap must be at most {_WIDEST_JUNCTION_M:g} metres, not {metres}.")
+    return _graph(
+        filepath, recipe, read_lines, selection_of(recipe, None)._replace(snap=metres), as_ground(elevation, None)
+    )
 
 
 def process_osm_graph(osmg: "nx.Graph[Any]", resolution: float = 10.0, bidirectional: bool = True) -> "nx.DiGraph[int]":
@@ -457,7 +476,7 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
         MissingExtra: osmium is not installed.
     """
     if read is read_lines or (read is None and is_geojson(file)):
-        ways = read_lines(file, show)
+        ways = read_lines(file, show, snap=selection.snap)
     else:
         rule, tags, stops, clip = selection.rule, selection.tags, selection.stops, selection.clip
         ways = with_ways_across(read_ways(file, show, rule, tags, areas=selection.areas, stops=stops, clip=clip))
@@ -483,6 +502,13 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
         raise BadFile(
             f"{str(file)!r} has no two places with a way there and back: its streets are one-way. "
             "Take them with strong=False, or let agents go against the traffic by bidirectional=True."
+        )
+    if ways.nodes is None and network.left_out.other_parts_m:
+        lost = network.left_out.other_parts_m / (network.left_out.other_parts_m + float(network.lengths.sum()))
+        parts = len(np.unique(components(segments.sources, segments.targets, len(segments.lonlat))))
+        logging.getLogger("gamms").warning(
+            f"{file.name} has {len(ways.tags)} lines in {parts} parts; {lost:.1%} of their length is not joined to the "
+            "largest one and left out. snap= joins ends that are near, retain_all=True keeps all parts."
         )
     network = replace(
         network, left_out=network.left_out._replace(barriers=len(ways.barriers), across_m=length_across(ways))
