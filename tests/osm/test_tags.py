@@ -4,8 +4,8 @@ import networkx as nx
 import pytest
 
 import gamms
-from gamms.errors import BadType, BadValue
-from gamms.osm import graph_from_file, graph_from_geojson, graph_from_xml
+from gamms.errors import BadType, BadValue, TooLarge
+from gamms.osm import graph_from_file, graph_from_geojson, graph_from_xml, osmium_reader
 from gamms.osm.modes import keeping
 from gamms.osm.network import classic_rule
 from gamms.osm.osmium_reader import read_ways
@@ -141,6 +141,14 @@ def test_equal_texts_are_kept_once(make_map):
     ways = read_ways(path, lambda _: None, keeping(classic_rule(None), ["surface"]), ["surface"])
     assert len(ways.tags) == 3
     assert len({id(tags["surface"]) for tags in ways.tags}) == 1
+
+
+def test_nodes_with_tags_have_to_fit_into_memory(town, monkeypatch):
+    monkeypatch.setattr(osmium_reader, "_BYTES_PER_POINT", 1 << 23)
+    lamps = {id: {"highway": "street_lamp"} for id in NODES}
+    assert len(graph_from_file(town(marks={})))
+    with pytest.raises(TooLarge, match="honest files"):
+        graph_from_file(town(marks=lamps))
 
 
 def test_geojson_keeps_all_properties_and_its_nodes_have_no_numbers(tmp_path):

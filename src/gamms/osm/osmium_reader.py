@@ -265,6 +265,7 @@ def read_ways(
                 relations.append((one.id, given, _rings(cast("osm.Relation", one))))
                 continue
             if one.is_node():
+                lines.allowance.charge(_BYTES_PER_POINT)
                 marked[one.id] = _shared({name: given[name] for name in node_keys(tags) if name in given}, texts)
                 barriers.update([one.id] if stops is not None and stops(given) else [])
                 continue
