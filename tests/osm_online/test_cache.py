@@ -16,7 +16,7 @@ from server import SOUTH, WEST, changes, is_busy, says
 import gamms.osm.servers as transport
 from gamms import limits
 from gamms.errors import GammsError, MissingExtra, NetworkError, PlaceError, TooLarge
-from gamms.folders import cache_folder
+from gamms.folders import cache_folder, write_whole
 from gamms.osm import OSM_OBSTACLE_TAGS, OSMType, create_osm_graph, graph_from_bbox, graph_from_point
 from gamms.osm.overpass import features_of_place
 
@@ -237,6 +237,25 @@ def test_threads_take_turns(server):
     for thread in threads:
         thread.join()
     assert len(found) == 3
+
+
+def test_threads_that_write_one_file_do_not_disturb_each_other(tmp_path):
+    failures = []
+
+    def write(number):
+        for _ in range(200):
+            try:
+                write_whole(tmp_path / "answer.json", bytes([number]) * 2000)
+            except OSError as error:
+                failures.append(error)
+
+    threads = [threading.Thread(target=write, args=(number,)) for number in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not failures
+    assert [file.name for file in tmp_path.iterdir()] == ["answer.json"]
 
 
 def test_without_requests_the_error_says_what_to_install(server, monkeypatch):
