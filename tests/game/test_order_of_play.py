@@ -225,3 +225,14 @@ def test_a_scenario_with_an_impossible_order_or_deed_names_the_place(given, mess
     }
     with pytest.raises(gamms.scenario.ScenarioError, match=message):
         gamms.scenario.Scenario(**spec)
+
+
+def test_a_part_of_an_edge_is_covered_in_ones_own_part_of_the_turn():
+    with road([["cops"], ["robber"]]) as ctx:
+        cop = player(ctx, "cop", "cops", 0, 9, 9, 9, 9, speed=1.5)
+        player(ctx, "rob", "robber", 9, 9)
+        nodes = []
+        for _ in range(4):
+            ctx.game.step()
+            nodes.append(cop.current_node_id)
+        assert nodes == [1, 3, 4, 6]

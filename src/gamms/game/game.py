@@ -164,7 +164,7 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def step(self) -> bool:
-        """Play one turn; False, and nothing happens, once the game is over.
+        """Play one turn; return whether the game goes on. Once it is over, nothing happens.
 
         The global `random` and `numpy.random` are seeded as by `run`. If a rule of "before" ends the game, the turn is
         not played. If something raises before the agents have moved, the turn is not played either, and the next call

@@ -249,6 +249,8 @@ def _between(
     legs: tuple[Leg, ...], begun: Progress | None, progress: Progress | None, number: int, parts: int
 ) -> tuple[Leg, ...]:
     """Return legs in one of several equal parts of the turn; before and after it the agent stands where it is."""
+    if not legs:  # it is on a node, and a game that counts edges knows no places between nodes
+        return ()
     scaled = [leg._replace(since=(number + leg.since) / parts, until=(number + leg.until) / parts) for leg in legs]
     if begun is not None and number:
         scaled.insert(0, legs[0]._replace(end=begun.share, since=0.0, until=number / parts))
