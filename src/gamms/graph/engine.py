@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 from gamms.arguments import as_int
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownName, UnknownType, WriteConflict
-from gamms.graph.finding import Found, Part, StreetNames, bounds, find, inside, region_of
+from gamms.graph.finding import Found, Part, StreetNames, Track, bounds, find, inside, region_of, track_of
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
 from gamms.graph.routes import CachedRoutes
@@ -201,6 +201,26 @@ class GraphEngine(Guarded, IGraphEngine):
             BadValue (ValueError): it is no polygon, or GeoJSON on a map without a CRS.
         """
         return inside(self.graph.columns(), region_of(polygon, self.crs), touching=touching)
+
+    def track(self, path: str | os.PathLike[str], within: float = 50.0) -> Track:
+        """Return the way that a GPX file has recorded, as paths on the graph.
+
+        Each point of its tracks and routes counts for the nearest edge, and for the nearer end of that; from one to the
+        next leads the shortest path.
+
+        Args:
+            path: of the file.
+            within: map units; points that are farther from every edge are left out.
+
+        Returns:
+            Its `paths`, as ids of nodes, and the `edges` of its points.
+
+        Raises:
+            FileNotFoundError: there is no such file.
+            BadFile (ValueError): it is no GPX, damaged, or too large.
+            BadValue (ValueError): the graph has no CRS, or a point lies outside its projection.
+        """
+        return track_of(path, self.graph, self.routes, within)
 
     @property
     def bounds(self) -> tuple[float, float, float, float]:

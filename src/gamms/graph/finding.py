@@ -1,18 +1,23 @@
-"""Parts of a graph: streets and junctions by name, and what lies in a polygon."""
+"""Parts of a graph: streets and junctions by name, what lies in a polygon, and the paths of GPX tracks."""
 
 import unicodedata
 from collections.abc import Iterable, Mapping
 from difflib import get_close_matches
 from itertools import islice
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
+from xml.parsers import expat
 
 import numpy as np
 
-from gamms.arguments import as_text
-from gamms.errors import BadValue, UnknownName
+from gamms.arguments import as_path, as_text
+from gamms.errors import BadFile, BadValue, MissingFile, NoPath, UnknownName
 from gamms.graph import positions
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.limits import refuse_above
+from gamms.typing.graph_engine import IGraph
+from gamms.typing.routes import RouteQueries
 
 if TYPE_CHECKING:
     from shapely import Polygon
@@ -23,6 +28,7 @@ _MOST_LISTED = 8
 _ONE_JUNCTION = 50.0  # metres: nodes of one junction are less apart from the next one
 _NEAR = 30.0  # metres: streets whose ends are joined by a piece without a name, or with another one
 _AT_ONCE = 256  # nodes
+_MOST_LAT = 90.0  # degrees
 
 
 class Found(NamedTuple):
@@ -235,3 +241,101 @@ def _clusters(xy: FloatArray) -> list[IntArray]:
 def _listed(names: list[Any]) -> str:
     rest = len(names) - _MOST_LISTED
     return ", ".join(map(str, names[:_MOST_LISTED])) + (f" and {rest} more" if rest > 0 else "")
+
+
+# -- tracks of GPX ------------------------------------------------------------------------------------------------
+
+_CHUNK = 1 << 16  # bytes
+_PER_BYTE = 8  # of memory, of a file that is nothing but points
+_MOST_POINTS = 1_000_000
+_POINTS, _PARTS = ("trkpt", "rtept"), ("trkseg", "rte")
+
+
+class Track(NamedTuple):
+    """The way that a GPX file has recorded, on the graph.
+
+    Attributes:
+        paths: ids of the nodes along each part of the way; a new one begins where the file begins one, where points are
+            too far from every edge, and where no path leads on.
+        edges: id of the nearest edge of each point; None where all are too far away.
+    """
+
+    paths: list[list[int]]
+    edges: list[int | None]
+
+
+def track_of(path: object, graph: IGraph, routes: RouteQueries, within: float) -> Track:
+    """Return the way of a GPX file on a graph; see `GraphEngine.track`."""
+    paths: list[list[int]] = []
+    edges: list[int | None] = []
+    for points in read_gpx(as_path(path, "path")):
+        is_new = True
+        for x, y in zip(*graph.from_latlon(lat=points[:, 0], lon=points[:, 1]), strict=True):
+            near = routes.nearest_edge(x, y, within)
+            edges.append(None if near is None else near.edge_id)
+            if near is None:
+                is_new = True
+                continue
+            edge = graph.get_edge(near.edge_id)
+            node = edge.source if near.offset < edge.length / 2.0 else edge.target
+            if not is_new and node != paths[-1][-1]:
+                try:
+                    paths[-1].extend(graph.shortest_path(paths[-1][-1], node)[1:])
+                except NoPath:
+                    is_new = True
+            if is_new:
+                paths.append([node])
+                is_new = False
+    return Track(paths, edges)
+
+
+def read_gpx(file: Path) -> list[FloatArray]:
+    """Return latitude and longitude (points, 2) of each segment and route of a GPX file that has points.
+
+    Raises:
+        MissingFile (FileNotFoundError): there is no such file.
+        BadFile (ValueError): it is no GPX, damaged, or too large.
+    """
+    if not file.is_file():
+        raise MissingFile("a GPX track", file)
+    refuse_above(_PER_BYTE * file.stat().st_size, f"Reading {str(file)!r}")
+    reader = _GpxReader()
+    try:
+        with file.open("rb") as stream:
+            while chunk := stream.read(_CHUNK):
+                reader.parser.Parse(chunk, False)
+        reader.parser.Parse(b"", True)
+    except (expat.ExpatError, ValueError) as error:
+        raise BadFile(f"{str(file)!r} cannot be used as a GPX file: {error}.") from None
+    return [np.array(part, np.float64) for part in reader.parts if part]
+
+
+class _GpxReader:
+    """Collects the points of a GPX file while it is parsed."""
+
+    def __init__(self) -> None:
+        self.parts: list[list[tuple[float, float]]] = [[]]
+        self.count = 0
+        self.parser = expat.ParserCreate()
+        self.parser.StartElementHandler = self._start
+        self.parser.StartDoctypeDeclHandler = self._refuse
+        self._is_first = True
+
+    def _start(self, name: str, attributes: dict[str, str]) -> None:
+        name = name.rpartition(":")[2]
+        if self._is_first and name != "gpx":
+            raise ValueError(f"it begins with <{name[:40]}>")
+        self._is_first = False
+        if name in _PARTS:
+            self.parts.append([])
+        elif name in _POINTS:
+            place = float(attributes.get("lat", "nan")), float(attributes.get("lon", "nan"))
+            if not (abs(place[0]) <= _MOST_LAT and abs(place[1]) <= 2.0 * _MOST_LAT):
+                raise ValueError(f"a point has no latitude and longitude: {str(attributes)[:80]}")
+            self.parts[-1].append(place)
+            self.count += 1
+            if self.count > _MOST_POINTS:
+                raise ValueError(f"it has more than {_MOST_POINTS:,} points")
+
+    def _refuse(self, *_: object) -> None:
+        raise ValueError("it declares a document type, which GPX has none of")
