@@ -123,7 +123,7 @@ class Visibility(Shareable, IVisibility):
 
     @property
     def observer_height(self) -> float:
-        """The z of both ends of every sight line, map units."""
+        """How high both ends of every sight line are above the ground of their nodes, map units."""
         return self._observer_height
 
     @property

@@ -402,7 +402,7 @@ class IGraphEngine(IObstacles):
 
         Args:
             radius: map units on the plan, the rim included; may be infinite.
-            observer_height: z of both ends of every sight line.
+            observer_height: of both ends of every sight line, above the ground of their nodes.
             path: the file or folder where the table is stored. None: in the user's cache folder; False: nowhere.
             progress: show the progress on the terminal.
             workers: how many processes share the work, which changes nothing but the time; None: as many as pay.

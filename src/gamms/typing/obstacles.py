@@ -103,7 +103,7 @@ class IVisibility(ABC, Sized):
     @property
     @abstractmethod
     def observer_height(self) -> float:
-        """The z of both ends of every sight line, map units."""
+        """How high both ends of every sight line are above the ground of their nodes, map units."""
 
     @abstractmethod
     def sees(self, observer: int, target: int) -> bool:
