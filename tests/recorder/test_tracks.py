@@ -150,3 +150,17 @@ def test_the_command_line_writes_tracks(game, tmp_path):
     assert "2025-06-15T15:06:45Z" in (tmp_path / "c.gpx").read_text()
     again = CliRunner().invoke(app, ["convert", str(tmp_path / "game.ggr"), str(tmp_path / "c.gpx")])
     assert again.exit_code != 0
+
+
+def test_the_command_line_converts_maps(tmp_path):
+    from typer.testing import CliRunner
+
+    from gamms.cli.commands import app
+
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.graph.save(tmp_path / "grid.gamms")
+    done = CliRunner().invoke(app, ["convert", str(tmp_path / "grid.gamms"), str(tmp_path / "grid.csv")])
+    assert done.exit_code == 0, done.output
+    assert len((tmp_path / "grid_nodes.csv").read_text().splitlines()) == 5
+    assert "grid_edges.csv" in done.output.replace("\n", "")

@@ -69,7 +69,9 @@ def diff(
 
 
 def convert(
-    file: _File,
+    file: Annotated[
+        Path, typer.Argument(help="A recording, .ggr, or a map, .gamms.", metavar="FILE", show_default=False)
+    ],
     out: Annotated[
         Path,
         typer.Argument(
@@ -82,9 +84,16 @@ def convert(
     map: _Map = None,
     turn_seconds: Annotated[float, typer.Option(help="How long a turn takes, for times of tracks.", min=0.0)] = 1.0,
 ) -> None:
-    """Make tables, tracks or lines of JSON of a recording."""
+    """Make tables, tracks or lines of JSON of a recording.
+
+    A map, .gamms, becomes .geojson, .gpkg, .graphml or .csv.
+    """
     from gamms import recorder, recordings
 
+    if file.suffix.lower() == ".gamms":
+        with recordings.with_map(file) as ctx:
+            echo(f"Wrote {in_words(ctx.graph.export(out))}.")
+        return
     is_old, form = recordings.version_of(file) < 3, out.suffix.lower()
     if is_old and form in (".jsonl", ".csv", ".gpx", ".geojson"):
         raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to {form}.")

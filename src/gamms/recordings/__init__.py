@@ -14,6 +14,7 @@ from gamms.recordings.conversion import (
     to_version_3,
     version_of,
     watch,
+    with_map,
 )
 
 __all__ = [
@@ -29,4 +30,5 @@ __all__ = [
     "verify",
     "version_of",
     "watch",
+    "with_map",
 ]
