@@ -518,7 +518,7 @@ READERS = {
     "DetectionModel": "chances is_noticed rolled_back repeated wanted",
     "GraphEngine": """columns distance distance_matrix distances edge_attributes from_latlon get_obstacle_face
         find get_obstacle_faces inside nearest_node networkx_labels node_attributes obstacle_columns place
-        scenery_columns shortest_path to_latlon to_networkx visibility visibility_table visible weights""",
+        scenery_columns shortest_path to_latlon to_networkx track visibility visibility_table visible weights""",
     "Graph": """among columns distance distance_matrix distances edge_attributes from_latlon get_edge get_edges
         get_neighbors get_node get_nodes ground has_node nearest_node node_attributes nodes_near place positions
         shortest_path to_latlon to_networkx weights within""",

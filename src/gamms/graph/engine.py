@@ -6,7 +6,7 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gamms.arguments import as_int
+from gamms.arguments import as_ids
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownName, UnknownType, WriteConflict
 from gamms.graph.finding import Found, Part, StreetNames, Track, bounds, find, inside, region_of, track_of
@@ -250,7 +250,7 @@ class GraphEngine(Guarded, IGraphEngine):
         """
         chosen = []
         if edges is not None:
-            chosen.append([self.graph.get_edge(id).id for id in edges])
+            chosen.append([self.graph.get_edge(id).id for id in as_ids(edges, "edges")])
         if name is not None:
             chosen.append(self.find(name).edges)
         if inside is not None:
@@ -276,7 +276,7 @@ class GraphEngine(Guarded, IGraphEngine):
             DuplicateId (KeyError): an edge was added that has its id; nothing has changed then.
         """
         graph, closed = self.graph, self._store.closed
-        ids = list(closed) if edges is None else [as_int(id, "The id of an edge") for id in edges]
+        ids = list(closed) if edges is None else as_ids(edges, "edges")
         if name is not None:
             of_street = set(StreetNames({id: edge.get("name") for id, edge in closed.items()}).rows(name).tolist())
             ids = [id for id in ids if id in of_street]

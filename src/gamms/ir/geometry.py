@@ -206,12 +206,6 @@ def nearest_on(points: FloatArray, place: tuple[float, float]) -> tuple[float, f
     return (gone / whole if whole else 0.0), float(off[at])
 
 
-def point_at(points: FloatArray, share: float) -> FloatArray:
-    """Return the point (2,) of a polyline (points, 2) that is so far along it, from 0 to 1."""
-    gone = np.append(0.0, np.hypot(*np.diff(points, axis=0).T).cumsum())
-    return np.array([np.interp(share * gone[-1], gone, axis) for axis in points.T])
-
-
 def region_of(shape: object, name: str, from_lonlat: Callable[[FloatArray], FloatArray]) -> "Polygon":
     """Return a polygon or several, prepared for many queries.
 

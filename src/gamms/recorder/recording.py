@@ -28,7 +28,6 @@ from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
-from gamms.typing.on_edges import point_along
 from gamms.typing.visualization_engine import PictureOptions
 
 if TYPE_CHECKING:
@@ -108,22 +107,10 @@ class State:
 
     def xy(self) -> FloatArray:
         """Return where the agents are, (agents, 2), map units: on nodes, on edges, or in the air; NaN: nowhere."""
-        columns, agents = self._map().columns(), self.agents
-        found = np.full((len(agents["node"]), 2), np.nan)
-        row_of = {id: row for row, id in enumerate(columns.node_ids.tolist())}
-        for row, node in enumerate(agents["node"].tolist()):
-            if node in row_of:
-                found[row] = columns.xy[row_of[node]]
-        if "edge" in agents:
-            edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-            for row in np.flatnonzero(~np.isnan(agents["edge_share"])).tolist():
-                edge = edge_row_of.get(agents["edge"].item(row))
-                if edge is not None:
-                    line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
-                    found[row] = point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
-        is_up = ~np.isnan(agents["x"])
-        found[is_up] = np.column_stack((agents["x"], agents["y"]))[is_up]
-        return found
+        from gamms.recorder import tracks  # which few need
+
+        places: FloatArray = tracks.Places().of(self.agents, self._map().columns())[:, :2]
+        return places
 
 
 class Recording(Opened):
@@ -476,8 +463,7 @@ class Recording(Opened):
         def moments() -> Iterator[tracks.Moment]:
             for turn in range(self.turns + 1):
                 state = self.state(turn)
-                on_edges = self.detached(turn).agents.columns
-                yield tracks.Moment(state.agents, on_edges, state.graph.columns())
+                yield tracks.Moment(state.agents, state.graph.columns())
 
         return tracks.export(path, moments(), self.turns, self.header.get("created"), turn_seconds)
 

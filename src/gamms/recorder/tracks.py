@@ -16,9 +16,9 @@ from gamms.arguments import as_path, as_range
 from gamms.errors import BadValue, MissingFolder, UnknownType, nearest
 from gamms.folders import whole_file
 from gamms.ir import projection
-from gamms.ir.geometry import point_at
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.limits import refuse_above
+from gamms.typing.on_edges import point_along
 
 _BYTES = 200  # of memory for one place
 _NOT_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
@@ -31,12 +31,10 @@ class Moment(NamedTuple):
 
     Attributes:
         agents: the columns of a `State`.
-        on_edges: the columns of its agents that say how far along edges they are.
         columns: the map.
     """
 
     agents: Mapping[str, "np.ndarray[Any, Any]"]
-    on_edges: Mapping[str, Any]
     columns: GraphColumns
 
 
@@ -98,11 +96,11 @@ def export(path: object, moments: Iterable[Moment], turns: int, created: object,
 def tracks_of(moments: Iterable[Moment], began: float, turn_seconds: float) -> Tracks:
     """Return where the agents were at the start and after each turn; an agent whose node is gone is nowhere."""
     parts: list[tuple[Any, ...]] = []
-    count, crs, seen, times = 0, None, _Places(), list[str]()
+    count, crs, seen, times = 0, None, Places(), list[str]()
     start = datetime.fromtimestamp(began, UTC)
     for turn, moment in enumerate(moments):
         agents, crs = moment.agents, moment.columns.crs
-        xyz = seen.of(moment)
+        xyz = seen.of(agents, moment.columns)
         parts.append((np.full(len(xyz), turn), agents["name"], agents["team"], agents["node"], agents["alive"], xyz))
         times.append((start + timedelta(seconds=turn * turn_seconds)).isoformat().replace("+00:00", "Z"))
         count += len(xyz)
@@ -117,46 +115,45 @@ def tracks_of(moments: Iterable[Moment], began: float, turn_seconds: float) -> T
     return Tracks(turns[order], names[order], teams[order], nodes[order], alive[order], xyz[order], latlon, texts)
 
 
-class _Places:
+class Places:
     """Looks up where agents are on maps that seldom change."""
 
     def __init__(self) -> None:
         self._columns: GraphColumns | None = None
-        self._edges: dict[tuple[int, int], int] = {}  # ids of both ends -> row of the shortest edge
 
-    def of(self, moment: Moment) -> FloatArray:
-        """Return (agents, 3); NaN for z on the ground, and for what is not on the map."""
-        agents, state, columns = moment
+    def of(self, agents: Mapping[str, "np.ndarray[Any, Any]"], columns: GraphColumns) -> FloatArray:
+        """Return (agents, 3) for the columns of a `State`; NaN for z on the ground, and for what is not on the map."""
         if columns is not self._columns:
-            self._columns, self._edges = columns, {}
-            self._order = np.argsort(columns.node_ids, kind="stable")
-            self._ids = columns.node_ids[self._order]
+            self._columns = columns
+            self._nodes, self._edges = _Rows(columns.node_ids), _Rows(columns.edge_ids)
         xyz = np.column_stack([np.asarray(agents[axis], np.float64) for axis in "xyz"])
         on_ground = np.flatnonzero(~np.isfinite(xyz[:, 0]))
-        nodes = np.asarray(agents["node"])[on_ground]
-        at = np.searchsorted(self._ids, nodes)
-        is_there = at < len(self._ids)
-        is_there[is_there] = self._ids[at[is_there]] == nodes[is_there]
-        xyz[on_ground[is_there], :2] = columns.xy[self._order[at[is_there]]]
-        for row in np.flatnonzero(state["edge_share"][: len(xyz)] > 0.0).tolist():
-            place = self._on_edge(int(state["edge_source"][row]), int(state["edge_target"][row]))
-            if place is not None:
-                xyz[row, :2] = point_at(place, float(state["edge_share"][row]))
+        rows = self._nodes.of(np.asarray(agents["node"])[on_ground])
+        xyz[on_ground[rows >= 0], :2] = columns.xy[rows[rows >= 0]]
+        if "edge" in agents:
+            between = np.flatnonzero(~np.isnan(agents["edge_share"]))
+            edges = self._edges.of(np.asarray(agents["edge"])[between])
+            for row, edge in zip(between[edges >= 0].tolist(), edges[edges >= 0].tolist(), strict=True):
+                line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
+                xyz[row, :2] = point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
         return xyz
 
-    def _on_edge(self, source: int, target: int) -> FloatArray | None:
-        """Return the points of the shortest edge between two nodes."""
-        columns = self._columns
-        if columns is None:
-            return None
-        if not self._edges:
-            by_length = np.argsort(-columns.lengths, kind="stable").tolist()
-            ends = columns.node_ids[columns.sources].tolist(), columns.node_ids[columns.targets].tolist()
-            self._edges = {(ends[0][row], ends[1][row]): row for row in by_length}
-        row = self._edges.get((source, target))
-        if row is None:
-            return None
-        return columns.polylines.get(row, columns.xy[[columns.sources[row], columns.targets[row]]])
+
+class _Rows:
+    """Finds the rows of ids."""
+
+    def __init__(self, ids: IntArray) -> None:
+        self._order = np.argsort(ids, kind="stable")
+        self._ids = ids[self._order]
+
+    def of(self, wanted: IntArray) -> IntArray:
+        """Return the row of each id; -1 where there is none."""
+        at = np.searchsorted(self._ids, wanted)
+        is_there = at < len(self._ids)
+        is_there[is_there] = self._ids[at[is_there]] == wanted[is_there]
+        rows = np.full(len(wanted), -1)
+        rows[is_there] = self._order[at[is_there]]
+        return rows
 
 
 # -- formats ------------------------------------------------------------------------------------------------------
