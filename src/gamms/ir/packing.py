@@ -53,7 +53,7 @@ _SCALARS = frozenset({type(None), bool, int, float, str})
 _OF_ITEM = 48
 _OF_CONTAINER = 160
 _OF_BYTE = 4  # a letter of a text takes so much where there is an emoji in it
-
+_LARGE = 1 << 23  # bytes; more are deflated with less effort
 
 # -- packed bytes -----------------------------------------------------------------------------------------------
 
@@ -75,7 +75,11 @@ def packed(data: bytes, *, is_noisy: bool = False) -> bytes:
         data: what is packed.
         is_noisy: whether these are columns of differences, in which longer patterns are rare.
     """
-    level, strategy = (4, zlib.Z_FILTERED) if is_noisy else (6, zlib.Z_DEFAULT_STRATEGY)
+    # NOTE: half the time and 1 % more bytes for a city (benchmarks/README.md, city scale).
+    level, strategy = (
+        4 if is_noisy or len(data) > _LARGE else 6,
+        zlib.Z_FILTERED if is_noisy else zlib.Z_DEFAULT_STRATEGY,
+    )
     deflate = zlib.compressobj(level, zlib.DEFLATED, -15, 8, strategy)
     return b"".join((varint(len(data)), deflate.compress(data), deflate.flush()))
 
