@@ -160,33 +160,27 @@ def test_an_endless_speed_takes_the_whole_turn():
         assert met(open_road(("r", "red", 0, inf, 4), ("b", "blue", 1, None, 1), unit=unit)) == [("r", "b", 0.25, 1, 1)]
 
 
-# -- against a simulator ----------------------------------------------------------------------------------------
+# -- against a simulator; for games by metres see tests/travel --------------------------------------------------
 
 
 class Walker:
     """An agent that walks along routes, in exact numbers."""
 
-    def __init__(self, node, speed, unit, lengths):
-        self.node, self.speed, self.begun, self.unit, self.lengths = node, speed, (None, Fraction(0)), unit, lengths
-
-    def cost(self, source, target):
-        return Fraction(1) if self.unit == "edges" else self.lengths[source, target]
+    def __init__(self, node, speed):
+        self.node, self.speed, self.begun = node, speed, (None, Fraction(0))
 
     def go(self, route):
         """Walk for one turn; `places[time]` are then the nodes and edges it is at."""
         ahead, covered = self.begun
         done = covered if route and route[0] == ahead else Fraction(0)
         budget, path, far = self.speed + done, [self.node], [Fraction(0)]
-        while len(path) <= len(route) and far[-1] + self.cost(path[-1], route[len(path) - 1]) <= budget:
-            far.append(far[-1] + self.cost(path[-1], route[len(path) - 1]))
+        while len(path) <= len(route) and far[-1] + 1 <= budget:
+            far.append(far[-1] + 1)
             path.append(route[len(path) - 1])
         more = route[len(path) - 1 :]
         self.begun = (more[0], budget - far[-1]) if more else (None, Fraction(0))
         self.path, self.node = path, path[-1]
-        if self.unit == "edges":
-            self.times = [Fraction(k, max(1, len(path) - 1)) for k in range(len(path))]
-        else:
-            self.times = [max(Fraction(0), one - done) / self.speed if self.speed else Fraction(0) for one in far]
+        self.times = [Fraction(k, max(1, len(path) - 1)) for k in range(len(path))]
 
     def places(self, now):
         """The nodes and edges it is at, at a moment."""
@@ -236,7 +230,6 @@ def games(draw):
     edges = draw(st.lists(st.sampled_from(pairs), min_size=2, max_size=14, unique=True))
     edges += [(b, a) for a, b in edges if (b, a) not in edges and draw(st.booleans())]
     lengths = {edge: Fraction(draw(st.sampled_from([1, 2, 3, 5])), 2) for edge in edges}
-    unit = "edges"  # for metres see tests/travel
     speeds = [Fraction(1, 2), Fraction(1), Fraction(3, 2), Fraction(2), Fraction(3)]
 
     def route(node):
@@ -249,14 +242,14 @@ def games(draw):
         return ways
 
     agents = [(draw(st.integers(0, size - 1)), draw(st.sampled_from(speeds))) for _ in range(draw(st.integers(2, 5)))]
-    return size, lengths, unit, agents, route
+    return size, lengths, agents, route
 
 
 @LAWS
 @given(game=games(), hops=st.sampled_from([None, None, 0, 1, 2]))
 def test_contacts_and_tags_are_those_of_a_simulator(game, hops):
-    size, lengths, unit, agents, route = game
-    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": unit}) as ctx:
+    size, lengths, agents, route = game
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
         ctx.graph.add_nodes(range(size), range(size), [0] * size)
         ends = list(zip(*lengths, strict=True))
         ctx.graph.add_edges(range(len(lengths)), *ends, list(map(float, lengths.values())))
@@ -271,7 +264,7 @@ def test_contacts_and_tags_are_those_of_a_simulator(game, hops):
                 speed=float(speed),
                 strategy=lambda state: state.update(action=routes[state["name"]]),
             )
-            walkers[name] = Walker(node, speed, unit, lengths)
+            walkers[name] = Walker(node, speed)
         ctx.game.add(tag("red", "blue", hops=hops, then=lambda *_: None))
         for _ in range(3):
             routes.update({name: route(walker.node) for name, walker in walkers.items()})
