@@ -165,7 +165,7 @@ def test_a_game_goes_on_the_same_way_from_a_turn_of_its_recording_and_from_a_sna
                 assert end_of(ctx) == end, turn
 
 
-HERE, EXAMPLES = ROOT / "tests" / "games", ROOT / "examples"
+HERE, EXAMPLES = ROOT / "tests" / "rebuilt_games", ROOT / "examples"
 ROADS = HERE / "plain_roads.py"
 FILES = {  # the game, as the page calls it -> its files with the library, and without
     "flag competition": ([DATA / name for name in CUP.values()], [HERE / "plain_competition.py", ROADS]),
