@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_numbers, as_range
+from gamms.arguments import as_bool, as_float, as_numbers, as_range
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue, DuplicateId, MissingKey, UnknownName
 from gamms.graph import positions, records
@@ -462,7 +462,7 @@ class Graph(Guarded, IGraph):
         """
         from gamms.graph.networkx_bridge import export
 
-        return export(self.columns(), self.attribution, plain=plain)
+        return export(self.columns(), self.attribution, plain=as_bool(plain, "plain"))
 
     # -- inside -------------------------------------------------------------------------------------------------
 

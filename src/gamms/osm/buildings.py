@@ -278,7 +278,7 @@ def _barrier_heights(barriers: Barriers) -> dict[str, float]:
         return heights
     kinds = [barriers] if isinstance(barriers, str) else as_items(barriers, "barriers", "values of `barrier`")
     for kind in kinds:
-        if kind not in BARRIER_HEIGHTS:
+        if not isinstance(kind, str) or kind not in BARRIER_HEIGHTS:
             raise BadValue(
                 f"barriers names {shown(kind)}, whose height is not known.{nearest(kind, BARRIER_HEIGHTS)} "
                 "Give a dict with heights in metres."

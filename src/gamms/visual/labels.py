@@ -207,7 +207,7 @@ def _words(
     """Yield rows of dots and the words beside them: of those at one place the first counts how many there are."""
     at: dict[tuple[object, ...], list[int]] = {}
     for row, (look, place) in enumerate(zip(looks, np.rint(dots.centers).tolist(), strict=True)):
-        at.setdefault((*place, look.color), []).append(row)
+        at.setdefault((*place, repr(look.color)), []).append(row)
     for rows in at.values():
         if len(rows) > 1:
             yield rows[0], f"\N{MULTIPLICATION SIGN}{len(rows)}"
