@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
+from itertools import chain
 from math import isnan
 from typing import Any, NamedTuple
 
@@ -239,10 +240,16 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     firsts: dict[str, dict[str, Any]] = {}
     for one in described:
         firsts.setdefault(one["id"], one)
-    for one in firsts.values():
+    places: dict[str, list[int]] = {}
+    for at, one in enumerate(firsts.values()):
         keywords = plain_subset(one["keywords"])
-        group = groups.setdefault(repr((one["type"], keywords)), {"type": one["type"], "keywords": keywords, "ids": []})
+        key = repr((one["type"], keywords))
+        group = groups.setdefault(key, {"type": one["type"], "keywords": keywords, "ids": []})
         group["ids"].append(one["id"])
+        places.setdefault(key, []).append(at)
+    if list(chain.from_iterable(places.values())) != list(range(len(firsts))):  # else the groups have their order
+        for key, group in groups.items():
+            group["at"] = places[key]
     return list(groups.values())
 
 
@@ -255,7 +262,7 @@ def decider_of(ctx: HostContext, agent: Any) -> Any:
 def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:
     """Return which sensors agents carry, as places in the list of all, and under which names, unless by their ids."""
     names, ids = [name for one in sensors for name in one], [sensor_id for one in sensors for sensor_id in one.values()]
-    place = {sensor_id: i for i, sensor_id in enumerate(one for group in groups for one in group["ids"])}
+    place = {sensor["id"]: i for i, sensor in enumerate(sensors_in(groups))}
     others = [sensor_id for sensor_id in dict.fromkeys(ids) if sensor_id not in place]
     place |= {sensor_id: len(place) + i for i, sensor_id in enumerate(others)}
     return {
@@ -369,11 +376,18 @@ def progress_of(source: int, target: int, share: float, edge: int = 0, motion: i
 
 def sensors_in(groups: Iterable[Mapping[str, Plain]]) -> list[dict[str, Any]]:
     """Return the sensors that are `grouped`, one by one."""
-    return [
+    groups = list(groups)
+    found = [
         {"id": sensor_id, "type": group["type"], "keywords": group["keywords"]}
         for group in groups
         for sensor_id in group["ids"]
     ]
+    places = [int(at) for group in groups for at in group.get("at", ())]
+    if not places:
+        return found
+    if len(places) != len(found):
+        raise Damaged(f"{len(found)} sensors have {len(places)} places in their order")
+    return [found[row] for row in sorted(range(len(found)), key=places.__getitem__)]
 
 
 def row_of(columns: Columns, row: int) -> dict[str, Any]:
