@@ -103,9 +103,7 @@ class Way(NamedTuple):
 
 def progress_at(leg: Leg, time: float) -> Progress | None:
     """Return where an agent on a leg is at a time of the turn; None: on a node."""
-    share = leg.end
-    if leg.since <= time < leg.until:
-        share = leg.begin + (leg.end - leg.begin) * (time - leg.since) / (leg.until - leg.since)
+    share = leg.share_at(time) if time < leg.until else leg.end
     if not 0.0 < share < 1.0:
         return None
     moving = Motion.FORWARD if leg.end > leg.begin else Motion.BACK
@@ -144,8 +142,8 @@ class Travel:
         key = graph.revision, weight, self._settings.speed_unit
         if self._roads is None or key != self._key or key[0] is None:
             costs = graph.weights(weight)
-            has_speeds = weight == "travel_time" and self._settings.speed_unit == "metres_per_second"
-            self._roads, self._key = Roads(self._ctx.graph.columns(), costs, costs if has_speeds else None), key
+            seconds = costs if self._has_speeds else None
+            self._roads, self._key = Roads(self._ctx.graph.columns(), costs, seconds), key
         return self._roads
 
     def place(self, row: int) -> Progress | None:
@@ -177,13 +175,13 @@ class Travel:
         Raises:
             BadValue: no edge leads from one to the next, or an agent would have to turn round on a one-way road.
         """
+        if not route:
+            return self.stay(row, here)
         place = self.place(row)
-        nodes = route[1:] if route and route[0] == here else route
+        nodes = route[1:] if route[0] == here else route
         is_back = place is not None and (not nodes or nodes[0] != place.target)
         if place is not None and not is_back:
             nodes = nodes[1:]
-        if not route:
-            return self.stay(row, here)
         return self._advance(speed, here, self._steps(place, here, nodes, is_back=is_back), place)
 
     def towards(self, row: int, here: int, speed: float | None, target: int) -> Way:
@@ -350,6 +348,7 @@ class Travel:
 
     @property
     def _has_speeds(self) -> bool:
+        """Whether edges have speeds of their own."""
         return self._settings.weight == "travel_time" and self._settings.speed_unit == "metres_per_second"
 
     def _leg(self, road: Road, begin: float, end: float, since: float, until: float) -> Leg:

@@ -342,7 +342,7 @@ class TurnEngine:
     def _stand_on_edges(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
         """Let agents that are on an edge stay there, unless they decide something else; those on a closed one left it.
 
-        An edge that is gone has no places: whoever was on it is on the node that it had passed last.
+        An edge that is gone has no places: an agent that was on it is on the node that it had passed last.
         """
         block, travel = self._ctx.agent.block, self._legality.travel
         for i in part.paced:

@@ -27,7 +27,7 @@ _NO_TUNNELS = ("no", "building_passage", "avalanche_protector")  # open to the s
 _BELOW = re.compile(r"-[0-9]{1,3}")  # layers
 _REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
 _VERTICAL = ("steps", "escalator", "elevator")
-_MOST_FLOORS = 62  # pairs of layer and level that are told apart on one map
+_MOST_FLOORS = 62  # pairs of layer and level that are distinguished on one map
 _ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual carriageways cross, and no wider
 
 

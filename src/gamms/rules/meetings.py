@@ -51,7 +51,7 @@ class Journey:
                 return self.at[:2]
             for leg in self.legs:
                 if leg.since <= time <= leg.until:
-                    return point_along(graph.get_edge(leg.edge).points, share_at(leg, time))[:2]
+                    return point_along(graph.get_edge(leg.edge).points, leg.share_at(time))[:2]
             node = graph.get_node(self.node_at(time))
         except UnknownName:
             return None
@@ -69,13 +69,6 @@ def visits_by_legs(track: Track) -> Sequence[Visit]:
         if leg.begin != leg.end and leg.end in (0.0, 1.0):
             visits.append((leg.target if leg.end else leg.source, leg.until, 1.0 if after is None else after.since))
     return visits
-
-
-def share_at(leg: Leg, time: float) -> float:
-    """Return the share of its edge that an agent on a leg has behind it."""
-    if leg.until <= leg.since:
-        return leg.end
-    return leg.begin + (leg.end - leg.begin) * (time - leg.since) / (leg.until - leg.since)
 
 
 # -- at one place -------------------------------------------------------------------------------------------------
@@ -109,7 +102,7 @@ def _first_touch(a: Leg, b: Leg) -> float | None:
 
 
 def _street_share(leg: Leg, time: float) -> float:
-    share = share_at(leg, time)
+    share = leg.share_at(time)
     return share if leg.street == leg.edge else 1.0 - share
 
 

@@ -241,6 +241,12 @@ class Leg(NamedTuple):
         """The id that the edge and the one back have in common."""
         return self.edge if self.back is None else min(self.edge, self.back)
 
+    def share_at(self, time: float) -> float:
+        """Return the share of the edge that is behind the agent at a time from `since` to `until`."""
+        if self.until <= self.since:
+            return self.end
+        return self.begin + (self.end - self.begin) * (time - self.since) / (self.until - self.since)
+
     def on_street(self) -> tuple[float, float]:
         """Return `begin` and `end` as shares of the edge that gives the street its id."""
         return (self.begin, self.end) if self.street == self.edge else (1.0 - self.begin, 1.0 - self.end)

@@ -2,7 +2,7 @@
 
 from bisect import bisect_right
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import islice, takewhile
 from typing import Any, NamedTuple, cast
 
@@ -220,21 +220,23 @@ class Motion:
             if isinstance(before, Progress) and isinstance(now, Progress) and before.edge == now.edge:
                 line = line_along(graph.get_edge(now.edge).points, before.share, now.share)
                 return np.array(line)[:, 1:]
-            end = now.source if isinstance(now, Progress) else now
-            parts = []
-            if isinstance(before, Progress):
-                parts += line_along(graph.get_edge(before.edge).points, before.share, float(end != before.source))
-            else:
-                node = graph.get_node(before)
-                parts.append((0.0, node.x, node.y))
-            if isinstance(now, Progress):
-                parts += line_along(graph.get_edge(now.edge).points, 0.0, now.share)
-            else:
-                node = graph.get_node(now)
-                parts.append((0.0, node.x, node.y))
+            came_by = now.source if isinstance(now, Progress) else now
+            left = self._part(before, lambda share: (share, float(came_by != before.source)))
+            entered = self._part(now, lambda share: (0.0, share))
         except UnknownName:
             return None
-        return np.array(parts)[:, 1:]
+        return np.array([*left, *entered])[:, 1:]
+
+    def _part(self, place: Any, of: Callable[[float], tuple[float, float]]) -> list[tuple[float, float, float]]:
+        """Return the corners of a part of the edge that an agent is on, (share, x, y) of each; on a node, its place.
+
+        `of` gives the part from the share of the edge at which the agent is.
+        """
+        graph = self._ctx.graph.graph
+        if isinstance(place, Progress):
+            return line_along(graph.get_edge(place.edge).points, *of(place.share))
+        node = graph.get_node(place)
+        return [(0.0, node.x, node.y)]
 
     def position_of(self, name: str, share: float) -> _Point:
         """Return the position of an agent after a share of its last move, from 0.0 (before it) to 1.0 (after it).
