@@ -1,11 +1,11 @@
-"""What rules count is drawn, in a game and in its replay: places held or discovered, and what agents have left."""
+"""What rules count is drawn, in a game and in its replay: places, what agents have left, deeds that cool down."""
 
 import numpy as np
 import pytest
 
 import gamms
 from gamms.ir.draw import DrawKind
-from gamms.rules import discover, hold, resource
+from gamms.rules import cooldown, discover, hold, resource
 from gamms.visual.drawers.standings import RESOURCES, counted_in
 from gamms.visual.legend import blocks_of
 
@@ -13,8 +13,9 @@ RULES = {
     "held": lambda: hold([4, 5], 4),
     "discovered": lambda: discover([2, 7]),
     "resources": lambda: resource("fuel", 40, per_turn=10),
+    "cooldowns": lambda: cooldown("shout", 3),
 }
-LAYERS = {"held": 18, "discovered": 18, "resources": 22}
+LAYERS = {"held": 18, "discovered": 18, "resources": 22, "cooldowns": 22}
 
 
 @pytest.fixture
@@ -22,9 +23,15 @@ def hill():
     """Two agents on a road of ten nodes that stay where they are: ann on node 2, bob on node 4."""
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 10))
+        ctx.game.deeds = {"shout": None}
         for name, team, node in (("ann", "red", 2), ("bob", "blue", 4)):
             ctx.agent.create_agent(name, start_node_id=node, team=team)
+        ctx.agent.get_agent("ann").register_strategy(shout_at_first)
         yield ctx
+
+
+def shout_at_first(state):
+    state["action"] = {"node_id": state["curr_pos"], "do": {"shout": None} if state["turn"] == 0 else {}}
 
 
 def lines_on(ctx, layer):
@@ -78,6 +85,17 @@ def test_a_bar_is_as_long_as_what_is_left_and_gone_with_the_agent(hill):
     assert red not in [color for color, _ in lines_on(hill, 22)]
 
 
+def test_an_arc_around_an_agent_gets_shorter_until_it_can_do_the_deed_again(hill):
+    hill.game.add(RULES["cooldowns"]())
+    shares = []
+    for _ in range(4):
+        hill.game.step()
+        arcs = [points - (20.0, 0.0) for _, points in lines_on(hill, 22)]
+        shares += [np.arctan2(*arc[-1]) / (2 * np.pi) % 1.0 or 1.0 for arc in arcs]
+    assert shares == pytest.approx([1.0, 2 / 3, 1 / 3])
+    assert "arc" in signs(hill)  # the legend stays the same when nothing cools down
+
+
 @pytest.mark.parametrize("name", RULES)
 def test_a_replay_shows_the_same_and_the_artist_goes_with_the_rule(hill, tmp_path, name):
     rule = hill.game.add(RULES[name]())
@@ -103,6 +121,7 @@ def test_a_replay_shows_the_same_and_the_artist_goes_with_the_rule(hill, tmp_pat
         {"held": {"a": {"nodes": "4..5", "turns": -3, "of": 0, "team": "blue"}}},
         {"resources": {"fuel": {"full": 0, "amounts": {"ann": "much", "nobody": 3, "bob": 7}}}},
         {"discovered": {"a": {"nodes": "1", "by": {"red": [1, 99]}}}},
+        {"cooldowns": {"shout": {"of": 0, "left": {"ann": -2, "bob": [1]}}, "jump": {"ann": 3}}},
     ],
 )
 def test_what_does_not_look_like_counts_is_not_drawn(hill, data, tmp_path):

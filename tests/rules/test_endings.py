@@ -3,7 +3,7 @@
 import pytest
 
 from gamms.agent import AgentType
-from gamms.rules import last_team, reach, tag, time_limit
+from gamms.rules import hold, last_team, reach, tag, time_limit
 
 
 def test_the_first_team_to_reach_a_node_wins(road):
@@ -117,6 +117,32 @@ def test_if_no_agent_is_left_no_team_wins(road):
     ctx.game.add(last_team())
     result = ctx.game.run(9)
     assert (result.turns, result.winner) == (1, None)
+
+
+@pytest.mark.parametrize("is_first", [True, False])
+@pytest.mark.parametrize(
+    ("goal", "place", "winner", "reason"),
+    [
+        ({"red": 3}, 3, "red", "red held its place; red reached the goal"),
+        ({"red": 3}, 5, None, "blue held its place; red reached the goal"),
+        ({"red": 9}, 9, None, "time limit"),
+        ({"red": 9}, 5, "blue", "blue held its place"),
+    ],
+)
+def test_rules_that_end_a_game_in_one_turn_agree_or_draw(road, is_first, goal, place, winner, reason):
+    ctx = road(r=("red", 2, 3), b=("blue", 5))
+    rules = [reach(goal), time_limit(1, "green"), time_limit(1, "blue"), hold(place, 1)]
+    for rule in rules if is_first else rules[::-1]:
+        ctx.game.add(rule)
+    result = ctx.game.run()
+    assert (result.winner, result.reason, result.truncated) == (winner, reason, reason == "time limit")
+
+
+def test_a_game_that_is_over_is_not_ended_again(road):
+    ctx = road(r=("red", 2))
+    ctx.game.end("rain")
+    ctx.game.end("snow", winner="red")
+    assert ctx.game.run(3).reason == "rain"
 
 
 def test_impossible_arguments_are_refused_at_once(road):

@@ -129,6 +129,24 @@ def test_a_game_that_is_played_again_is_the_same_and_so_is_one_with_the_same_rul
     assert played(GAMES[game](), agents, seed=8) == other
 
 
+@LAWS
+@given(places=places, shuffled=st.randoms(use_true_random=False))
+def test_the_order_in_which_rules_that_refuse_count_and_end_games_are_added_never_counts(places, shuffled):
+    rules = [
+        *(hold(node, 2, score=1, key=f"hill {node}") for node in range(0, SIDE**2, 3)),
+        *(resource("fuel", 90, per_metre=1, empty="eliminate"), cooldown("shout", 2)),
+        *(reach({"red": 15, "blue": 0}), last_team(), time_limit(8, "blue"), time_limit(8)),
+        payoff({"empty": {"agent": -1}, "hold": {"team": 2}}, zero_sum=True),
+    ]
+    agents = {f"agent{i}": place for i, place in enumerate(places)}
+    expected = played(rules, agents)
+    shuffled.shuffle(rules)
+    one = played(rules, agents)
+    for result in (expected, one):
+        result.events.sort(key=str)  # of one turn, they are in the order of the rules
+    assert one == expected
+
+
 @pytest.mark.parametrize("game", GAMES)
 def test_two_games_that_take_turns_with_the_same_rules_do_not_notice_each_other(game):
     agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}

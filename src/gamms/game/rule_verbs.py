@@ -147,10 +147,25 @@ class RuleVerbs(Settings):
 
     @refused_while_deciding
     def end(self, reason: str, winner: Plain = None, truncated: bool = False) -> None:
-        """End the game after this turn; of several calls the first counts."""
+        """End the game after this turn.
+
+        Several ends in one turn count as one, in whichever order the rules are called: an end by what happened goes
+        before one by time (`truncated`), reasons are named in alphabetical order, and a team wins if all agree on it.
+        Between turns, the first end counts.
+
+        Args:
+            reason: of the end; reasons of one turn are joined by "; ".
+            winner: a team, or anything plain; None: no one has won.
+            truncated: whether the time was up, rather than that something ended the game.
+        """
         over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
-        if self._state.over is None:
+        known = self._state.over
+        if known is None or (known["truncated"] and not truncated and self._turns.is_playing):
             self._state.over = over
+        elif self._turns.is_playing and known["truncated"] == truncated:
+            reasons = {*known["reason"].split("; "), *over["reason"].split("; ")}
+            agreed = winner if winner == known["winner"] else None
+            self._state.over = {**over, "reason": "; ".join(sorted(reasons)), "winner": agreed}
 
     @refused_while_deciding
     def eliminate(self, agent: IAgent | str) -> None:

@@ -13,9 +13,8 @@ from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_h
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
 from gamms.typing.game import TEAMS, Move
-from gamms.visual.drawers.standings import RESOURCES, render_amounts
+from gamms.visual.drawers.standings import COOLDOWNS, RESOURCES, render_amounts, render_cooldowns
 
-_COOLDOWNS = "cooldowns"  # in `ctx.game.data`: deed -> agent -> the turn in which it did it last
 _EMPTY = ("stay", "eliminate")
 _SLACK = 1e-9  # of what is needed: an amount that is just enough must not fail by rounding
 
@@ -257,20 +256,31 @@ def cooldown(deed: str, turns: int) -> Rule:
     """
     kind, wait = as_name(deed, "a deed"), as_count(turns, "turns")
 
-    def last(ctx: Context) -> dict[str, Any]:
-        return state_of(ctx, _COOLDOWNS, kind, {})
+    def left(ctx: Context) -> dict[str, int]:
+        agents: dict[str, int] = state_of(ctx, COOLDOWNS, kind, {"of": wait, "left": {}})["left"]
+        return agents
 
     def prepare(ctx: Context) -> None:
         _check_declared(ctx, kind)
-        last(ctx)
+        left(ctx)
 
     def check(ctx: Context) -> None:
         for one in ctx.game.performed(kind):
-            ready = last(ctx).get(one.agent, -wait) + wait + 1
-            if ctx.game.turn + 1 < ready:
-                ctx.game.refuse(one.agent, f"it is ready in turn {ready}", kind)
+            if one.agent in left(ctx):
+                ctx.game.refuse(one.agent, f"it is ready in turn {ctx.game.turn + 1 + left(ctx)[one.agent]}", kind)
 
     def cooldown(ctx: Context) -> None:
-        last(ctx).update((one.agent, ctx.game.turn) for one in ctx.game.performed(kind))
+        known = left(ctx)
+        later = {name: more - 1 for name, more in known.items() if more > 1}
+        known.clear()
+        known.update(later)
+        known.update((one.agent, wait) for one in ctx.game.performed(kind))
 
-    return with_hooks(cooldown, prepare=prepare, check=check, rank=Rank.RESOURCES, key=f"cooldown of {kind}")
+    return with_hooks(
+        cooldown,
+        prepare=prepare,
+        check=check,
+        drawer=render_cooldowns,
+        rank=Rank.RESOURCES,
+        key=f"cooldown of {kind}",
+    )

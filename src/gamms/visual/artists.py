@@ -30,7 +30,7 @@ from gamms.visual.drawers.rules import (
     render_tags,
     teams_of_rules,
 )
-from gamms.visual.drawers.standings import render_amounts, render_discovered, render_held
+from gamms.visual.drawers.standings import render_amounts, render_cooldowns, render_discovered, render_held
 from gamms.visual.drawing import Drawing
 from gamms.visual.recorded_drawings import RecordedDrawer, RecordedDrawings
 from gamms.visual.themes import Theme
@@ -85,6 +85,7 @@ _KINDS = {
     "held": _Kind(render_held, (), dict, dict),
     "discovered": _Kind(render_discovered, (), dict, dict),
     "resources": _Kind(render_amounts, (), dict, dict),
+    "cooldowns": _Kind(render_cooldowns, (), dict, dict),
 }
 _NAME_OF = {kind.drawer: name for name, kind in _KINDS.items()}
 _DRAWING = "drawing"  # the kind of an artist whose commands are recorded

@@ -33,11 +33,13 @@ from gamms.visual.drawers.rules import (
 )
 from gamms.visual.drawers.sensors import render_rings, render_sight, render_sights, sparse
 from gamms.visual.drawers.standings import (
+    COOLDOWNS,
     DISCOVERED,
     HELD,
     RESOURCES,
     counted_in,
     render_amounts,
+    render_cooldowns,
     render_discovered,
     render_held,
 )
@@ -56,6 +58,12 @@ _VIEWS = (  # the parts of a view, what they are, and their signs
     ("lines", "edge in view", "line"),
     ("nodes", "node in view", "dot"),
     ("agents", "agent in view", "ring"),
+)
+_COUNTED = (
+    (HELD, render_held, Layer.GOALS),
+    (DISCOVERED, render_discovered, Layer.GOALS),
+    (RESOURCES, render_amounts, Layer.FLAGS),
+    (COOLDOWNS, render_cooldowns, Layer.FLAGS),
 )
 RING = 1.7  # of a sensed agent, in radii of its disc
 _WALL, _THICKEST = 0.3, 0.5  # of a wall: in radii of agents, and at most in metres
@@ -115,9 +123,9 @@ class DefaultScene:
         artists: dict[str, IArtist] = {"tags": self._tags}
         if goals_in(self._ctx):
             artists["goals"] = Artist(self._ctx, render_goals, Layer.GOALS)
-        for group, drawer in ((HELD, render_held), (DISCOVERED, render_discovered), (RESOURCES, render_amounts)):
+        for group, drawer, layer in _COUNTED:
             if counted_in(self._ctx, group):
-                artists[group] = Artist(self._ctx, drawer, Layer.FLAGS if group == RESOURCES else Layer.GOALS)
+                artists[group] = Artist(self._ctx, drawer, layer)
         for name in territories_in(self._ctx):
             drawer = self._territories.setdefault(name, TerritoryDrawer(name))
             artists[name] = Artist(self._ctx, drawer, Layer.TERRITORIES)

@@ -1,10 +1,11 @@
-"""Drawers of what rules count: places that are held or discovered, and what agents have left of their resources.
+"""Drawers of what rules count: places held or discovered, resources left, and deeds that agents cannot do again yet.
 
 They read `ctx.game.data`, of a game or of its replay: `data["held"]` is key -> {"nodes", "team", "turns", "of"},
 `data["discovered"]` key -> {"nodes", "by": team -> ids}, `data["resources"]` name -> {"full", "amounts": agent ->
-amount}. Nodes are as `as_text` made them.
+amount}, `data["cooldowns"]` deed -> {"of", "left": agent -> turns}. Nodes are as `as_text` made them.
 """
 
+from collections.abc import Iterator
 from itertools import islice
 from math import pi
 from typing import Any
@@ -12,21 +13,23 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.graph import FloatArray
-from gamms.typing import IContext
+from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, color_group
 from gamms.visual.constants import Layer
 from gamms.visual.drawers.rules import game_data, in_text, team_colors_of
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import SIGN, Row, Rows
 
-HELD, DISCOVERED, RESOURCES = "held", "discovered", "resources"  # in `ctx.game.data`
+HELD, DISCOVERED, RESOURCES, COOLDOWNS = "held", "discovered", "resources", "cooldowns"  # in `ctx.game.data`
 _FIELDS: dict[str, dict[str, Any]] = {  # of what is there by key
     HELD: {"nodes": str, "turns": int, "of": int},
     DISCOVERED: {"nodes": str, "by": dict},
     RESOURCES: {"full": int | float, "amounts": dict},
+    COOLDOWNS: {"of": int, "left": dict},
 }
 _MOST = 100  # places, resources and agents: no game shows so many, but a hostile recording may
 _RING, _RING_PX, _ARC_PX, _FINE = 0.03, 2.0, 5.0, 48  # radius, in widths of what is seen; widths; parts of a circle
+_AROUND, _APART_AROUND, _AROUND_PX = 0.021, 0.005, 3.0  # radii of arcs around agents, in widths; and how broad they are
 _SQUARE = np.array([(0.0, 1.0), (1.0, 0.0), (0.0, -1.0), (-1.0, 0.0), (0.0, 1.0)])
 _WIDER, _FOUND_PX = (
     0.006,
@@ -34,9 +37,11 @@ _WIDER, _FOUND_PX = (
 )  # how much larger the square of each next team is, in widths; and how broad its lines are
 _BAR, _BELOW, _APART, _BAR_PX = 0.034, 0.034, 0.01, 5.0  # length and places of bars, in widths; and how thick they are
 
+_XY = tuple[float, float]
+
 
 def counted_in(ctx: IContext, group: str) -> dict[str, dict[str, Any]]:
-    """Return what rules count in one of the three groups, by key, as far as it can be drawn."""
+    """Return what rules count in one of the four groups, by key, as far as it can be drawn."""
     kept: Any = game_data(ctx).get(group)
     fields = _FIELDS[group]
     fit = (
@@ -97,16 +102,10 @@ def _squares(ctx: IContext, centers: FloatArray, radius: float, color: AnyColor,
 def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw below each agent what it has left, by the rule `resource`: a bar for each, as long as it is full."""
     visual, colors = drawing_of(ctx), drawing_of(ctx).group_colors()
-    size, share = visual.extent() or 1.0, data.get("_alpha", 1.0)
+    size = visual.extent() or 1.0
     for number, state in enumerate(counted_in(ctx, RESOURCES).values()):
-        if len(state["amounts"]) > _MOST:
-            continue
-        for name, amount in sorted(state["amounts"].items()):
-            agent = ctx.agent.agents.get(name)
-            if agent is None or not visual.is_shown(agent, share) or not isinstance(amount, int | float):
-                continue
-            x, y = visual.position_of(name, share)
-            left, y = x - _BAR / 2 * size, y - (_BELOW + number * _APART) * size
+        for agent, (x, above), amount in _marked(ctx, state["amounts"], data):
+            left, y = x - _BAR / 2 * size, above - (_BELOW + number * _APART) * size
             part = min(1.0, max(0.0, amount / (state["full"] or 1.0)))
             ends = ((1.0, visual.theme.background, 3.0), (1.0, SIGN, 0.0), (part, colors[str(color_group(agent))], 0.0))
             for length, color, more_px in ends:
@@ -115,8 +114,32 @@ def render_amounts(ctx: IContext, data: dict[str, Any]) -> None:
                     visual.render_lines(line, [0, 2], color, _BAR_PX + more_px)
 
 
+def render_cooldowns(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw around each agent how long it cannot do a deed again, by the rule `cooldown`: an arc that gets shorter."""
+    visual, size = drawing_of(ctx), drawing_of(ctx).extent() or 1.0
+    for number, state in enumerate(counted_in(ctx, COOLDOWNS).values()):
+        for _, center, turns in _marked(ctx, state["left"], data):
+            share = min(1.0, max(0.0, turns / (state["of"] or 1)))
+            arc = _arc(share) * (_AROUND + number * _APART_AROUND) * size + center
+            visual.render_lines(arc, [0, len(arc)], SIGN, _AROUND_PX)
+
+
+def _marked(ctx: IContext, numbers: dict[Any, Any], data: dict[str, Any]) -> Iterator[tuple[IAgent, _XY, float]]:
+    """Yield the agents that are shown, where, and the number of each; none where there are too many to read."""
+    visual, share = drawing_of(ctx), data.get("_alpha", 1.0)
+    for name, number in sorted(numbers.items()) if len(numbers) <= _MOST else ():
+        agent = ctx.agent.agents.get(name)
+        if agent is not None and visual.is_shown(agent, share) and isinstance(number, int | float):
+            yield agent, visual.position_of(name, share), number
+
+
 def _rows_of_amounts(ctx: IContext) -> Rows | None:
     rows = tuple(Row(SIGN, f"{name} left", sign="gauge") for name in counted_in(ctx, RESOURCES))
+    return Rows("", rows) if rows else None
+
+
+def _rows_of_cooldowns(ctx: IContext) -> Rows | None:
+    rows = tuple(Row(SIGN, f"{deed} not ready", sign="arc") for deed in counted_in(ctx, COOLDOWNS))
     return Rows("", rows) if rows else None
 
 
@@ -131,3 +154,4 @@ render_discovered.__dict__.update(
     legend=Rows("", (Row(SIGN, "discovered", sign="square"),)),
 )
 render_amounts.__dict__.update(artist="resources", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_amounts)
+render_cooldowns.__dict__.update(artist="cooldowns", layer=Layer.FLAGS, is_mark=True, legend=_rows_of_cooldowns)
