@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.osm.network import along, both_ways, components, first_seen, joined_directions, network_of_lines
+from gamms import kernels
+from gamms.osm.network import along, both_ways, components, joined_directions, network_of_lines
 from gamms.osm.topology import simplify
 
 coordinate = st.integers(-40, 40).map(lambda n: n / 4)
@@ -47,7 +48,7 @@ def test_components_of_a_long_shuffled_chain_take_few_rounds():
 @settings(deadline=None)
 @given(st.lists(st.integers(-3, 3)))
 def test_numbers_are_given_in_first_seen_order(keys):
-    numbers, firsts = first_seen(np.array(keys, np.int64))
+    numbers, firsts = kernels.first_seen(np.array(keys, np.int64))
     order = list(dict.fromkeys(keys))
     assert numbers.tolist() == [order.index(key) for key in keys]
     assert firsts.tolist() == [keys.index(key) for key in order]

@@ -157,7 +157,7 @@ class Graph(Guarded, IGraph):
             given = records.extras(edge_data, records.EDGE_KEYS)
         row = edges.append(id, source, target, length)
         if polyline is not None:
-            edges.polylines[row] = polyline
+            edges.bend(row, polyline)
         if given:
             edges.set_attributes(row, given)
         if store.indexes.is_built:
@@ -215,9 +215,9 @@ class Graph(Guarded, IGraph):
         edges.lengths[row] = length
         edges.sources[row], edges.targets[row] = ends
         if "linestring" in edge_data or ends != old_ends:  # an old polyline does not lead to a new end
-            edges.polylines.pop(row, None)
+            edges.straighten(row)
         if polyline is not None:
-            edges.polylines[row] = polyline
+            edges.bend(row, polyline)
         edges.set_attributes(row, given)
         self._store.indexes.edge_changed(row, old_ends, ends)
         self._store.revision += 1

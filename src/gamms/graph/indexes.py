@@ -199,9 +199,8 @@ def edge_values(
     first: list[Any] = take_nodes(sources)
     last: list[Any] = take_nodes(targets)
     if edges.polylines:
-        for i, row in enumerate(rows.tolist()):
-            if (polyline := edges.polylines.get(row)) is not None:
-                first[i], last[i] = tuple(polyline.ravel().tolist()), None
+        for i, polyline in edges.bends_among(rows):
+            first[i], last[i] = tuple(polyline.ravel().tolist()), None
     fields = (edges.array("ids")[rows].tolist(), ids[sources].tolist(), ids[targets].tolist())
     return list(map(_edge, zip(*fields, edges.array("lengths")[rows].tolist(), first, last, strict=True)))
 

@@ -27,7 +27,7 @@ from gamms.graph.store import ClosedEdges, GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
 from gamms.ir.geometry import points_of
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import ObstacleColumns
 from gamms.ir.scenery import Scenery, no_scenery
 from gamms.limits import Allowance
@@ -43,7 +43,7 @@ _HEAD = Struct("<8sIII")
 _GRAPH = ("node_ids", "xy", "edge_ids", "sources", "targets", "lengths")
 _OTHERS = ("bend_rows", "bend_sizes", "bend_points", "face_ids", "face_types", "face_corners")
 _SIMPLE = {str, int, bool, bytes, type(None)}  # values of one of them that are equal are the same
-_Attributes = dict[str, dict[int, Plain]]  # by name, by row
+_Attributes = dict[str, CodedValues]  # by name
 
 
 class SavedMap(NamedTuple):
@@ -103,15 +103,15 @@ def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
 
 def checked_columns(
     arrays: dict[str, packing.Array],
-    polylines: dict[int, FloatArray],
-    attributes: tuple[dict[str, dict[int, Plain]], dict[str, dict[int, Plain]]],
+    polylines: Polylines,
+    attributes: tuple[_Attributes, _Attributes],
     crs: str | None,
 ) -> GraphColumns:
     """Return columns from the arrays of a file, which may hold anything.
 
     Args:
         arrays: `node_ids`, `xy`, `edge_ids`, `sources` and `targets` (node rows), `lengths`.
-        polylines: edge row -> (points, 2).
+        polylines: of edge rows.
         attributes: of nodes and of edges, name -> row -> value.
         crs: the coordinate reference system.
 
@@ -136,15 +136,15 @@ def checked_columns(
             raise BadFile(f"an id is there twice: {error}") from error
     _check_rows(arrays["sources"], nodes, "source")
     _check_rows(arrays["targets"], nodes, "target")
-    _check_rows(np.array(list(polylines), np.int64), edges, "polyline")
-    for values in (arrays["xy"], arrays["lengths"], *polylines.values()):
+    _check_rows(polylines.rows, edges, "polyline")
+    for values in (arrays["xy"], arrays["lengths"], polylines.points):
         if not np.isfinite(values).all():
             raise BadFile("a coordinate or length is not finite")
     if edges and float(arrays["lengths"].min()) < 0.0:
         raise BadFile("a length is negative")
     for rows, most in zip(attributes, (nodes, edges), strict=True):
         for name, by_row in rows.items():
-            _check_rows(np.array(list(by_row), np.int64), most, f"attribute {name!r}")
+            _check_rows(by_row.rows, most, f"attribute {name!r}")
     offsets, out_edges = kernels.group_rows(arrays["sources"], nodes)
     return GraphColumns(
         **arrays,
@@ -159,7 +159,7 @@ def checked_columns(
 
 
 def _check_rows(rows: IntArray, count: int, what: str) -> None:
-    if len(rows) and not (int(rows.min()) >= 0 and int(rows.max()) < count):
+    if len(rows) and not 0 <= int(rows.min()) <= int(rows.max()) < count:
         raise BadFile(f"a {what} belongs to a row that is not there")
 
 
@@ -297,17 +297,27 @@ def refusing_damages() -> Iterator[None]:
 
 def _arrays_of(contents: SavedMap) -> dict[str, packing.Array]:
     graph, faces = contents.columns, contents.faces
-    rows = sorted(graph.polylines)
-    polylines = [graph.polylines[row] for row in rows]
+    rows, sizes, points = _bends_of(graph.polylines)
     return {
         **{name: getattr(graph, name) for name in _GRAPH},
-        "bend_rows": np.array(rows, np.int64),
-        "bend_sizes": np.array([len(polyline) for polyline in polylines], np.int64),
-        "bend_points": np.concatenate([np.zeros((0, 2)), *polylines]),
+        "bend_rows": rows,
+        "bend_sizes": sizes,
+        "bend_points": points,
         "face_ids": np.array([face.id for face in faces], np.int64),
         "face_types": np.array([face.type for face in faces], np.int64),
         "face_corners": np.array([face[1:5] for face in faces], np.float64).reshape(-1, 12),
     }
+
+
+def _bends_of(polylines: Mapping[int, FloatArray]) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return rows, ascending, and the number of points of each polyline, and the points of all."""
+    if isinstance(polylines, Polylines):
+        _, taken = kernels.expand_ranges(polylines.starts, polylines.ends)
+        return polylines.rows, polylines.ends - polylines.starts, polylines.points[taken]
+    rows = sorted(polylines)
+    shapes = [polylines[row] for row in rows]
+    sizes = [len(shape) for shape in shapes]
+    return np.array(rows, np.int64), np.array(sizes, np.int64), np.concatenate([np.zeros((0, 2)), *shapes])
 
 
 def _closed_of(closed: ClosedEdges) -> list[Plain]:
@@ -340,17 +350,21 @@ def _columns_of(attributes: Mapping[str, Mapping[int, Plain]], kind: str) -> dic
     """Return of each attribute the rows that have it, which value each has, and the distinct values."""
     columns: dict[str, list[Plain]] = {}
     for name, by_row in sorted(attributes.items()):
-        rows = sorted(by_row)
-        values = [by_row[row] for row in rows]
+        rows, codes, values = _coded(by_row)
         keys = _keys_of(values, kind, name)
         value_of = dict(zip(keys, values, strict=True))
         code_of = {key: code for code, key in enumerate(value_of)}
-        columns[name] = [
-            np.array(rows, np.int64),
-            np.array([code_of[key] for key in keys], np.int64),
-            [*value_of.values()],
-        ]
+        columns[name] = [rows, np.array([code_of[key] for key in keys], np.int64)[codes], [*value_of.values()]]
     return columns
+
+
+def _coded(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]]:
+    """Return the rows, ascending, which value each has, and the values in the order in which they first appear."""
+    if isinstance(by_row, CodedValues):
+        codes, firsts = kernels.first_seen(by_row.codes)
+        return by_row.rows, codes, [by_row.choices[code] for code in by_row.codes[firsts].tolist()]
+    rows = sorted(by_row)
+    return np.array(rows, np.int64), np.arange(len(rows)), [by_row[row] for row in rows]
 
 
 def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
@@ -368,29 +382,34 @@ def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
 
 
 def _attributes_of(columns: Plain) -> _Attributes:
-    """Return attributes by name and row; rows of one value share it."""
+    """Return attributes by name; rows of one value share it."""
     found: _Attributes = {}
     for name, (rows, codes, values) in columns.items():
-        if type(name) is not str or not len(rows) == len(codes) > 0 or min(rows.ndim, codes.ndim) != 1:
+        if type(name) is not str or type(values) is not list or not len(rows) == len(codes) > 0:
             raise BadFile(f"attribute {name!r} is damaged")
-        if not 0 <= int(codes.min()) <= int(codes.max()) < len(values):
+        if any(one.ndim != 1 or one.dtype != np.int64 for one in (rows, codes)):
             raise BadFile(f"attribute {name!r} is damaged")
-        found[name] = dict(zip(rows.tolist(), (values[code] for code in codes.tolist()), strict=True))
+        if not 0 <= int(codes.min()) <= int(codes.max()) < len(values) or not _are_ascending(rows):
+            raise BadFile(f"attribute {name!r} is damaged")
+        found[name] = CodedValues(rows, codes, values)
     return found
 
 
-def _polylines_of(columns: dict[str, packing.Array]) -> dict[int, FloatArray]:
+def _polylines_of(columns: dict[str, packing.Array]) -> Polylines:
     rows, sizes, points = (columns[name] for name in ("bend_rows", "bend_sizes", "bend_points"))
-    if len(rows) != len(sizes) or len(np.unique(rows)) < len(rows) or (len(sizes) and int(sizes.min()) < 2):
+    if not rows.ndim == sizes.ndim == 1 or len(rows) != len(sizes) or not _are_ascending(rows):
         raise BadFile("the polylines are damaged")
-    if points.ndim != 2 or points.shape[1] != 2 or (len(sizes) and int(sizes.max()) > len(points)):
+    if points.ndim != 2 or points.shape[1] != 2 or (len(sizes) and not 2 <= sizes.min() <= sizes.max() <= len(points)):
         raise BadFile("the polylines are damaged")
     ends = np.cumsum(sizes)
     if (int(ends[-1]) if len(ends) else 0) != len(points):
         raise BadFile("the polylines are damaged")
     points.setflags(write=False)
-    polylines = zip(rows.tolist(), (ends - sizes).tolist(), ends.tolist(), strict=True)
-    return {row: points[first:end] for row, first, end in polylines}
+    return Polylines(rows, ends - sizes, ends, points)
+
+
+def _are_ascending(rows: IntArray) -> bool:
+    return bool((rows[1:] > rows[:-1]).all())
 
 
 def _faces_of(columns: dict[str, packing.Array]) -> Iterable[ObsFace]:

@@ -16,7 +16,7 @@ from gamms import kernels
 from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
-from gamms.graph.tables import Closed, EdgeTable, NodeTable
+from gamms.graph.tables import Closed, EdgeTable, NodeTable, joined, kept
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
 
@@ -25,7 +25,6 @@ _FEW = 32
 _GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
 
 ClosedEdges = Mapping[int, Mapping[str, Any]]
-Attributes = Mapping[str, Mapping[int, Any]]  # name -> row -> value
 Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 
 
@@ -116,6 +115,7 @@ class GraphStore:
                     # An attribute of the user's may be anything.
                     if type(value) in (int, float) and isfinite(value):
                         ground[row, column] = value
+            ground[self.nodes.array("alive") == 0] = 0.0
             self._ground, self._ground_key = ground if ground.any() else None, key
         return self._ground
 
@@ -141,11 +141,11 @@ class GraphStore:
         nodes.index.refuse_duplicates(columns.node_ids, nodes.kind)
         edges.index.refuse_duplicates(columns.edge_ids, edges.kind)
         first = nodes.extend(columns.node_ids, xy=columns.xy)
-        _add_attributes(nodes.attributes, first, columns.node_attributes)
+        nodes.add_attributes(first, columns.node_attributes)
         ends = {"sources": columns.sources + first, "targets": columns.targets + first}
         first = edges.extend(columns.edge_ids, lengths=columns.lengths, **ends)
-        edges.polylines.update({first + row: polyline for row, polyline in columns.polylines.items()})
-        _add_attributes(edges.attributes, first, columns.edge_attributes)
+        edges.polylines = joined(edges.polylines, first, columns.polylines)
+        edges.add_attributes(first, columns.edge_attributes)
         self.crs, self.attribution = columns.crs or self.crs, attribution or self.attribution
         self.rows_added()
 
@@ -274,17 +274,12 @@ class GraphStore:
             lengths=edges.frozen("lengths"),
             offsets=offsets,
             out_edges=out_edges,
-            polylines=dict(edges.polylines),
-            node_attributes={name: dict(values) for name, values in nodes.attributes.items() if values},
-            edge_attributes={name: dict(values) for name, values in edges.attributes.items() if values},
+            polylines=kept(edges.polylines),
+            node_attributes={name: kept(values) for name, values in nodes.attributes.items() if values},
+            edge_attributes={name: kept(values) for name, values in edges.attributes.items() if values},
             revision=self.revision,
             crs=self.crs,
         )
-
-
-def _add_attributes(columns: dict[str, dict[int, Any]], first: int, given: Attributes) -> None:
-    for name, values in given.items():
-        columns.setdefault(name, {}).update({first + row: value for row, value in values.items()} if first else values)
 
 
 def _rebuilt(

@@ -1,14 +1,14 @@
 """Growing columns with an id per row: the one home of the nodes and edges of a graph."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from itertools import chain
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines
 
 T = TypeVar("T")
 
@@ -154,7 +154,7 @@ class Table:
         self.count = 0  # rows in use, dead ones included
         self.dead = 0
         self.capacity = 0
-        self.attributes: dict[str, dict[int, Any]] = {}  # name -> row -> value
+        self.attributes: dict[str, Mapping[int, Any]] = {}  # name -> row -> value; dead rows may have some
         self._arrays = self._empty.copy()  # NOTE: shared, because most contexts are made long before their map
         self._is_shared = False
 
@@ -217,8 +217,6 @@ class Table:
         self.index.remove(self.ids[row])
         self.alive[row] = 0
         self.dead += 1
-        for values in self.attributes.values():
-            values.pop(row, None)
 
     def living(self) -> IntArray:
         """Return rows that are not dead, ascending."""
@@ -241,7 +239,13 @@ class Table:
     def set_attributes(self, row: int, given: dict[str, Any]) -> None:
         """Change some attributes of one row."""
         for name, value in given.items():
-            self.attributes.setdefault(name, {})[row] = value
+            values = self.attributes[name] = own_dict(self.attributes.get(name, {}))
+            values[row] = value
+
+    def add_attributes(self, first: int, given: Mapping[str, Mapping[int, Any]]) -> None:
+        """Take over the attributes of many rows, which count from `first` here."""
+        for name, values in given.items():
+            self.attributes[name] = joined(self.attributes.get(name, {}), first, values)
 
     def compact(self) -> IntArray:
         """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
@@ -254,9 +258,8 @@ class Table:
         self._resize(max(_START, len(alive)))
         self.index = RowIndex()
         self.index.extend(ids, 0, self.kind)
-        self.attributes = {
-            name: {int(moved[row]): value for row, value in values.items()} for name, values in self.attributes.items()
-        }
+        left = {name: renamed(values, moved) for name, values in self.attributes.items()}
+        self.attributes = {name: values for name, values in left.items() if values}
         return moved
 
     def _resize(self, capacity: int) -> None:
@@ -308,7 +311,8 @@ class EdgeTable(Table):
 
     def __init__(self) -> None:
         super().__init__()
-        self.polylines: dict[int, FloatArray] = {}  # row -> (points, 2), for the edges that are not straight
+        # row -> (points, 2), for the edges that are not straight; dead rows may have one
+        self.polylines: Mapping[int, FloatArray] = {}
 
     def append(self, id: int, source: int, target: int, length: float) -> int:
         """Add an edge whose id is not there; returns its row."""
@@ -324,15 +328,28 @@ class EdgeTable(Table):
         self.count = row + 1
         return row
 
-    def remove(self, row: int) -> None:
-        """Make a living row a dead one."""
-        super().remove(row)
-        self.polylines.pop(row, None)
+    def bend(self, row: int, polyline: FloatArray) -> None:
+        """Give an edge a polyline."""
+        polylines = self.polylines = own_dict(self.polylines)
+        polylines[row] = polyline
+
+    def straighten(self, row: int) -> None:
+        """Take the polyline of an edge away, if it has one."""
+        if row in self.polylines:
+            polylines = self.polylines = own_dict(self.polylines)
+            del polylines[row]
+
+    def bends_among(self, rows: IntArray) -> list[tuple[int, FloatArray]]:
+        """Return which of some rows (rows,) have a polyline, as positions in `rows`, and which."""
+        polylines = self.polylines
+        if isinstance(polylines, Polylines):
+            return polylines.among(rows)
+        return [(i, polylines[row]) for i, row in enumerate(rows.tolist()) if row in polylines]
 
     def compact(self) -> IntArray:
         """Drop the dead rows; returns the new row (rows,) of each old one, -1 for a dead one."""
         moved = super().compact()
-        self.polylines = {int(moved[row]): polyline for row, polyline in self.polylines.items()}
+        self.polylines = renamed(self.polylines, moved)
         return moved
 
     def rename_ends(self, moved: IntArray) -> None:
@@ -342,6 +359,35 @@ class EdgeTable(Table):
             column = self.array(name)
             # A dead edge may end at a dead node; any row will do for it.
             column[:] = np.maximum(moved[column], 0)
+
+
+def own_dict(values: Mapping[int, T]) -> dict[int, T]:
+    """Return what rows have as a dict to write to: itself if it is one, as columns that many share are not."""
+    return values if isinstance(values, dict) else dict(values.items())
+
+
+def joined(values: Mapping[int, T], first: int, given: Mapping[int, T]) -> Mapping[int, T]:
+    """Return what rows have, and those that were given, which count from `first`."""
+    if not (values or first) and isinstance(given, ByRow):
+        return given
+    added = own_dict(values)
+    added.update({first + row: value for row, value in given.items()} if first else given.items())
+    return added
+
+
+def renamed(values: Mapping[int, T], moved: IntArray) -> Mapping[int, T]:
+    """Return what rows have under their new numbers (rows,); -1 for those that are left out."""
+    if not isinstance(values, ByRow):
+        rows = moved.tolist()
+        return {rows[row]: value for row, value in values.items() if rows[row] >= 0}
+    rows = moved[values.rows]
+    places = np.flatnonzero(rows >= 0)
+    return values.chosen(places, rows[places])
+
+
+def kept(values: Mapping[int, T]) -> Mapping[int, T]:
+    """Return what rows have now, which stays as it is."""
+    return values if isinstance(values, ByRow) else dict(values)
 
 
 class Closed:

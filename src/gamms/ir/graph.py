@@ -1,13 +1,153 @@
 """The road network as columns: what every kernel and every drawer reads."""
 
-from collections.abc import Mapping
+from abc import abstractmethod
+from collections.abc import ItemsView, Iterator, Mapping, Sequence, ValuesView
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+V = TypeVar("V")
+
+
+class ByRow(Mapping[int, V]):
+    """What some rows of a table have, in arrays: never changed, and cheap to make of a million rows.
+
+    Attributes:
+        rows: that have something, ascending.
+    """
+
+    __slots__ = ("_are_all", "rows")
+
+    def __init__(self, rows: IntArray) -> None:
+        self.rows = rows
+        self._are_all = len(rows) > 0 and int(rows[-1]) == len(rows) - 1
+
+    @abstractmethod
+    def at(self, place: int) -> V:
+        """Return what `rows[place]` has."""
+
+    @abstractmethod
+    def all(self) -> list[V]:
+        """Return what the rows have, in their order."""
+
+    @abstractmethod
+    def chosen(self, places: IntArray, rows: IntArray) -> Self:
+        """Return what `self.rows[places]` have, under other row numbers (places,), which ascend."""
+
+    def get(self, row: object, default: Any = None) -> Any:
+        """Return what a row has, or the default."""
+        place = self._place(row)
+        return default if place < 0 else self.at(place)
+
+    def items(self) -> ItemsView[int, V]:
+        """Return the rows, and what they have."""
+        return dict(zip(self.rows.tolist(), self.all(), strict=True)).items()
+
+    def values(self) -> ValuesView[V]:
+        """Return what the rows have, in their order."""
+        return dict(enumerate(self.all())).values()
+
+    def __getitem__(self, row: int) -> V:
+        place = self._place(row)
+        if place < 0:
+            raise KeyError(row)
+        return self.at(place)
+
+    def __contains__(self, row: object) -> bool:
+        return self._place(row) >= 0
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.rows.tolist())
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({len(self)} rows)"
+
+    def _place(self, row: object) -> int:
+        """Return where in `rows` a row is, or -1."""
+        if not isinstance(row, (int, np.integer)):
+            return -1
+        if self._are_all:
+            return int(row) if 0 <= row < len(self.rows) else -1
+        place = int(self.rows.searchsorted(row))
+        return place if place < len(self.rows) and self.rows[place] == row else -1
+
+
+class CodedValues(ByRow[Any]):
+    """An attribute of some rows; rows that have the same value share it.
+
+    Args:
+        rows: that have the attribute, ascending.
+        codes: (rows,) which of the values each has.
+        choices: the values.
+    """
+
+    __slots__ = ("choices", "codes")
+
+    def __init__(self, rows: IntArray, codes: IntArray, choices: Sequence[Any]) -> None:
+        super().__init__(rows)
+        self.codes, self.choices = codes, choices
+
+    def at(self, place: int) -> Any:
+        """Return what `rows[place]` has."""
+        return self.choices[self.codes[place]]
+
+    def all(self) -> list[Any]:
+        """Return what the rows have, in their order."""
+        return list(map(self.choices.__getitem__, self.codes.tolist()))
+
+    def chosen(self, places: IntArray, rows: IntArray) -> Self:
+        """Return what `self.rows[places]` have, under other row numbers."""
+        return type(self)(rows, self.codes[places], self.choices)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.rows, self.codes, self.choices)
+
+
+class Polylines(ByRow[FloatArray]):
+    """The shapes of the edges that are not straight, in one array.
+
+    Args:
+        rows: of these edges, ascending.
+        starts: (rows,) the first has the points `points[starts[0] : ends[0]]`.
+        ends: (rows,)
+        points: (points, 2), read-only.
+    """
+
+    __slots__ = ("ends", "points", "starts")
+
+    def __init__(self, rows: IntArray, starts: IntArray, ends: IntArray, points: FloatArray) -> None:
+        super().__init__(rows)
+        self.starts, self.ends, self.points = starts, ends, points
+
+    def at(self, place: int) -> FloatArray:
+        """Return what `rows[place]` has."""
+        return self.points[self.starts[place] : self.ends[place]]
+
+    def all(self) -> list[FloatArray]:
+        """Return what the rows have, in their order."""
+        points = self.points
+        return [points[start:end] for start, end in zip(self.starts.tolist(), self.ends.tolist(), strict=True)]
+
+    def among(self, rows: IntArray) -> list[tuple[int, FloatArray]]:
+        """Return which of some rows (rows,) have a polyline, as positions in `rows`, and which."""
+        if not len(self.rows):
+            return []
+        places = np.minimum(np.searchsorted(self.rows, rows), len(self.rows) - 1)
+        found = np.flatnonzero(self.rows[places] == rows)
+        return [(i, self.at(place)) for i, place in zip(found.tolist(), places[found].tolist(), strict=True)]
+
+    def chosen(self, places: IntArray, rows: IntArray) -> Self:
+        """Return what `self.rows[places]` have, under other row numbers."""
+        return type(self)(rows, self.starts[places], self.ends[places], self.points)
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return type(self), (self.rows, self.starts, self.ends, self.points)
 
 
 @dataclass(slots=True, frozen=True, eq=False)

@@ -5,7 +5,7 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
 from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
-from gamms.kernels.csr import chosen_runs, closed_rings, expand_ranges, group_rows, ragged_rows
+from gamms.kernels.csr import chosen_runs, closed_rings, expand_ranges, first_seen, group_rows, ragged_rows
 from gamms.kernels.draws import (
     below,
     below_many,

@@ -43,6 +43,19 @@ def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray
     return np.arange(ends[-1]) + np.repeat(offsets[chosen] - ends[:-1], counts), ends
 
 
+def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
+    """Number the distinct keys 0, 1, … in the order in which they first appear.
+
+    Returns:
+        `numbers` (keys,), the number of each key; `firsts` (distinct,), where each number first appears.
+    """
+    _, firsts, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    order = np.argsort(firsts)
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+    return rank[inverse], firsts[order]
+
+
 def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
     """Return the positions in several ranges, concatenated, and which range each is in.
 

@@ -192,11 +192,11 @@ def segments_of(ways: Ways) -> Segments:
     way = way[first]
     positions[ways.against[way]] = positions[ways.against[way], ::-1]
     ends = ways.refs[positions].ravel()
-    rows, firsts = first_seen(ends)
+    rows, firsts = kernels.first_seen(ends)
     if ways.barriers:
         shut = np.isin(ends, [*ways.barriers])
         rows[shut] = len(ends) + np.arange(shut.sum())
-        rows, firsts = first_seen(rows)
+        rows, firsts = kernels.first_seen(rows)
     sources, targets = rows[0::2], rows[1::2]
     firsts = positions.ravel()[firsts]
     refs = None if ways.nodes is None else ways.refs[firsts]
@@ -235,19 +235,6 @@ def _within(segments: Segments, inside: BoolArray) -> Segments:
         segments.ways[kept],
         None if segments.refs is None else segments.refs[inside],
     )
-
-
-def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
-    """Number the distinct keys 0, 1, … in the order in which they first appear.
-
-    Returns:
-        `numbers` (keys,), the number of each key; `firsts` (distinct,), where each number first appears.
-    """
-    _, firsts, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    order = np.argsort(firsts)
-    rank = np.empty(len(order), np.int64)
-    rank[order] = np.arange(len(order))
-    return rank[inverse], firsts[order]
 
 
 def components(a: IntArray, b: IntArray, count: int) -> IntArray:

@@ -18,7 +18,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.osm.network import RoadNetwork, first_seen, network_of_lines, reversed_points
+from gamms.osm.network import RoadNetwork, network_of_lines, reversed_points
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource
 
@@ -341,7 +341,7 @@ def _numbered(network: RoadNetwork) -> tuple[IntArray, IntArray]:
     """Return the rows of the nodes in first-seen order, and the number of each row; nodes without a road come last."""
     ends = np.column_stack((network.sources, network.targets)).ravel()
     rows = np.concatenate((ends, np.arange(len(network.xy))))
-    firsts = rows[first_seen(rows)[1]]
+    firsts = rows[kernels.first_seen(rows)[1]]
     numbers = np.empty(len(firsts), np.int64)
     numbers[firsts] = np.arange(len(firsts))
     return firsts, numbers

@@ -17,7 +17,6 @@ from gamms.osm.network import (
     along,
     chosen_roads,
     components,
-    first_seen,
     moved_ends,
     offsets_of,
     reversed_points,
@@ -76,7 +75,7 @@ def tunnels_of(network: RoadNetwork) -> IntArray:
     a, b = ends[is_under & inside[ends].all(axis=1)].T
     label = components(a, b, len(network.xy))
     numbers = np.zeros(len(network.xy), np.int64)
-    numbers[inside] = first_seen(label[inside])[0] + 1
+    numbers[inside] = kernels.first_seen(label[inside])[0] + 1
     return numbers
 
 
