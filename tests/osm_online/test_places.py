@@ -363,15 +363,17 @@ def test_every_area_has_the_options_of_a_place_and_the_defaults_of_a_file(by_are
 
     of_area, of_file = defaults(by_area), defaults(graph_from_file)
     own = {"filter", "clip"}  # of files; areas have custom_filter, and are cut anyway
-    assert set(of_area) == {*defaults(create_osm_graph), "strong", "tags", "elevation"}
-    shared = {name: value for name, value in of_file.items() if name not in own}
+    assert set(of_area) == {*defaults(create_osm_graph), "strong", "tags", "elevation", "around_buildings"}
+    shared = {name: value for name, value in of_file.items() if name not in own | {"around_buildings"}}
     assert {**shared, "osm_type": OSMType.WALK}.items() <= of_area.items()
 
 
 @pytest.mark.parametrize("mode", ["walk", "bike", "drive", "drive_service", "robot"])
 def test_an_area_and_a_file_of_it_give_the_same_streets_for_a_mode(server, mode):
-    of_area = graph_from_polygon(shapely.box(24.93, 60.16, 24.96, 60.18), osm_type=mode, resolution=1e6)
-    of_file = graph_from_file(EXTRACT, osm_type=mode, resolution=1e6)
+    options = {"osm_type": mode, "resolution": 1e6, "around_buildings": mode != "bike"}
+    of_area = graph_from_polygon(shapely.box(24.93, 60.16, 24.96, 60.18), **options)
+    of_file = graph_from_file(EXTRACT, **options)
+    assert len(server.asked) == (1 if mode == "bike" else 2)
     assert osmids(of_area) == osmids(of_file)
     assert road_length(of_area) == pytest.approx(road_length(of_file), rel=1e-6)
     assert nx.is_strongly_connected(of_area)

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.projection import ellipsoid_lengths
-from gamms.osm.footprints import footprints_of, leads_across, outlines_of_ways, repaired
+from gamms.osm.footprints import footprints_of, layer_of, leads_across, outlines_of_ways, repaired
 from gamms.osm.network import Rule, Ways
 
 Squares = Mapping[int, tuple[dict[str, Any], list[int]]]
@@ -50,8 +50,8 @@ def with_ways_across(ways: Ways) -> Ways:
     """Return the ways with straight ones across each area, between junctions on its rim that see each other.
 
     A junction is where three stretches of way meet. Lines are added, the shortest first, where the way along the rim
-    and earlier lines is longer by a twentieth: all would be many times as many. Holes are in the way; what else stands
-    on an area is not known here.
+    and earlier lines is longer by a twentieth: all would be many times as many. Holes of an area are in the way, and
+    buildings of the map.
     """
     if not ways.areas:
         return ways
@@ -65,7 +65,10 @@ def with_ways_across(ways: Ways) -> Ways:
             continue
         rim, apart = _along_rim(ways, rows, junctions)
         pairs = _near_pairs(rim, ways, junctions)
-        pairs = pairs[leads_across(shape, ways.lonlat[rim[pairs[:, 0]]], ways.lonlat[rim[pairs[:, 1]]])]
+        pairs = pairs[leads_across(shape, *ways.lonlat[rim[pairs.T]])]
+        if ways.buildings is not None and len(pairs) and not _is_below_ground(ways.tags[rows[0]]):
+            start, end = ways.lonlat[rim[pairs.T]]
+            pairs = pairs[~ways.buildings.lie_between(start, end, around=shape)]
         lines = rim[_needed(pairs, _distances(ways.lonlat[rim], pairs), apart)]
         ends += lines.ravel().tolist()
         tags += [{**ways.tags[rows[0]], "oneway": False, ACROSS: True}] * len(lines)
@@ -78,6 +81,10 @@ def with_ways_across(ways: Ways) -> Ways:
         against=np.append(ways.against, np.zeros(len(added) // 2, np.bool_)),
         tags=tags,
     )
+
+
+def _is_below_ground(tags: Mapping[str, Any]) -> bool:
+    return any(layer_of({"layer": str(tags.get(key, "0"))}) < 0 for key in ("layer", "level"))
 
 
 def length_across(ways: Ways) -> float:

@@ -295,7 +295,10 @@ def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str
     name, classic = about.get("mode", ""), about.get("osm_type", "")
     strong = bool(about.get("strong", osm_type is not None)) and not retain_all
     recipe = recipe_of(1.0, 0.0, None, retain_all)._replace(
-        bidirectional=about.get("bidirectional"), mode=name, strong=strong
+        bidirectional=about.get("bidirectional"),
+        mode=name,
+        strong=strong,
+        around_buildings=bool(about.get("around_buildings", False)),
     )
     if osm_type is not None:
         return selection_of(recipe, as_mode(osm_type))

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -18,6 +18,7 @@ from gamms.limits import refuse_above
 from gamms.text import shown
 
 if TYPE_CHECKING:
+    from shapely import STRtree
     from shapely.geometry.base import BaseGeometry
 
 HeightEstimates = Mapping[tuple[str, str], tuple[float, int]]  # (key, value or "*") -> (height in metres, type)
@@ -106,6 +107,12 @@ def _is_off_the_ground(tags: Mapping[str, str]) -> bool:
     """Return whether a thing lies under the ground, or on a roof, where solar panels do."""
     location = tags.get("location")
     return location in _BURIED or location in _ON_ROOFS or layer_of(tags) < 0
+
+
+def is_in_the_way(tags: Mapping[str, str]) -> bool:
+    """Return whether no way on the ground leads through an area with these tags: it is a building without a base."""
+    is_building = tags.get("building", "no") not in _NO_WALLS and not _is_off_the_ground(tags)
+    return is_building and not (metres_of(tags.get("min_height")) or _levels(tags.get("building:min_level")))
 
 
 def layer_of(tags: Mapping[str, str]) -> int:
@@ -205,6 +212,8 @@ def _checked_estimates(estimates: object) -> dict[tuple[str, str], tuple[float, 
     return checked
 
 
+_ENTERS = "T********"  # of lines and areas, in the model of DE-9IM: their insides have a point in common
+_ROUNDING = 1e-8  # degrees, a millimetre: by which a way along a wall may be off
 RING_ROLES = ("outer", "inner", "")  # of the ways in a multipolygon that enclose it
 _BYTES_PER_CELL = 1 << 20  # of the map in a cell
 
@@ -273,12 +282,20 @@ def footprints_of(outlines: Outlines) -> Shapes:
     is_ring = is_alone & (first == last).all(axis=1) & (np.diff(outlines.offsets) > 3)
     # A closed way keeps its points and their order; everything else is assembled.
     points, row = _chosen(outlines, is_ring)
-    shapes[outlines.owners[is_ring]] = shapely.polygons(shapely.linearrings(points, indices=row))
+    shapes[outlines.owners[is_ring]] = polygons_of(points, row)
     points, row = _chosen(outlines, ~is_ring)
     lines = shapely.linestrings(points, indices=row)
     owners, bundle = np.unique(outlines.owners[~is_ring], return_inverse=True)
     shapes[owners] = _enclosed(shapely.multilinestrings(lines, indices=bundle))
     return shapes
+
+
+def polygons_of(points: FloatArray, row: IntArray) -> Shapes:
+    """Return polygons of closed lines through points (points, 2), each of which belongs to the line of its row."""
+    import shapely
+
+    polygons: Shapes = shapely.polygons(shapely.linearrings(points, indices=row))
+    return polygons
 
 
 def _chosen(outlines: Outlines, is_chosen: BoolArray) -> tuple[FloatArray, IntArray]:
@@ -342,6 +359,40 @@ def leads_across(area: "BaseGeometry", start: FloatArray, end: FloatArray) -> Bo
     on_outline = shapely.length(shapely.intersection(lines, shapely.boundary(area)))
     across: BoolArray = shapely.covers(area, lines) & (on_outline < shapely.length(lines) / 2.0)
     return across
+
+
+class Buildings:
+    """The buildings of a map that no way leads through.
+
+    Args:
+        read: returns their outlines, polygons in degrees; it is called when a line is first asked about.
+    """
+
+    def __init__(self, read: "Callable[[], Shapes]") -> None:
+        self._read = read
+        self._tree: STRtree | None = None
+
+    def lie_between(self, start: FloatArray, end: FloatArray, around: "BaseGeometry | None" = None) -> BoolArray:
+        """Return which straight lines between these places (lines, 2), in degrees, lead through a building.
+
+        One inside which a line begins and ends without leaving it is not in its way. Nor is one that covers half of the
+        area `around`: that is a hall, and the lines run in it.
+        """
+        import shapely
+
+        if self._tree is None:
+            self._tree = shapely.STRtree(repaired(self._read()))
+        lines = shapely.linestrings(np.stack((start, end), axis=1))
+        line, building = self._tree.query(lines, predicate="intersects")
+        shapes: Shapes = self._tree.geometries[building]
+        through = shapely.relate_pattern(lines[line], shapes, _ENTERS) & ~shapely.contains_properly(shapes, lines[line])
+        inside = shapely.buffer(shapes[through], -_ROUNDING, join_style="mitre")
+        through[through] = shapely.relate_pattern(lines[line[through]], inside, _ENTERS)
+        if around is not None:
+            through[through] = shapely.area(shapely.intersection(shapes[through], around)) < around.area / 2.0
+        found = np.zeros(len(lines), np.bool_)
+        found[line[through]] = True
+        return found
 
 
 def area_of(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":

@@ -83,6 +83,7 @@ class Recipe(NamedTuple):
     osm_type: str = ""  # "WALK", "BIKE", "DRIVE" or the name of another mode
     mode: str = ""  # the mode whose rules chose the roads; empty for those of 1.0.0
     strong: bool = False
+    around_buildings: bool = False  # whether merged junctions and ways across squares keep clear of buildings
     every_way: bool = False  # also what is planned, being built or gone, as gamms 1.0.0 takes it from files
 
 
@@ -100,6 +101,7 @@ class Selection(NamedTuple):
     is_classic: bool = False  # nodes have no more than gamms 1.0.0 gives them
     clip: "Polygon | None" = None  # the area in degrees that is taken
     snap: float = 0.0  # metres, of GeoJSON
+    around_buildings: bool = False
 
 
 class MapOptions(TypedDict, total=False):
@@ -110,10 +112,14 @@ class MapOptions(TypedDict, total=False):
 
     `elevation` is a .hgt file of SRTM, or a folder of them: nodes get their height as `z` and edges their `grade`, and
     walkers take longer uphill.
+
+    `around_buildings` says whether merged junctions and lines across squares keep clear of buildings. By default those
+    of a file do. For areas it is False by default, since their buildings have to be downloaded too.
     """
 
     tags: Sequence[str]
     elevation: "ElevationPath | Elevation | None"
+    around_buildings: bool
 
 
 class FileOptions(MapOptions, total=False):
@@ -195,7 +201,7 @@ def graph_from_xml(
     return _graph(filepath, recipe, read_ways, selection_of(recipe, None))
 
 
-@with_options(FileOptions, {"tags": (), "elevation": None, "filter": None, "clip": None})
+@with_options(FileOptions, {"tags": (), "elevation": None, "around_buildings": True, "filter": None, "clip": None})
 def graph_from_file(
     filepath: FilePath,
     resolution: float = 10.0,
@@ -235,6 +241,7 @@ def graph_from_file(
     tolerance = tolerance_of(mode) if tolerance is None else tolerance
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     recipe = for_mode(recipe, mode, bidirectional, strong)
+    recipe = recipe._replace(around_buildings=as_bool(more.get("around_buildings", True), "around_buildings"))
     selection = selection_of(recipe, mode, as_tags(more.get("tags", ())))
     selection = selection._replace(rule=filtered(selection.rule, more.get("filter")), clip=_area_of(more.get("clip")))
     return _graph(filepath, recipe, read_ways, selection, as_ground(more.get("elevation"), mode))
@@ -274,11 +281,11 @@ def selection_of(recipe: Recipe, mode: ModeFunction | None, tags: tuple[str, ...
     if mode is None:
         closed = None if recipe.every_way else classic_closed_rule(None)
         rule = classic_rule(None, every_way=recipe.every_way)
-        return Selection(
-            keeping(rule, tags), "", recipe.retain_all, strong, closed, tags=tags, is_classic=recipe.every_way
-        )
-    rule, stops = keeping(rule_of(mode), tags), stops_of(mode)
-    return Selection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), True, tags, stops)
+        chosen = Selection(keeping(rule, tags), "", recipe.retain_all, strong, closed, is_classic=recipe.every_way)
+    else:
+        rule, stops = keeping(rule_of(mode), tags), stops_of(mode)
+        chosen = Selection(rule, recipe.mode, recipe.retain_all, strong, closed_rule(mode), areas=True, stops=stops)
+    return chosen._replace(tags=tags, around_buildings=recipe.around_buildings)
 
 
 def graph_from_geojson(
@@ -407,6 +414,7 @@ def cut(network: RoadNetwork, recipe: Recipe, show: Show, ground: Ground | None 
     """Cut joined roads as the recipe says, and make the graph."""
     show(f"Cutting {len(network.sources)} roads")
     pieces = resample(both_ways(network) if recipe.bidirectional else network, recipe.resolution)
+    pieces = replace(pieces, buildings=None)  # they take memory
     if pieces.refs is not None:
         pieces = replace(pieces, tunnels=topology.tunnels_of(pieces))
     if ground is not None:
@@ -478,8 +486,15 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
     if read is read_lines or (read is None and is_geojson(file)):
         ways = read_lines(file, show, snap=selection.snap)
     else:
-        rule, tags, stops, clip = selection.rule, selection.tags, selection.stops, selection.clip
-        ways = with_ways_across(read_ways(file, show, rule, tags, areas=selection.areas, stops=stops, clip=clip))
+        ways = with_ways_across(
+            read_ways(
+                *(file, show, selection.rule, selection.tags),
+                areas=selection.areas,
+                stops=selection.stops,
+                clip=selection.clip,
+                around_buildings=selection.around_buildings,
+            )
+        )
     if not ways.tags:
         whose = f" for the mode {selection.mode!r}" if selection.mode else ""
         whose += " in the area of clip" if selection.clip is not None else ""
@@ -510,9 +525,8 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
             f"{file.name} has {len(ways.tags)} lines in {parts} parts; {lost:.1%} of their length is not joined to the "
             "largest one and left out. snap= joins ends that are near, retain_all=True keeps all parts."
         )
-    network = replace(
-        network, left_out=network.left_out._replace(barriers=len(ways.barriers), across_m=length_across(ways))
-    )
+    left_out = network.left_out._replace(barriers=len(ways.barriers), across_m=length_across(ways))
+    network = replace(network, left_out=left_out, buildings=ways.buildings)
     if selection.is_classic or ways.nodes is None:
         return replace(network, attribution=ways.attribution, refs=None)
     return replace(network, attribution=ways.attribution, nodes=ways.nodes)

@@ -13,6 +13,7 @@ from gamms.errors import BadType
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, ellipsoid_lengths, project, utm_crs
+from gamms.osm.footprints import Buildings
 from gamms.osm.tags import NodeTags
 from gamms.text import shown
 
@@ -103,6 +104,7 @@ class Ways:
     areas: Sequence[Sequence[int]] = ()  # (areas,)  rows of the ways around each area that is open, in any order
     nodes: NodeTags | None = _NO_NODE_TAGS  # None: `refs` are no numbers of OpenStreetMap
     barriers: Collection[int] = ()  # ids of nodes that no agent passes
+    buildings: Buildings | None = None  # of the map; None: not known
 
 
 @dataclass(slots=True, frozen=True, eq=False)
@@ -410,6 +412,7 @@ class RoadNetwork:
     nodes: NodeTags = _NO_NODE_TAGS
     z: FloatArray | None = None  # (nodes,)  metres above sea level
     is_walked: bool = False  # whether slopes count in travel times
+    buildings: Buildings | None = None  # of the map; None: not known
     tunnels: IntArray | None = None  # (nodes,)  number of the tunnel that a node lies in; 0: on the surface
 
 

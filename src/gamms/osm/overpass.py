@@ -68,6 +68,7 @@ class StreetOptions(NamedTuple):
     mode: ModeFunction | None = None  # whose ways and directions are taken, not those of OSMnx's network type
     strong: bool = False
     tags: Sequence[str] = ()  # which are kept, too
+    around_buildings: bool = False
 
 
 def streets_of_place(location: Location, name: str, options: StreetOptions, show: Show) -> RoadNetwork:
@@ -163,10 +164,15 @@ def _streets(
     squares = [] if options.mode is None or options.custom_filter else ['relation["highway"]["type"="multipolygon"]']
     chosen = [filters] if isinstance(filters, str) else filters
     queries = [([f"way{one}", *squares], "(._;>;);out;") for one in chosen]
-    ways = with_ways_across(_ways(_download(servers, surroundings, queries, read_streets), options))
+    ways = _ways(_download(servers, surroundings, queries, read_streets), options)
+    if options.around_buildings:
+        show(f"Downloading the buildings of {name}")
+        ways = replace(ways, buildings=_buildings(servers, surroundings))
+    ways = with_ways_across(ways)
     segments = _part(segments_of(ways), surroundings, options)
     if len(segments.sources):
-        network = replace(network_of_segments(segments, ways.tags), nodes=ways.nodes or NodeTags())
+        network = network_of_segments(segments, ways.tags)
+        network = replace(network, nodes=ways.nodes or NodeTags(), buildings=ways.buildings)
         network = network if options.mode else replace(network, refs=None)
         network = simplify(network) if options.simplify else network
         lonlat = project(network.xy, str(network.crs), WGS84)
@@ -184,6 +190,13 @@ def _streets(
         f"There are no streets of the type {shown(kind)} in {name}. "
         "Try a larger area, or another osm_type or custom_filter."
     )
+
+
+def _buildings(servers: MapServers, area: "BaseGeometry") -> footprints.Buildings:
+    kinds = ['way["building"]', 'relation["building"]["type"="multipolygon"]']
+    found = _download(servers, area, [(kinds, "(._;>;);out;")], read_areas)
+    shapes = [shape for shape, tags in _areas(found, {"building": None}, area) if footprints.is_in_the_way(tags)]
+    return footprints.Buildings(lambda: footprints.shapes_of(shapes))
 
 
 def _part(segments: Segments, area: "BaseGeometry", options: StreetOptions) -> Segments:

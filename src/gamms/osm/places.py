@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Unpack
 
 import numpy as np
 
-from gamms.arguments import as_float
+from gamms.arguments import as_bool, as_float
 from gamms.errors import BadType, BadValue, PlaceError
 from gamms.ir.geometry import polygon as polygon_of
 from gamms.ir.graph import FloatArray
@@ -164,6 +164,7 @@ def _graph_of_area(
     if rest["tolerance"] is None:
         rest["tolerance"] = tolerance_of(mode)
     ground = as_ground(rest.pop("elevation"), mode)
+    rest["around_buildings"] = as_bool(rest["around_buildings"], "around_buildings")
     options = StreetOptions(**{**rest, "mode": mode, "tags": as_tags(rest["tags"])})
     recipe = for_mode(_recipe(options), mode, bidirectional, strong)
     if recipe.bidirectional is False:
@@ -176,7 +177,7 @@ def _recipe(options: StreetOptions) -> Recipe:
     return recipe_of(
         *(options.resolution, options.tolerance, options.bidirectional),
         *(options.retain_all, options.simplify, options.osm_type),
-    )
+    )._replace(around_buildings=options.around_buildings)
 
 
 def _graph(

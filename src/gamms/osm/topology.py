@@ -3,7 +3,7 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from itertools import product
+from itertools import combinations, product
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -11,6 +11,7 @@ import numpy as np
 from gamms import kernels
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.projection import WGS84, project
 from gamms.limits import refuse_above
 from gamms.osm.network import (
     RoadNetwork,
@@ -20,6 +21,7 @@ from gamms.osm.network import (
     moved_ends,
     offsets_of,
     reversed_points,
+    segment_starts,
 )
 
 _NO_TUNNELS = ("no", "building_passage", "avalanche_protector")  # open to the side, or above the ground
@@ -161,22 +163,66 @@ def consolidate(network: RoadNetwork, tolerance: float) -> RoadNetwork:
     mean of the old junctions. Roads inside it disappear; the others end at the new node instead of the old one,
     and are as long as they are drawn. `merged` of the result says how many metres are gone in all. All junctions that
     become one have a `layer` and `level` in common, and no stairs, elevator, bridge or tunnel is between them: a bridge
-    and the road below it stay apart. Vertices at one place with a road of no length between them always become one.
+    and the road below it stay apart. Nor is a building of the map between them, or in the way of a road that ends
+    there. Vertices at one place with a road of no length between them always become one.
     """
     network = _without_empty_roads(network)
     chains = chains_of(network)
     is_flat = np.ones(len(chains.lengths), np.bool_)
     is_flat[chains.of_road[_leads_elsewhere(network)]] = False
     label = _junctions(network, chains, is_flat, tolerance)
-    a, b = label[chains.ends].T
-    one = (a == b) & (chains.ends[:, 0] != chains.ends[:, 1]) & (chains.lengths <= _ACROSS * tolerance) & is_flat
-    inner = one[chains.of_road]
-    if not inner.any():
-        return network
-    # The vertices of an inner road go with it: they have no other road.
-    ends = np.concatenate((network.sources[inner], network.targets[inner]))
-    label[ends] = np.tile(label[chains.ends[chains.of_road[inner], 0]], 2)
-    return _contracted(network, label, inner, degrees(network) > 2)
+    if network.buildings is not None:
+        _part(label, _behind_buildings(network, label))
+    while True:
+        a, b = label[chains.ends].T
+        one = (a == b) & (chains.ends[:, 0] != chains.ends[:, 1]) & (chains.lengths <= _ACROSS * tolerance) & is_flat
+        inner = one[chains.of_road]
+        if not inner.any():
+            return network
+        # The vertices of an inner road go with it: they have no other road.
+        ends = np.concatenate((network.sources[inner], network.targets[inner]))
+        owners = label.copy()
+        owners[ends] = np.tile(label[chains.ends[chains.of_road[inner], 0]], 2)
+        result = _contracted(network, owners, inner, degrees(network) > 2)
+        blocked = _led_into_buildings(network, result, inner)
+        if not len(blocked):
+            return result
+        _part(label, blocked)
+
+
+def _part(label: IntArray, nodes: IntArray) -> None:
+    """Let the nodes of the junctions that these belong to have labels of their own."""
+    apart = np.isin(label, label[nodes])
+    label[apart] = np.flatnonzero(apart)
+
+
+def _led_into_buildings(network: RoadNetwork, merged: RoadNetwork, inner: BoolArray) -> IntArray:
+    """Return the nodes whose roads lead through a building only because their junction was merged."""
+    rest = chosen_roads(network, np.flatnonzero(~inner))
+    first = segment_starts(rest.offsets)
+    moved = (rest.points[first] != merged.points[first]) | (rest.points[first + 1] != merged.points[first + 1])
+    first = first[moved.any(axis=1)]
+    first = first[_in_buildings(network, merged.points[first], merged.points[first + 1])]
+    first = first[~_in_buildings(network, rest.points[first], rest.points[first + 1])]
+    roads = np.searchsorted(rest.offsets, first, side="right") - 1
+    return np.concatenate((rest.sources[roads], rest.targets[roads]))
+
+
+def _behind_buildings(network: RoadNetwork, label: IntArray) -> IntArray:
+    """Return the nodes of junctions in which a building is between two nodes; those next to each other are known."""
+    offsets, nodes = kernels.group_rows(label, len(network.xy))
+    large = np.flatnonzero(np.diff(offsets) > 2)
+    members = (nodes[offsets[one] : offsets[one + 1]].tolist() for one in large.tolist())
+    pairs = np.array([pair for some in members for pair in combinations(some, 2)], np.int64).reshape(-1, 2)
+    blocked = _in_buildings(network, *network.xy[pairs.T])
+    return np.unique(pairs[blocked])
+
+
+def _in_buildings(network: RoadNetwork, start: FloatArray, end: FloatArray) -> BoolArray:
+    """Return which straight lines between these places (lines, 2) lead through a known building."""
+    if network.buildings is None or network.crs is None or not len(start):
+        return np.zeros(len(start), np.bool_)
+    return network.buildings.lie_between(*(project(xy, network.crs, WGS84) for xy in (start, end)))
 
 
 def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> Chains:
@@ -258,6 +304,7 @@ def _junctions(network: RoadNetwork, chains: Chains, is_flat: BoolArray, toleran
         is_flat & (a != b) & (chains.lengths <= _REACH * tolerance) & (np.minimum(degree[a], degree[b]) > 2) & (a >= 0)
     )
     rows = np.flatnonzero(short)
+    rows = rows[~_in_buildings(network, *network.xy[chains.ends[rows].T])]
     places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)  # the numbers of nodes play no part
     rows = rows[np.lexsort((places[:, 1], places[:, 0], chains.lengths[rows]))]
     label = np.arange(len(network.xy))

@@ -1,0 +1,200 @@
+"""Lines across squares and merged junctions keep clear of the buildings of the same map."""
+
+import pytest
+import shapely
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gamms.errors import BadType
+from gamms.osm import graph_from_file, report
+from gamms.osm.areas import ACROSS
+
+NO_CUT = 1e6
+SQUARE, FOOTWAY, HOUSE = {"highway": "pedestrian", "area": "yes"}, {"highway": "footway"}, {"building": "yes"}
+STREET = {"highway": "residential"}
+CORNERS = [(0, 0), (100, 0), (100, 100), (0, 100)]
+
+
+def at(x, y):
+    """Degrees of a place in metres from a corner of the map."""
+    return 60.17 + y / 111_413.0, 24.94 + x / 55_521.0
+
+
+def block(west, south, east, north):
+    return [(west, south), (east, south), (east, north), (west, north)]
+
+
+@pytest.fixture
+def square_with(make_map):
+    """A function from outlines in metres to a map of a square of 100 m, a footway at each corner, and buildings."""
+
+    def write(*outlines, tags=HOUSE, of_square=SQUARE, **more):
+        arms = [(-20, -20), (120, -20), (120, 120), (-20, 120)]
+        nodes = {number: at(*place) for number, place in enumerate([*CORNERS, *arms], 1)}
+        ways = [([1, 2, 3, 4, 1], of_square), *(([number, number + 4], FOOTWAY) for number in range(1, 5))]
+        for first, outline in zip(range(100, 10_000, 100), outlines, strict=False):
+            nodes |= {first + number: at(*place) for number, place in enumerate(outline)}
+            ways.append(([*range(first, first + len(outline)), first], tags))
+        return make_map(nodes, *ways, **more)
+
+    return write
+
+
+def walked(path, **options):
+    return graph_from_file(path, NO_CUT, osm_type="walk", retain_all=True, **options)
+
+
+def lines_across(graph):
+    return [data["linestring"] for u, v, data in graph.edges(data=True) if data.get(ACROSS) and u < v]
+
+
+IN_THE_MIDDLE = block(45, 45, 55, 55)
+
+
+def test_no_line_leads_through_a_building_on_a_square(square_with):
+    path = square_with(IN_THE_MIDDLE)
+    graph = walked(path)
+    assert lines_across(graph) == []
+    assert report(graph, path).is_faithful
+    freely = walked(path, around_buildings=False)
+    assert len(lines_across(freely)) == 2
+    assert report(freely, path).is_faithful
+
+
+def test_lines_past_a_building_stay(square_with):
+    assert len(lines_across(walked(square_with(block(10, 60, 30, 80), block(40, 2, 60, 30))))) == 1
+    assert len(lines_across(walked(square_with(block(40, 2, 60, 30))))) == 2
+
+
+@pytest.mark.parametrize(
+    "tags",
+    [
+        {"building": "roof"},
+        {"building": "no"},
+        {"building": "yes", "layer": "-1"},
+        {"building": "yes", "location": "underground"},
+        {"building": "yes", "min_height": "5"},
+        {"building": "yes", "building:min_level": "1"},
+        {"building": "yes", "area": "no"},
+        {"landuse": "residential"},
+    ],
+)
+def test_what_people_walk_below_or_above_is_in_no_ones_way(square_with, tags):
+    assert len(lines_across(walked(square_with(IN_THE_MIDDLE, tags=tags)))) == 2
+
+
+def test_a_square_in_a_hall_or_below_the_ground_is_crossed(square_with):
+    assert len(lines_across(walked(square_with(block(-5, -5, 105, 105))))) == 2
+    assert len(lines_across(walked(square_with(IN_THE_MIDDLE, of_square={**SQUARE, "level": "-1"})))) == 2
+    assert len(lines_across(walked(square_with(IN_THE_MIDDLE, of_square={**SQUARE, "layer": "1"})))) == 0
+
+
+def test_buildings_with_courtyards_are_known(square_with):
+    """Two rings, the inner one no building: what is between them is in the way, wherever the file has its ways."""
+    path = square_with(block(40, 40, 60, 60), block(45, 45, 55, 55), tags={})
+    members = '<member type="way" ref="105" role="outer"/><member type="way" ref="106" role="inner"/>'
+    relation = f'<relation id="9">{members}<tag k="type" v="multipolygon"/><tag k="building" v="yes"/></relation>'
+    path.write_text(path.read_text().replace("</osm>", relation + "</osm>"))
+    assert lines_across(walked(path)) == []
+
+
+def test_the_order_and_the_numbers_of_nodes_play_no_part(square_with):
+    path = square_with(IN_THE_MIDDLE)
+    text = path.read_text()
+    head, nodes, ways = text[: text.index("<node")], text[text.index("<node") : text.index("<way")], "<way"
+    ways = text[text.index("<way") : text.index("</osm>")]
+    path.write_text(head + ways + nodes + "</osm>")
+    assert lines_across(walked(path)) == []
+    path.write_text(
+        text.replace('ref="1', 'ref="-1').replace('node id="1', 'node id="-1').replace('id="105"', 'id="-5"')
+    )
+    assert lines_across(walked(path)) == []
+
+
+def test_a_part_of_a_file_has_its_buildings(square_with):
+    (south, west), (north, east) = at(-10, -10), at(130, 130)
+    assert lines_across(walked(square_with(IN_THE_MIDDLE), clip=(west, south, east, north))) == []
+
+
+def test_a_building_whose_nodes_are_not_all_in_the_file_is_left_out(square_with):
+    path = square_with(IN_THE_MIDDLE)
+    path.write_text("\n".join(line for line in path.read_text().splitlines() if '<node id="102"' not in line))
+    assert len(lines_across(walked(path))) == 2
+
+
+boxes = st.tuples(*[st.floats(1.0, 80.0)] * 2, *[st.floats(1.0, 18.0)] * 2).map(
+    lambda one: block(one[0], one[1], one[0] + one[2], one[1] + one[3])
+)
+
+
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(st.lists(boxes, max_size=6))
+def test_lines_across_are_those_that_meet_no_building(square_with, outlines):
+    found = lines_across(walked(square_with(*outlines)))
+    free = [
+        not any(shapely.LineString(line).intersects(shapely.Polygon(one).buffer(-0.01)) for one in outlines)
+        for line in ([(0, 0), (100, 100)], [(100, 0), (0, 100)])
+    ]
+    touched = [
+        any(shapely.LineString(line).intersects(shapely.Polygon(one).buffer(0.01)) for one in outlines)
+        for line in ([(0, 0), (100, 100)], [(100, 0), (0, 100)])
+    ]
+    assert 2 - sum(touched) <= len(found) <= sum(free)
+
+
+# -- junctions --------------------------------------------------------------------------------------------------
+
+
+def alley(make_map, *outlines, tags=HOUSE):
+    """Two streets 6 m apart, joined by a lane of 7 m around whatever stands between their junctions."""
+    places = {1: (0, 0), 2: (6, 0), 3: (-60, 0), 4: (0, 60), 5: (66, 0), 6: (6, -60), 7: (3, 2)}
+    nodes = {number: at(*place) for number, place in places.items()}
+    ways = [([3, 1, 4], STREET), ([5, 2, 6], STREET), ([1, 7, 2], STREET)]
+    for first, outline in zip(range(100, 1000, 100), outlines, strict=False):
+        nodes |= {first + number: at(*place) for number, place in enumerate(outline)}
+        ways.append(([*range(first, first + len(outline)), first], tags))
+    return make_map(nodes, *ways)
+
+
+def test_junctions_on_both_sides_of_a_building_stay_apart(make_map):
+    path = alley(make_map, block(2, -1, 4, 1))
+    graph = graph_from_file(path, NO_CUT, tolerance=5.0)
+    assert graph.graph["merged_nodes"] == 0
+    assert report(graph, path).is_faithful
+    assert graph_from_file(path, NO_CUT, tolerance=5.0, osm_type="drive").graph["merged_nodes"] == 0
+    assert graph_from_file(path, NO_CUT, tolerance=5.0, around_buildings=False).graph["merged_nodes"] == 1
+    assert graph_from_file(alley(make_map), NO_CUT, tolerance=5.0).graph["merged_nodes"] == 1
+
+
+def test_a_merge_that_would_lead_a_road_through_a_building_is_not_done(make_map):
+    """Nothing stands between the junctions; the new node is 3 m east, and the street from there would cut a corner."""
+    corner = block(0.5, 20, 5, 55)
+    graph = graph_from_file(alley(make_map, corner), NO_CUT, tolerance=5.0)
+    assert graph.graph["merged_nodes"] == 0
+    outline = shapely.Polygon([(x - 0.1, y) for x, y in corner])
+    freely = graph_from_file(alley(make_map, corner), NO_CUT, tolerance=5.0, around_buildings=False)
+    assert freely.graph["merged_nodes"] == 1
+    assert shapely.LineString([(3, 0), (0, 60)]).crosses(outline)
+
+
+def test_junctions_inside_one_building_may_merge(make_map):
+    assert graph_from_file(alley(make_map, block(-80, -80, 80, 80)), NO_CUT, tolerance=5.0).graph["merged_nodes"] == 1
+
+
+def test_of_a_row_of_junctions_those_behind_a_building_stay_apart(make_map):
+    """Three junctions in an L: each sees its neighbour, and a building stands between the first and the last."""
+    places = {1: (0, 0), 2: (6, 0), 3: (6, 6), 4: (-60, 0), 5: (0, -60), 6: (66, -30), 7: (66, 6), 8: (6, 66)}
+    nodes = {number: at(*place) for number, place in places.items()}
+    nodes |= {100 + number: at(*place) for number, place in enumerate(block(2, 3, 3, 4))}
+    roads = [([4, 1], STREET), ([5, 1], STREET), ([1, 2, 3], STREET), ([2, 6], STREET), ([7, 3, 8], STREET)]
+    house = ([100, 101, 102, 103, 100], HOUSE)
+    merged = {
+        name: graph_from_file(make_map(nodes, *ways), NO_CUT, tolerance=5.0).graph["merged_nodes"]
+        for name, ways in {"free": roads, "built": [*roads, house]}.items()
+    }
+    assert merged == {"free": 2, "built": 0}
+
+
+def test_it_is_a_yes_or_no_question(square_with):
+    with pytest.raises(BadType, match="around_buildings"):
+        walked(square_with(), around_buildings="maybe")
