@@ -40,13 +40,14 @@ class DecidePhase:
             it was begun with by `decide_in_this_task`; None: no strategy is running. Any: the agent engine's own class.
         sensor_changes: how often a setting of a sensor was set, or a sensor came or went.
         owner_changes: how often the owner of a sensor was set.
+        strategy_changes: how often the strategy of an agent was set.
     """
 
-    __slots__ = ("agent", "owner_changes", "sensor_changes")
+    __slots__ = ("agent", "owner_changes", "sensor_changes", "strategy_changes")
 
     def __init__(self) -> None:
         self.agent: Any = None
-        self.sensor_changes = self.owner_changes = 0
+        self.sensor_changes = self.owner_changes = self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
         """Copy a context as one in which no agent decides, so that a strategy may look ahead in a copy."""

@@ -248,7 +248,7 @@ def test_keyframes_are_closer_where_many_fly():
             ctx.visual.simulate()
 
     with Reader(io.BytesIO(recorded(play, ctx))) as reader:
-        assert {reader.keyframe(turn)[0] for turn in range(reader.turns)} == {0, 64, 128}
+        assert {reader.keyframe(turn)[0] for turn in range(reader.turns)} == {0, 56, 112}
 
 
 # -- damage -----------------------------------------------------------------------------------------------------

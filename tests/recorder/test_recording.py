@@ -512,7 +512,30 @@ def test_a_keyframe_is_written_at_the_start_and_after_every_65536_moves(tmp_path
         ctx.record.stop()
     with Reader(tmp_path / "game.ggr") as reader:
         found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
-    assert sorted(found) == [0, 704, 1408]  # when 64 turns are written, 131,072 numbers after the one before
+    assert sorted(found) == [0, 656, 1312]  # when 41 turns are written, 131,072 numbers after the one before
+
+
+def test_the_deciders_of_agents_are_recorded_turn_by_turn():
+    """By strategies, plans, and teams, which say whose plan decides."""
+    with context() as ctx:
+        anna = ctx.agent.create_agent("anna", start_node_id=0, team="red")
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+        for change in (
+            lambda: anna.register_strategy(wander),
+            lambda: None,
+            lambda: setattr(anna, "strategy", fly),
+            lambda: ctx.game.command("blue", tag),
+            lambda: setattr(anna, "team", "blue"),
+            lambda: ctx.game.configure({"plans": {}}),
+        ):
+            change()
+            ctx.visual.simulate()
+        ctx.record.stop()
+    rec = recorder.open(io.BytesIO(stream.getvalue()))
+    names = [str(rec[turn].agents["strategy"][0]).rpartition(":")[2] for turn in range(1, 7)]
+    assert names == ["wander", "wander", "fly", "fly", "tag", "fly"]
+    assert [sum(type(entry) is tuple for entry in log) for log in rec.logs()] == [1, 0, 1, 0, 2, 1]
 
 
 def test_what_takes_long_to_read_has_keyframes_more_often(ctx):

@@ -394,7 +394,10 @@ def interrupted_game(path, at, version, turns=66):
 
 @VERSIONS
 @pytest.mark.parametrize("make", [io.BytesIO, lambda: None])
-def test_a_turn_is_neither_lost_nor_there_twice_if_it_is_interrupted_while_it_is_written(tmp_path, version, make):
+def test_a_turn_is_neither_lost_nor_there_twice_if_it_is_interrupted_while_it_is_written(
+    tmp_path, version, make, monkeypatch
+):
+    monkeypatch.setattr("gamms.recorder.session._TURNS_AT_ONCE", 64)
     interrupts = 0
     for at in (*range(1, 40, 4), *range(40, 900, 41)):
         target = make() or tmp_path / f"{at}.ggr"

@@ -89,8 +89,10 @@ class BaseAgent(Guarded, IAgent):
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
             self._phase.refuse(f"set agent.{name}")
-            if name == "strategy" and value is not None:
-                as_function_of(value, "A strategy", "the state")
+            if name == "strategy":
+                if value is not None:
+                    as_function_of(value, "A strategy", "the state")
+                self._phase.strategy_changes += 1
             if type(value) not in _SCALARS and not hasattr(type(self), name):
                 setattr(BaseAgent, name, _Attribute(name))
         object.__setattr__(self, name, value)

@@ -54,6 +54,7 @@ _OF_ITEM = 48
 _OF_CONTAINER = 160
 _OF_BYTE = 4  # a letter of a text takes so much where there is an emoji in it
 _LARGE = 1 << 23  # bytes; more are deflated with less effort
+_NOTHING = b"\0\3\0"  # no bytes, as `packed` returns them
 
 # -- packed bytes -----------------------------------------------------------------------------------------------
 
@@ -75,6 +76,8 @@ def packed(data: bytes, *, is_noisy: bool = False) -> bytes:
         data: what is packed.
         is_noisy: whether these are columns of differences, in which longer patterns are rare.
     """
+    if not data:
+        return _NOTHING
     # NOTE: half the time and 1 % more bytes for a city (benchmarks/README.md, city scale).
     level, strategy = (
         4 if is_noisy or len(data) > _LARGE else 6,

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms.deciding import phase_of
 from gamms.ir import events as kinds
 from gamms.ir.agents import Position, Quat
 from gamms.ir.events import Log
@@ -31,8 +32,9 @@ from gamms.typing.game import strategy_name
 _OTHER_AGENT = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
-_TURNS_AT_ONCE = 64
-_ENTRIES_AT_ONCE = 1 << 20  # of logs: what may wait to be written
+_TURNS_AT_ONCE = 256  # what may wait to be written
+_ENTRIES_AT_ONCE = 1 << 13  # of logs; the same
+_TURNS_OF_STREAM = 64  # likewise, where blocks are written that stay, and no other thread writes
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
 _KEYFRAME_TURNS = 64  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
 _OF_FLIGHT = 7  # what its weight is, beside the entry
@@ -67,11 +69,12 @@ class RecordingSession:
     def __init__(self, ctx: HostContext, *, with_sensed: bool = False, with_drawings: bool = False) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
-        self._graph, self._visual = ctx.graph, ctx.visual
+        self._versions: tuple[Any, ...] = ()  # of what was recorded, to see in each turn whether anything has changed
+        self._graph, self._visual, self._phase = ctx.graph, ctx.visual, phase_of(ctx)
         self._encoder: Encoder = None
         self._has_begun = False  # for good: until the first turn is over, a map may be loaded
         self._logs: list[Log] = []
-        self._interval_ends = _TURNS_AT_ONCE  # the turn at whose end a block of turns may be closed
+        self._interval_ends = _TURNS_AT_ONCE  # the turn at whose end a keyframe may be written
         self._entries_here = 0  # of the log, since the last one
         self._since_keyframe = 0  # entries
         self._values = 0  # that were written up to the last interval
@@ -324,10 +327,12 @@ class RecordingSession:
             self._encode()
             if self.turn >= self._interval_ends or self._entries_here >= _ENTRIES_AT_ONCE:
                 self._end_interval()
-            if self._encoder.is_current and not self._in_background:
+            if self._in_background:
+                self._writes_at = self._interval_ends
+            elif self._encoder.is_current:
                 self._encoder.flush()
             else:
-                self._writes_at = self._interval_ends
+                self._writes_at = self.turn - self.turn % _TURNS_OF_STREAM + _TURNS_OF_STREAM
 
     def _leave(self) -> bool:
         """Stop if this is another process than the one that records; returns whether nothing more is written."""
@@ -385,11 +390,35 @@ class RecordingSession:
         Args:
             is_set_next: whether a snapshot follows, which says where the flyers are that a replay has just set.
         """
-        # NOTE: asked in every turn, which with ten agents takes 10 us, so most of the time nothing is made here
+        # NOTE: in most turns no version has changed, and the fields of the game alone are looked at
         # (benchmarks/README.md, w4).
-        log = self._journal.log
-        has_changed = _REVISIONS(self._graph) != self._revised
+        log, versions = self._journal.log, self._current_versions()
+        has_changed = versions != self._versions
         if has_changed:
+            self._note_world(log, is_set_next=is_set_next)
+        if self._journal.progressed:
+            log += self._new_progress()
+        if has_changed:
+            self._strategies.detect(log)
+            self._versions = versions
+        self._game.detect(log)
+
+    def _current_versions(self) -> tuple[Any, ...]:
+        """Return numbers, one of which changes whenever a map, sensor, artist, agent, team, strategy or plan does."""
+        ctx, phase = self.ctx, self._phase
+        return (
+            _REVISIONS(self._graph),
+            phase.sensor_changes,
+            len(ctx.sensor.sensors),
+            self.drawings.edits,
+            ctx.agent.structure_version,
+            phase.strategy_changes,
+            ctx.game.changes,
+        )
+
+    def _note_world(self, log: Log, *, is_set_next: bool) -> None:
+        """Record changes of the map, the sensors and the artists."""
+        if _REVISIONS(self._graph) != self._revised:
             changes = self._world_changes()
             log[self._front : self._front] = changes
             self._front += len(changes)
@@ -401,10 +430,6 @@ class RecordingSession:
             log[place:place] = self._sensors.detect()
         if self.drawings.edits != self._declarations:
             log += self._visual_changes()
-        if self._journal.progressed:
-            log += self._new_progress()
-        self._strategies.detect(log)
-        self._game.detect(log)
 
     def _accept(self, kind: int, data: Plain) -> None:
         """Expect what an event of a replay has changed: it is noted already, and what changes later comes behind it."""

@@ -107,14 +107,19 @@ class Writer:
         moves = array("q")
         for log in logs:
             moves.fromlist(log)
-        counts = [len(log) >> 1 for log in logs]
-        is_whole = 2 * sum(counts) == len(moves) and not self._file.is_closed
-        if is_whole and self._open.fits(len(moves) >> 1) and not self._is_full_before(counts):
-            self._open.add(chunks.Part(moves, counts))
-            self._close_or_flush()
-            return
-        for log in logs:
-            self.add_turn(log)
+        begin = first = 0
+        while first < len(logs):  # block by block
+            some = logs[first : first + self._turns - self._open.turns]
+            counts = [len(log) >> 1 for log in some]
+            end = begin + 2 * sum(counts)
+            is_whole = end - begin == sum(map(len, some)) and not self._file.is_closed
+            if is_whole and self._open.fits(sum(counts)) and not self._is_full_before(counts):
+                self._open.add(chunks.Part(moves[begin:end], counts))
+                self._close_or_flush()
+            else:
+                for log in some:
+                    self.add_turn(log)
+            begin, first = end, first + len(some)
 
     def _close_or_flush(self) -> None:
         if self._is_full(self._open.turns, self._open.size):
