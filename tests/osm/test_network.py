@@ -71,7 +71,8 @@ def test_junctions_other_tags_and_other_directions_end_a_road():
     ]
     row = network([(i, 0) for i in range(5)], [(0, 1), (1, 2), (2, 3), (4, 3)], tags)
     assert simplify(row).lengths.tolist() == [2, 1, 1]
-    assert [way["osmid"] for way in simplify(row).tags] == [[1, 2], 3, 4]
+    joined = simplify(row)
+    assert [joined.tags[way]["osmid"] for way in joined.ways] == [[1, 2], 3, 4]
     mixed = replace(row, two_way=np.array([True, False, False, True]))
     assert len(simplify(mixed).sources) == 4
     star = both_ways(network([(0, 0), (1, 0), (2, 0), (1, 1)], [(0, 1), (1, 2), (1, 3)]))

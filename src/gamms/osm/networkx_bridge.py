@@ -16,7 +16,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
 from gamms.osm.network import RoadNetwork, network_of_lines, reversed_points
 from gamms.text import shown
@@ -158,7 +158,9 @@ def _of_sign(text: str) -> float | None:
 
 
 G = TypeVar("G", bound="nx.DiGraph[int]")
-_NOTHING = object()
+_SIMPLE = frozenset((str, int, float, bool, type(None)))  # kinds of values that need no copy
+_TEXTS = frozenset((str, type(None)))
+_NO_VALUES = CodedValues(np.zeros(0, np.int64), np.zeros(0, np.int64), ())
 _STEEPEST = 1.0  # steeper is a fault of the data
 _UPRIGHT = ("steps", "escalator", "elevator")  # whose speed takes the climb into account
 _RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names that a graph gives to what is no tag
@@ -269,65 +271,103 @@ def to_columns(network: RoadNetwork) -> GraphColumns:
     )
 
 
-def _node_columns(network: RoadNetwork, rows: IntArray) -> dict[str, dict[int, Any]]:
+def _node_columns(network: RoadNetwork, rows: IntArray) -> dict[str, Mapping[int, Any]]:
     """Return name -> position -> value of what the map says of the nodes in these rows: its number, and its tags."""
     refs = np.zeros(0, np.int64) if network.refs is None else network.refs[rows]
-    numbers = {row: int(refs[row]) for row in np.flatnonzero(refs).tolist()}
-    columns: dict[str, dict[int, Any]] = {"osmid": numbers} if numbers else {}
-    for row, ref in numbers.items():
-        for name, value in network.nodes.of.get(ref, {}).items():
-            columns.setdefault(name, {})[row] = value
-    tunnels = np.zeros(0, np.int64) if network.tunnels is None else network.tunnels[rows]
-    if tunnels.any():
-        columns["underground"] = {row: int(tunnels[row]) for row in np.flatnonzero(tunnels).tolist()}
-    return columns if network.z is None else {**columns, "z": dict(enumerate(network.z[rows].tolist()))}
+    numbered = np.flatnonzero(refs)
+    columns: dict[str, Mapping[int, Any]] = {"osmid": _one_each(numbered, refs[numbered])} if len(numbered) else {}
+    tagged: dict[str, dict[int, Any]] = {}
+    for row in numbered[np.isin(refs[numbered], np.array([*network.nodes.of], np.int64))].tolist():
+        for name, value in network.nodes.of[int(refs[row])].items():
+            tagged.setdefault(name, {})[row] = value
+    columns.update(tagged)
+    if network.tunnels is not None and (inside := np.flatnonzero(network.tunnels[rows])).size:
+        columns["underground"] = _one_each(inside, network.tunnels[rows][inside])
+    return columns if network.z is None else {**columns, "z": _one_each(np.arange(len(rows)), network.z[rows])}
 
 
-def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> dict[str, dict[int, Any]]:
+def _one_each(rows: IntArray, values: "np.ndarray[Any, Any]") -> CodedValues:
+    """Return an attribute of which each row has a number of its own."""
+    return CodedValues(rows, np.arange(len(rows)), values.tolist())
+
+
+def _attribute_columns(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> dict[str, CodedValues]:
     """Return name -> row -> value of the edges of some roads, there or back."""
-    tags = [{**deepcopy(dict(of_way)), "speed_kph": speed_kph(of_way)} for of_way in network.tags]
-    ways = network.ways[roads]
-    columns: dict[str, dict[int, Any]] = {}
-    for name in dict.fromkeys(name for of_way in tags for name in of_way):
-        values = [of_way.get(name, _NOTHING) for of_way in tags]
-        rows = np.flatnonzero(np.array([value is not _NOTHING for value in values])[ways])
+    speeds = _speeds(network)
+    given: dict[str, dict[int, Any]] = {}
+    for way, of_way in enumerate(network.tags):
+        for name, value in of_way.items():
+            given.setdefault(name, {})[way] = value if type(value) in _SIMPLE else deepcopy(value)
+        given.setdefault("speed_kph", {})[way] = speeds[way]
+    ways, code_of_way = network.ways[roads], np.empty(len(network.tags), np.int64)
+    columns: dict[str, CodedValues] = {}
+    for name, by_way in given.items():
+        code_of_way.fill(-1)
+        code_of_way[list(by_way)] = np.arange(len(by_way))
+        codes = code_of_way[ways]
+        rows = np.flatnonzero(codes >= 0)
         if len(rows):
-            columns[name] = dict(zip(rows.tolist(), (values[way] for way in ways[rows].tolist()), strict=True))
-    speeds = np.array([of_way["speed_kph"] for of_way in tags], np.float64)
-    times, slopes = travel_times(network, speeds)[roads], _slopes(network, roads, is_back)
-    if not len(times):
+            columns[name] = CodedValues(rows, codes[rows], [*by_way.values()])
+    times, slopes = travel_times(network, np.array(speeds, np.float64)), _slopes(network, roads, is_back)
+    if not len(roads):
         return columns
+    every = np.arange(len(roads))
     if slopes is None:
-        return {**columns, "travel_time": dict(enumerate(times.tolist()))}
-    grade, factor = (dict(enumerate(values.tolist())) for values in (slopes[0], times * slopes[1]))
-    return {**columns, "travel_time": factor, "grade": grade}
+        return {**columns, "travel_time": CodedValues(every, roads, times.tolist())}
+    return {
+        **columns,
+        "travel_time": _one_each(every, times[roads] * slopes[1]),
+        "grade": _one_each(every, slopes[0]),
+    }
 
 
-def _keep_older_tags(network: RoadNetwork, columns: dict[str, dict[int, Any]], roads: IntArray, rows: IntArray) -> None:
+def _speeds(network: RoadNetwork) -> list[float]:
+    """Return the speed (ways,) on each way; of the thousands of a map most are tagged alike."""
+    known: dict[tuple[Any, ...], float] = {}
+    speeds: list[float] = []
+    for of_way in network.tags:
+        key = of_way.get("speed_kph"), of_way.get("maxspeed"), of_way.get("highway")
+        if not _TEXTS.issuperset(map(type, key)):
+            speeds.append(speed_kph(of_way))
+            continue
+        if key not in known:
+            known[key] = speed_kph(of_way)
+        speeds.append(known[key])
+    return speeds
+
+
+def _keep_older_tags(network: RoadNetwork, columns: dict[str, CodedValues], roads: IntArray, rows: IntArray) -> None:
     """Add the tags of roads that another one replaced, unless it has them; edge `i` of `roads` became `rows[i]`."""
-    for row in np.flatnonzero(np.bincount(rows) > 1).tolist():
+    offsets, edges = kernels.group_rows(rows, int(rows.max()) + 1)
+    more: dict[str, dict[int, Any]] = {}
+    for row in np.flatnonzero(np.diff(offsets) > 1).tolist():
         older: dict[str, Any] = {}
-        for edge in np.flatnonzero(rows == row).tolist():
+        for edge in edges[offsets[row] : offsets[row + 1]].tolist():
             older.update(network.tags[network.ways[roads[edge]]])
         for name, value in older.items():
-            columns.setdefault(name, {}).setdefault(row, deepcopy(value))
+            if name not in columns or row not in columns[name]:
+                more.setdefault(name, {})[row] = deepcopy(value)
+    for name, by_row in more.items():
+        known = columns.get(name, _NO_VALUES)
+        all_rows = np.concatenate((known.rows, np.array([*by_row], np.int64)))
+        codes = np.concatenate((known.codes, len(known.choices) + np.arange(len(by_row))))
+        order = np.argsort(all_rows)
+        columns[name] = CodedValues(all_rows[order], codes[order], [*known.choices, *by_row.values()])
 
 
-def _bent(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> dict[int, FloatArray]:
-    """Return row -> (points, 2) of the edges that are more than the straight line between their nodes."""
+def _bent(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> Polylines:
+    """Return the shapes of the edges that are more than the straight line between their nodes."""
     first, last = network.offsets[:-1], network.offsets[1:] - 1
     is_straight = (last - first == 1) & np.all(
         (network.points[first] == network.xy[network.sources]) & (network.points[last] == network.xy[network.targets]),
         axis=1,
     )
-    points = network.points.copy()
+    rows = np.flatnonzero(~is_straight[roads])
+    of_row, count = roads[rows], len(network.points)
+    points = np.concatenate((network.points, network.points[::-1]))
     points.setflags(write=False)
-    found: dict[int, FloatArray] = {}
-    for row in np.flatnonzero(~is_straight[roads]).tolist():
-        road = roads[row]
-        shape = points[network.offsets[road] : network.offsets[road + 1]]
-        found[row] = shape[::-1] if is_back[row] else shape
-    return found
+    starts = np.where(is_back[rows], 2 * count - network.offsets[of_row + 1], network.offsets[of_row])
+    return Polylines(rows, starts, starts + np.diff(network.offsets)[of_row], points)
 
 
 def to_multidigraph(network: RoadNetwork) -> "nx.MultiDiGraph[int]":

@@ -165,12 +165,18 @@ class _Lines:
         self.row_of: dict[int, int] = {}  # way id -> row
 
     def add(self, way: "osm.Way", clip: "_Clip | None" = None) -> None:
-        self.allowance.charge(_BYTES_PER_POINT * len(way.nodes))
-        for node in way.nodes:
-            self.refs.append(node.ref)
-            x, y = (node.location.x, node.location.y) if clip is None else clip.place_of.get(node.ref, _OUTSIDE)
-            self.x.append(x)
-            self.y.append(y)
+        nodes = list(way.nodes)
+        self.allowance.charge(_BYTES_PER_POINT * len(nodes))
+        refs = [node.ref for node in nodes]
+        self.refs.extend(refs)
+        if clip is None:
+            places = [node.location for node in nodes]
+            self.x.extend([place.x for place in places])
+            self.y.extend([place.y for place in places])
+        else:
+            found = [clip.place_of.get(ref, _OUTSIDE) for ref in refs]
+            self.x.extend([x for x, _ in found])
+            self.y.extend([y for _, y in found])
         self.row_of[way.id] = len(self.offsets) - 1
         self.offsets.append(len(self.refs))
 

@@ -1,7 +1,7 @@
 """Join roads from junction to junction, merge the vertices of one junction, and cut roads into equal pieces."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from itertools import combinations, product
 from typing import Any, NamedTuple, TypeVar
@@ -57,10 +57,8 @@ def simplify(network: RoadNetwork) -> RoadNetwork:
         points=np.delete(points, inner, axis=0),
         lengths=np.add.reduceat(walked.lengths, begins),
         two_way=walked.two_way[begins],
-        ways=np.arange(len(begins)),
-        tags=[_joined_tags(ways, network.tags) for ways in np.split(walked.ways, begins[1:])],
     )
-    return without_unused_nodes(joined)
+    return without_unused_nodes(_with_joined_tags(joined, walked.ways, begins))
 
 
 def tunnels_of(network: RoadNetwork) -> IntArray:
@@ -143,9 +141,24 @@ def _walk(end: int, partners: list[int], seen: bytearray) -> list[int]:
     return walk
 
 
-def _joined_tags(chain: IntArray, tags: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
-    ids = list(dict.fromkeys(tags[way].get("osmid") for way in chain.tolist()))
-    return tags[chain[0]] if len(ids) == 1 else {**tags[chain[0]], "osmid": ids}
+def _with_joined_tags(network: RoadNetwork, ways: IntArray, begins: IntArray) -> RoadNetwork:
+    """Give roads that were joined from several ways tags of their own: the tags of the first, the ids of all.
+
+    Args:
+        network: the joined roads.
+        ways: (pieces,) of the pieces of road.
+        begins: (roads,) the first piece of each.
+    """
+    of_road, tags = ways[begins], [*network.tags]
+    if not len(begins):
+        return replace(network, ways=of_road)
+    ends = np.append(begins[1:], len(ways))
+    for road in np.flatnonzero(np.minimum.reduceat(ways, begins) != np.maximum.reduceat(ways, begins)).tolist():
+        ids = list(dict.fromkeys(network.tags[way].get("osmid") for way in ways[begins[road] : ends[road]].tolist()))
+        if len(ids) > 1:
+            tags.append({**network.tags[of_road[road]], "osmid": ids})
+            of_road[road] = len(tags) - 1
+    return replace(network, ways=of_road, tags=tags)
 
 
 class Chains(NamedTuple):
