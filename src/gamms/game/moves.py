@@ -6,7 +6,6 @@ from functools import lru_cache
 from typing import Any
 
 from gamms.game.order import ResolvedAction, TurnOrder
-from gamms.game.travel import progress_at
 from gamms.ir.agents import AgentBlock, Motion, Progress
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
@@ -134,26 +133,6 @@ class TurnMoves:
                 deeds=first.deeds,
             ),
         )
-
-    def arrival(self, i: int) -> float:
-        """Return when the agent of a slot arrives at a node; 1.0: not before the turn is over."""
-        action = self.actions.get(i)
-        if action is None or not action.legs or action.progress is not None:
-            return 1.0
-        return action.legs[-1].until
-
-    def show(self, block: AgentBlock, time: float | None) -> None:
-        """Put the agents where they are at a time of the turn, unnoted; None: where they began."""
-        for i, action in self.actions.items():
-            if not action.legs:
-                continue
-            node, progress = self.starts[i], action.begun
-            if time is not None:
-                passed = sum(when <= time for when in action.times)
-                leg = next((leg for leg in action.legs if leg.since <= time <= leg.until), None)
-                node = action.path[max(passed - 1, 0)]
-                progress = None if leg is None else progress_at(leg, time)
-            block.write(self.slots[i].row, {"node": node, "progress": progress})
 
     def _was_put(self, i: int) -> bool:
         """Return whether an agent whose node is that of its move is not there by the move: it flew, or was put."""

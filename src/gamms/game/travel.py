@@ -44,7 +44,8 @@ class Roads:
         self._columns, self._costs, self._seconds = columns, costs, seconds
         self._row_of = {id: row for row, id in enumerate(columns.node_ids.tolist())}
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
-        self._between: dict[tuple[int, int], list[Road]] = {}
+        self._leaving: dict[int, list[Road]] = {}  # by node; those that were asked for
+        self._on: dict[int, Road] = {}
 
     def road(self, source: int, target: int) -> Road | None:
         """Return the cheapest edge from one node to another; None where there is none."""
@@ -53,8 +54,12 @@ class Roads:
 
     def on(self, edge: int) -> Road | None:
         """Return an edge by its id; None where there is none."""
-        row = self._edge_row_of.get(edge)
-        return None if row is None else self._at(row)
+        if edge not in self._on:
+            row = self._edge_row_of.get(edge)
+            if row is None:
+                return None
+            self._on[edge] = self._at(row)
+        return self._on[edge]
 
     def back(self, road: Road) -> Road | None:
         """Return the edge by which one turns round on a road: as long, and the other way."""
@@ -63,15 +68,17 @@ class Roads:
 
     def leaving(self, node: int) -> list[Road]:
         """Return the edges that leave a node, in insertion order."""
-        columns, row = self._columns, self._row_of[node]
-        return [self._at(edge) for edge in columns.out_edges[columns.offsets[row] : columns.offsets[row + 1]].tolist()]
+        # NOTE: kept, because each agent looks around in each turn (benchmarks/README.md, travel).
+        roads = self._leaving.get(node)
+        if roads is None:
+            columns, row = self._columns, self._row_of[node]
+            edges = columns.out_edges[columns.offsets[row] : columns.offsets[row + 1]].tolist()
+            roads = self._leaving[node] = [self._at(edge) for edge in edges]
+        return roads
 
     def between(self, source: int, target: int) -> list[Road]:
         """Return all edges from one node to another, in insertion order."""
-        key = source, target
-        if key not in self._between:
-            self._between[key] = [road for road in self.leaving(source) if road.target == target]
-        return self._between[key]
+        return [road for road in self.leaving(source) if road.target == target]
 
     def _at(self, row: int) -> Road:
         columns = self._columns
@@ -334,16 +341,17 @@ class Travel:
             return {}
         if speed == inf and not self._has_speeds:
             return dict.fromkeys(self._ctx.graph.graph.distances(source=node), begun)
-        found, heap = {}, [(begun, node)]
+        found, heap, roads = dict[int, float](), [(begun, node)], self.roads
         while heap:
             now, at = heappop(heap)
             if at in found:
                 continue
             found[at] = now
-            for road in self.roads.leaving(at):
-                then = now + self._turns(road, 1.0, speed)
-                if road.target not in found and then <= left + SLACK:
-                    heappush(heap, (then, road.target))
+            for road in roads.leaving(at):
+                if road.target not in found:
+                    then = now + self._turns(road, 1.0, speed)
+                    if then <= left + SLACK:
+                        heappush(heap, (then, road.target))
         return found
 
     @property

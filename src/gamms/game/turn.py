@@ -2,13 +2,13 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
-from heapq import heapify, heappop, heappush
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue
+from gamms.game.arrivals import Arrivals
 from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import FactsOf
@@ -306,27 +306,21 @@ class TurnEngine:
         turn = self._ask(order, Part(slots, resting, order.progress, self._settings.plans), observers)
         for i, place in going.items():
             turn.go(i, action_of(travel.go_on(slots[i].row, block.node[slots[i].row], slots[i].speed), place))
-        arrivals = [(turn.arrival(i), slots[i].name, i) for i in part.members]
-        heapify(arrivals)
-        asked = Counter[int]()
+        arrivals, asked = Arrivals(turn, block), Counter[int]()
+        for i in part.members:
+            arrivals.depart(i)
         try:
-            while arrivals[0][0] < 1.0:
-                now, _, first = heappop(arrivals)
-                here = [first]
-                while arrivals and arrivals[0][0] == now:
-                    here.append(heappop(arrivals)[2])
-                turn.show(block, now)
-                travel.now = now
+            for travel.now, here in arrivals.times():
                 later = self._ask(order, Part(slots, here, order.progress, self._settings.plans), [])
                 for i in here:
                     asked[i] += 1
-                    goes_on = asked[i] < _MOST_ARRIVALS and self._continue(turn, later, i)
                     if asked[i] >= _MOST_ARRIVALS:
                         self._note_illegal(slots[i], f"it arrived {_MOST_ARRIVALS} times in one turn, and waits")
-                    heappush(arrivals, (turn.arrival(i) if goes_on else 1.0, slots[i].name, i))
+                    elif self._continue(turn, later, i):
+                        arrivals.depart(i)
         finally:
             travel.now = 0.0
-            turn.show(block, None)
+            arrivals.close()
         return turn
 
     def _continue(self, turn: TurnMoves, later: TurnMoves, i: int) -> bool:

@@ -249,8 +249,15 @@ class Indexes:
 
     def edge_value(self, row: int) -> OSMEdge:
         """Return the edge in a row."""
-        made = edge_values(self._edges, self._nodes, np.array([row]), lambda rows: node_values(self._nodes, rows))
-        return made[0]
+        # NOTE: without arrays, because agents on edges ask one by one (benchmarks/README.md, travel).
+        edges, nodes = self._edges, self._nodes
+        source, target, polyline = edges.sources[row], edges.targets[row], edges.polylines.get(row)
+        if polyline is None:
+            ends = ((nodes.ids[one], nodes.xy[2 * one], nodes.xy[2 * one + 1]) for one in (source, target))
+            shape: tuple[Any, ...] = tuple(map(_node, ends))
+        else:
+            shape = tuple(polyline.ravel().tolist()), None
+        return _edge((edges.ids[row], nodes.ids[source], nodes.ids[target], edges.lengths[row], *shape))
 
     def neighbors(self, id: int) -> list[int]:
         """Return unique targets of the edges leaving a node, in edge insertion order.

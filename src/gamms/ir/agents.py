@@ -37,6 +37,9 @@ class Progress(NamedTuple):
     motion: int = Motion.NONE
 
 
+PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
+
+
 class NodeFinder(Protocol):
     """The part of a graph that finds the nodes below flyers."""
 
@@ -123,11 +126,12 @@ class AgentBlock:
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         structure_version: changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
+        under_way: where agents are within a turn, where some of them decide while others go on.
     """
 
     __slots__ = (
         *(*BY_ROW, "_changed", "_logs", "_row_of", "_located_revision", "_unlocated", "_version", "flyers", "graph"),
-        *("inactive", "journal", "removed", "structure_version", "travellers", "trusts_nodes"),
+        *("inactive", "journal", "removed", "structure_version", "travellers", "trusts_nodes", "under_way"),
     )
 
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
@@ -157,6 +161,7 @@ class AgentBlock:
         self._changed: set[int] = set()  # rows; not published yet
         self._logs: list[ChangeLog] = []
         self._version = 0
+        self.under_way = UnderWay(self)
         self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
         self._located_revision: int | None = (
             None  # the revision of the graph in which the nodes of the other flyers were found
@@ -312,7 +317,12 @@ class AgentBlock:
 
     def on_edge(self, row: int) -> Progress | None:
         """Return where on an edge an agent is; None: on its node, or in the air."""
-        progress = self.progress[row] if row in self.travellers else None
+        if row not in self.travellers:
+            return None
+        place_at = self.under_way.places.get(row)
+        if place_at is not None:
+            return place_at(self.under_way.time)
+        progress = self.progress[row]
         return progress if progress is not None and progress.source == self.node[row] else None
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
@@ -485,6 +495,48 @@ class AgentBlock:
         self._changed = set(range(len(self.names)))
         for log in self._logs:
             log.rows = None
+
+
+class UnderWay:
+    """Where the agents of a block are within a turn that is under way.
+
+    Nothing of this is noted: where agents are when the turn is over is written then.
+
+    Attributes:
+        time: of the turn, from 0 to 1.
+        places: row -> where on an edge the agent is at each time from its departure on.
+    """
+
+    __slots__ = ("_block", "_departed", "places", "time")
+
+    def __init__(self, block: AgentBlock) -> None:
+        self._block = block
+        self._departed: set[int] = set()  # rows, of those that begin to move now
+        self.time = 0.0
+        self.places: dict[int, PlaceAt] = {}
+
+    def depart(self, row: int, place_at: PlaceAt) -> None:
+        """Let an agent be where a function says, at each time from now on, until it arrives."""
+        self.places[row] = place_at
+        self._departed.add(row)
+        self._block.travellers.add(row)
+
+    def pass_time(self, time: float) -> None:
+        """Let it be a later time of the turn."""
+        self.time = time
+        self._block._changed |= self._departed
+        self._departed.clear()
+
+    def arrive(self, row: int, node: int) -> None:
+        """Put an agent on a node."""
+        self.put_back(row, node)
+        self._block.travellers.discard(row)
+
+    def put_back(self, row: int, node: int) -> None:
+        """Put an agent back to where the turn began: to its node, or to where its progress says."""
+        self.places.pop(row, None)
+        self._departed.discard(row)
+        self._block.write(row, {"node": node})
 
 
 class Selection:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir.agents import AgentBlock, Progress
+from gamms.ir.agents import AgentBlock, ChangeLog, Progress
 from gamms.ir.graph import FloatArray, IntArray
 
 _FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
@@ -94,6 +94,19 @@ class Positions:
         """Where these are (flyers, 3), map units."""
         self._catch_up_arrays()
         return self._flyer_xyz
+
+    @property
+    def travellers(self) -> Collection[int]:
+        """The rows of agents that may be on an edge."""
+        return self._block.travellers
+
+    def on_edge(self, row: int) -> Progress | None:
+        """Return where on an edge an agent is; None: on its node, or in the air."""
+        return self._block.on_edge(row)
+
+    def subscribe(self) -> ChangeLog:
+        """Return a log of the agents that are elsewhere from now on; one that goes on along its edge is not in it."""
+        return self._block.subscribe()
 
     @property
     def on_edges(self) -> Mapping[int, Progress]:

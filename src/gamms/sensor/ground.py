@@ -363,20 +363,20 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     def _unhidden(self, place: Place, rows: list[int], positions: Positions) -> list[int]:
         """Return those rows whose agents no obstacle hides; tables know of nodes, and not of places on edges."""
-        xy, height, on_edges = self._memory.nearby.coordinates().xy, self._observer_height, positions.on_edges
-        on_nodes = [row for row in rows if row not in on_edges] if on_edges else rows
-        nodes = NodeColumns(positions.node_ids[on_nodes], xy[on_nodes])
+        xy, height = self._memory.nearby.xy, self._observer_height
+        between = [row for row in rows if positions.on_edge(row) is not None] if positions.travellers else []
+        on_nodes = sorted({*rows}.difference(between)) if between else rows
+        nodes = NodeColumns(positions.node_ids[on_nodes], xy(on_nodes))
         tunnel = self._tunnel(place)
         seen = _selected(on_nodes, in_sight(self.ctx, place, nodes, self.range, height, tunnel))
-        between = [row for row in rows if row in on_edges]
         if between:
-            places = NodeColumns(positions.node_ids[between], xy[between])
+            places = NodeColumns(positions.node_ids[between], xy(between))
             seen += _selected(between, is_unhidden(self.ctx, place, places, height, tunnel))
         return sorted(seen)
 
     def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
         """Return those rows whose agents are in the field of view."""
-        if len(rows) > _FEW or self.ctx.agent.positions.on_edges:
+        if len(rows) > _FEW or self.ctx.agent.positions.travellers:
             dx, dy = self._offsets(place, rows).T
             return _selected(rows, kernels.in_cone(dx, dy, heading, self.fov))
         x0, y0 = coordinates(self.ctx, place)
@@ -385,7 +385,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return [row for row, is_in in zip(rows, ahead, strict=True) if is_in]
 
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
-        offsets: FloatArray = self._memory.nearby.coordinates().xy[rows] - coordinates(self.ctx, place)
+        offsets: FloatArray = self._memory.nearby.xy(rows) - coordinates(self.ctx, place)
         return offsets
 
 

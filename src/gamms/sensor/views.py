@@ -12,13 +12,14 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_int
 from gamms.errors import UnknownName
+from gamms.ir.agents import ChangeLog
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
 from gamms.sensor import fov_geometry
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph, NodeColumns, NodeGround, Surroundings
-from gamms.typing.on_edges import located
+from gamms.typing.on_edges import Line
 
 FULL_CIRCLE = 2.0 * pi
 
@@ -232,6 +233,7 @@ def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray,
 
 
 _MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
+_SLACK = 1e-6  # map units: boxes are compared with so much room, because places on an edge are rounded
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
 
 
@@ -253,7 +255,8 @@ class NearbyAgents:
         self._graph: IGraph | None = None
         self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
         self._coordinates: Coordinates | None = None
-        self._nodes_by_name: dict[str, int] | None = None
+        self._travellers = Travellers(ctx)
+        self._nodes_by_name: tuple[Any, dict[str, int]] = (None, {})
         self._revision: int | None = None  # of the graph that the discs are of
         self._discs: dict[float, dict[Place, tuple[int, ...] | None]] = {}
         self._ids: dict[int, int] = {}  # one object per id
@@ -269,25 +272,36 @@ class NearbyAgents:
         key = (positions, positions.version, graph.revision)
         if self._coordinates is None or key != self._key or key[2] is None:
             xy = self._xy_of(positions)
-            for row, progress in positions.on_edges.items():
-                place = located(graph, progress)
-                xy[row] = xy[row] if place is None else place.xy
+            for row in positions.travellers:
+                xy[row] = self._travellers.place(positions, row) or xy[row]
             # On an edge an agent is as high as the node that it passed last, and in its tunnel.
             xyz, is_on_surface = on_ground(self._ctx, positions.node_ids, xy)
             is_flying = np.zeros(len(xy), np.bool_)
             xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
             self._coordinates = Coordinates(xyz, xy, is_flying, is_on_surface | is_flying)
-            self._key, self._nodes_by_name = key, None
+            self._key = key
         return self._coordinates
+
+    def xy(self, rows: list[int]) -> FloatArray:
+        """Return where some agents are on the map (rows, 2)."""
+        positions = self._ctx.agent.positions
+        if not positions.travellers:
+            found: FloatArray = self.coordinates().xy[rows]
+            return found
+        xy = self._xy_of(positions, rows)
+        for i, row in enumerate(rows):
+            xy[i] = self._travellers.place(positions, row) or xy[i]
+        return xy
 
     def nodes_by_name(self) -> dict[str, int]:
         """Return a fresh dict of all living agents: name -> id of the node."""
-        self.coordinates()
-        if self._nodes_by_name is None:
-            positions = self._ctx.agent.positions
+        positions, revision = self._ctx.agent.positions, self._ctx.graph.graph.revision
+        key = (positions, positions.version, revision)
+        if key != self._nodes_by_name[0] or revision is None:
+            self._xy_of(positions)  # which finds agents on removed nodes
             names, nodes = positions.names, positions.nodes
-            self._nodes_by_name = {names[row]: nodes[row] for row in positions.living.tolist()}
-        return self._nodes_by_name.copy()
+            self._nodes_by_name = key, {names[row]: nodes[row] for row in positions.living.tolist()}
+        return self._nodes_by_name[1].copy()
 
     def within(self, place: Place, radius: float) -> tuple[Positions, list[int]]:
         """Return where agents are, and the rows of those within `radius` of a place, the rim included.
@@ -307,8 +321,8 @@ class NearbyAgents:
         if disc is None:
             return positions, self._compared(place, radius)
         rows = positions.rows_on(disc)
-        if positions.on_edges:
-            rows = sorted([*rows, *(row for row in self._compared(place, radius) if row in positions.on_edges)])
+        if positions.travellers:
+            rows = sorted([*rows, *self._travellers.within(positions, coordinates(self._ctx, place), radius)])
         return positions, rows
 
     def _forget(self, revision: int | None) -> None:
@@ -341,13 +355,80 @@ class NearbyAgents:
             rows: list[int] = living[dx * dx + dy * dy <= radius * radius].tolist()
         return rows
 
-    def _xy_of(self, positions: Positions) -> FloatArray:
-        graph, nodes = self._ctx.graph.graph, positions.node_ids
+    def _xy_of(self, positions: Positions, rows: list[int] | None = None) -> FloatArray:
+        """Return where the nodes are that some agents are on, or have passed last (rows, 2); None: of all."""
+        graph, nodes = self._ctx.graph.graph, positions.node_ids if rows is None else positions.node_ids[rows]
         try:
             return graph.positions(nodes)
         except UnknownName:
             lost = next(i for i, node in enumerate(nodes.tolist()) if not graph.has_node(node))
-            raise UnknownName(f"node under agent {positions.names[lost]!r}:", int(nodes[lost])) from None
+            name = positions.names[lost if rows is None else rows[lost]]
+            raise UnknownName(f"node under agent {name!r}:", int(nodes[lost])) from None
+
+
+class Travellers:
+    """The agents on edges, as sensors find them: by the boxes around their edges, and exactly where that is not enough.
+
+    An agent that goes on along its edge changes no box, so that many agents can be asked in the course of a turn
+    (benchmarks/README.md, travel).
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        self._ctx = ctx
+        self._moved: ChangeLog | None = None
+        self._key: tuple[Positions | None, int | None, int] = (None, None, 0)
+        self._boxes: FloatArray = np.zeros((4, 0))  # (4, agents)  least x, y, greatest x, y; NaN for those on nodes
+        self._lines: dict[int, Line] = {}  # by row, of the edges that agents are on, or were last
+        self._places: dict[int, tuple[float, float] | None] = {}  # by row
+
+    def place(self, positions: Positions, row: int) -> tuple[float, float] | None:
+        """Return where an agent is that is on an edge; None for others. Where the edge is gone, it is at its node."""
+        self._catch_up(positions)
+        return self._place(positions, row)
+
+    def within(self, positions: Positions, place: tuple[float, float], radius: float) -> list[int]:
+        """Return the rows of the living agents on edges within `radius` of a place, the rim included, ascending."""
+        self._catch_up(positions)
+        (x, y), reach, (left, low, right, high) = place, radius + _SLACK, self._boxes
+        is_near = (left <= x + reach) & (right >= x - reach) & (low <= y + reach) & (high >= y - reach)
+        found = []
+        for row in np.flatnonzero(is_near).tolist():
+            at_x, at_y = self._place(positions, row) or (inf, inf)
+            dx, dy = at_x - x, at_y - y
+            if dx * dx + dy * dy <= radius * radius and row not in positions.inactive:
+                found.append(row)
+        return found
+
+    def _place(self, positions: Positions, row: int) -> tuple[float, float] | None:
+        if row not in self._places:
+            progress = positions.on_edge(row)
+            self._places[row] = None if progress is None else self._lines[row].at(progress.share)[:2]
+        return self._places[row]
+
+    def _catch_up(self, positions: Positions) -> None:
+        """Find the edges of the agents that are on others now, and forget where agents were."""
+        graph = self._ctx.graph.graph
+        key = positions, graph.revision, positions.version
+        if key == self._key and graph.revision is not None:
+            return
+        if self._moved is None or positions is not self._key[0]:
+            self._moved = positions.subscribe()
+        rows, size = self._moved.take(), len(positions.names)
+        if rows is None or graph.revision is None or graph.revision != self._key[1] or self._boxes.shape[1] != size:
+            self._boxes, rows, self._lines = np.full((4, size), np.nan), set(positions.travellers), {}
+        self._key, self._places = key, {}
+        for row in rows:
+            progress = positions.on_edge(row)
+            if progress is None:
+                self._boxes[:, row] = np.nan
+                continue
+            try:
+                points = graph.get_edge(progress.edge).points
+            except UnknownName:  # it is gone: the agent counts as on its node
+                points = coordinates(self._ctx, progress.source)
+            xs, ys = points[::2], points[1::2]
+            self._boxes[:, row] = min(xs), min(ys), max(xs), max(ys)
+            self._lines[row] = Line.of(points)
 
 
 # -- both ------------------------------------------------------------------------------------------------------------

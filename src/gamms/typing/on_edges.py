@@ -31,29 +31,41 @@ def located(graph: IGraph, progress: Progress) -> OnEdge | None:
     return OnEdge(ends, progress.share * edge.length, (x, y), (sign * dx, sign * dy))
 
 
+class Line(NamedTuple):
+    """A polyline, as places on it are found."""
+
+    points: list[tuple[float, float]]
+    lengths: list[float]  # from each point to the next, map units
+
+    @classmethod
+    def of(cls, flat: Sequence[float]) -> "Line":
+        """Return the polyline (x0, y0, x1, …)."""
+        points = list(zip(flat[::2], flat[1::2], strict=True))
+        return cls(points, [hypot(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(points)])
+
+    def at(self, share: float) -> tuple[float, float, float, float]:
+        """Return the point (x, y) after a share of it, and the direction (cos, sin) of it there."""
+        points, lengths = self
+        left = share * sum(lengths)
+        for i, length in enumerate(lengths):
+            if length > 0.0 and left <= length:
+                (x0, y0), (x1, y1) = points[i], points[i + 1]
+                dx, dy = (x1 - x0) / length, (y1 - y0) / length
+                return x0 + left * dx, y0 + left * dy, dx, dy
+            left -= length
+        return *points[-1], 0.0, 0.0
+
+
 def point_along(flat: Sequence[float], share: float) -> tuple[float, float, float, float]:
     """Return the point (x, y) after a share of a polyline (x0, y0, x1, …), and the direction (cos, sin) of it there."""
-    points, lengths = _parts(flat)
-    left = share * sum(lengths)
-    for ((x0, y0), (x1, y1)), length in zip(pairwise(points), lengths, strict=True):
-        if length > 0.0 and left <= length:
-            dx, dy = (x1 - x0) / length, (y1 - y0) / length
-            return x0 + left * dx, y0 + left * dy, dx, dy
-        left -= length
-    return *points[-1], 0.0, 0.0
+    return Line.of(flat).at(share)
 
 
 def line_along(flat: Sequence[float], begin: float, end: float) -> list[tuple[float, float, float]]:
     """Return the corners of a part of such a polyline, from one share of it to another: (share, x, y) of each."""
-    points, lengths = _parts(flat)
+    points, lengths = Line.of(flat)
     whole, low, high = sum(lengths) or 1.0, *sorted((begin, end))
     bends = [(far / whole, *point) for far, point in zip(accumulate(lengths), points[1:], strict=True)]
     between = [bend for bend in bends if low < bend[0] < high]
     ends = [(share, *point_along(flat, share)[:2]) for share in (begin, end)]
     return [ends[0], *(between if begin <= end else reversed(between)), ends[1]]
-
-
-def _parts(flat: Sequence[float]) -> tuple[list[tuple[float, float]], list[float]]:
-    """Return the corners of such a polyline, and how far it is from each to the next."""
-    points = list(zip(flat[::2], flat[1::2], strict=True))
-    return points, [hypot(x1 - x0, y1 - y0) for (x0, y0), (x1, y1) in pairwise(points)]
