@@ -1,8 +1,8 @@
 """The front of the turn engine: `ctx.game`, which plays turns in which all agents move at once."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Iterable
 from time import perf_counter
-from typing import Any, Literal, overload
+from typing import TYPE_CHECKING, Any, Literal, overload
 
 from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_int, as_key, as_name
@@ -23,6 +23,9 @@ from gamms.text import shown
 from gamms.typing.context import HostContext
 from gamms.typing.game import Rule, TeamPlan, strategy_name
 from gamms.versions import versions
+
+if TYPE_CHECKING:
+    from gamms.game.batch import Batch
 
 
 class Game(RuleVerbs):
@@ -384,6 +387,28 @@ class Game(RuleVerbs):
         copy_game(self._snapshots, game._snapshots, {**memo, id(self): game, id(self._state): game._state})
         game._state.began, game._internals.scenario = self._internals.starts, self._internals.scenario
         return game
+
+    def batch(
+        self, num_games: int | None = None, *, seed: int = 0, seeds: Iterable[int] | None = None, record: bool = False
+    ) -> "Batch":
+        """Return many games that go on from here, each with another seed: game i is that of `reset(seed=seeds[i])`.
+
+        They are detached, as `fork` says. See docs/batches.md.
+
+        Args:
+            num_games: how many.
+            seed: of the first game; those of the others follow.
+            seeds: of each game, instead of both.
+            record: keep the actions that are given to `step`.
+
+        Raises:
+            BadType, BadValue: there is no game, or a seed is no integer.
+            SnapshotError: a turn is being played.
+        """
+        from gamms.game.batch.games import Batch, BatchSource, as_seeds  # which few programs need
+
+        chosen = as_seeds(num_games, seed, seeds)
+        return Batch(BatchSource(self.fork(0), False, None, None), chosen, record=record)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from gamms.game.settings import Settings
 from gamms.game.snapshots import GameInternals
 from gamms.game.turn import TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import GameState, Scores
+from gamms.ir.game_state import GameState, Scores, joined_end
 from gamms.plain import Plain
 from gamms.readonly import ReadOnlyMapping, frozen, published
 from gamms.typing.agent_engine import IAerialAgent, IAgent
@@ -159,13 +159,8 @@ class RuleVerbs(Settings):
             truncated: whether the time was up, rather than that something ended the game.
         """
         over = {"reason": as_name(reason, "a reason"), "winner": winner, "truncated": as_bool(truncated, "truncated")}
-        known = self._state.over
-        if known is None or (known["truncated"] and not truncated and self._turns.is_playing):
-            self._state.over = over
-        elif self._turns.is_playing and known["truncated"] == truncated:
-            reasons = {*known["reason"].split("; "), *over["reason"].split("; ")}
-            agreed = winner if winner == known["winner"] else None
-            self._state.over = {**over, "reason": "; ".join(sorted(reasons)), "winner": agreed}
+        if self._state.over is None or self._turns.is_playing:
+            self._state.over = joined_end(self._state.over, over)
 
     @refused_while_deciding
     def eliminate(self, agent: IAgent | str) -> None:

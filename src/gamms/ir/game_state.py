@@ -63,6 +63,20 @@ class LogHistory:
         self._last = point
 
 
+def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, Any]:
+    """Return the end of a game that two rules end in one turn.
+
+    An end by what happened goes before one by time; reasons are in alphabetical order, and a team wins if both agree.
+    """
+    if known is None or (known["truncated"] and not new["truncated"]):
+        return new
+    if new["truncated"] and not known["truncated"]:
+        return known
+    reasons = {*known["reason"].split("; "), *new["reason"].split("; ")}
+    winner = new["winner"] if new["winner"] == known["winner"] else None
+    return {**new, "reason": "; ".join(sorted(reasons)), "winner": winner}
+
+
 @dataclass(eq=False, slots=True)
 class GameState:
     """What a game has come to: plain values, which the turn engine, rules and the recorder read and write.

@@ -5,14 +5,24 @@ Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
 from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
-from gamms.kernels.csr import chosen_runs, closed_rings, expand_ranges, first_seen, group_rows, ragged_rows
+from gamms.kernels.csr import (
+    chosen_runs,
+    closed_rings,
+    expand_ranges,
+    first_seen,
+    group_rows,
+    neighborhoods,
+    ragged_rows,
+)
 from gamms.kernels.draws import (
     below,
     below_many,
     bits_at,
+    bits_at_rows,
     draw_bits,
     draw_bits_each,
     draw_bits_many,
+    draw_bits_rows,
     fraction,
     fraction_many,
     name_key,
@@ -23,6 +33,7 @@ from gamms.kernels.draws import (
     stream,
     stream_key,
     turn_key,
+    turn_key_rows,
 )
 from gamms.kernels.fields_of_view import (
     Quaternion,

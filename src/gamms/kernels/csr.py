@@ -56,6 +56,25 @@ def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
     return rank[inverse], firsts[order]
 
 
+def neighborhoods(sources: IntArray, targets: IntArray, nodes: int) -> tuple[IntArray, IntArray]:
+    """Return the nodes that each node has an edge to, itself first, each once, in the order of the edges.
+
+    Args:
+        sources: (edges,) the node that each edge leads from.
+        targets: (edges,) the node that it leads to.
+        nodes: how many there are.
+
+    Returns:
+        `offsets` (nodes + 1,) and `rows`: those of node `i` are `rows[offsets[i]:offsets[i + 1]]`.
+    """
+    own = np.arange(nodes)
+    starts, ends = np.concatenate((own, sources)), np.concatenate((own, targets))
+    _, first = np.unique(starts * nodes + ends, return_index=True)
+    kept = np.sort(first)  # itself, then edges as they come
+    offsets, order = group_rows(starts[kept], nodes)
+    return offsets, ends[kept][order]
+
+
 def expand_ranges(first: IntArray, last: IntArray) -> tuple[IntArray, IntArray]:
     """Return the positions in several ranges, concatenated, and which range each is in.
 

@@ -71,6 +71,22 @@ def draw_bits_many(purpose: int, names: BitArray, turn: int, k: int = 0) -> BitA
     return _mix_many(_mix_many(_mix_many(names ^ np.uint64(purpose)) + turned) + counted)
 
 
+def draw_bits_rows(purposes: BitArray, names: BitArray, turns: IntArray, k: int = 0) -> BitArray:
+    """Return what `draw_bits` returns for each row; the arrays are broadcast against each other."""
+    return bits_at_rows(turn_key_rows(purposes, names, turns), k)
+
+
+def turn_key_rows(purposes: BitArray, names: BitArray, turns: IntArray) -> BitArray:
+    """Return what `turn_key` returns for each row, likewise."""
+    keys = _mix_many(names ^ purposes)
+    return _mix_many(keys + np.asarray(turns).astype(np.uint64) * np.array([_GAMMA], np.uint64))
+
+
+def bits_at_rows(keys: BitArray, k: int) -> BitArray:
+    """Return draw number `k`, from 0, of each `turn_key`."""
+    return _mix_many(keys + np.uint64((k + 1) * _GAMMA & _MASK))
+
+
 def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:
     """Return 64 random bits for each name, (names,): for few names faster than arrays."""
     return [draw_bits(purpose, name_key(name), turn) for name in names]

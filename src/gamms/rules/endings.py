@@ -9,6 +9,8 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
+from gamms.game.batch.turn import ArrayTurn
+from gamms.ir.graph import IntArray
 from gamms.rules.contacts import tracks_of, visits_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, NodeId, Rule
@@ -44,6 +46,8 @@ class Hooks(TypedDict, total=False):
     """The teams that the rule names; one without agents is warned about."""
     last_turn: int
     """The turn after which the rule ends the game, for windows to show how far it is."""
+    array_form: Callable[[ArrayTurn], None] | None
+    """The same for many games at once; None: a batch plays them one by one."""
     check: Callable[[Context], object]
     """Called when all have decided, to refuse moves and deeds."""
     rank: int
@@ -152,7 +156,13 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
         if ctx.game.turn >= last:
             ctx.game.end("time limit", winner=_leader(ctx) if winner is LEADER else winner, truncated=True)
 
-    return with_hooks(time_limit, teams=named, last_turn=last, rank=Rank.END)
+    def in_arrays(turn: ArrayTurn) -> None:
+        at = np.flatnonzero(turn.turn >= last)
+        if len(at):
+            winners = _leaders(turn, at) if winner is LEADER else [winner] * len(at)
+            turn.end(at, "time limit", winners, truncated=True)
+
+    return with_hooks(time_limit, teams=named, last_turn=last, rank=Rank.END, array_form=in_arrays)
 
 
 @shown_as_called
@@ -167,7 +177,15 @@ def last_team() -> Rule:
         if len(left) <= 1:
             ctx.game.end("last team", winner=next(iter(left), None))
 
-    return with_hooks(last_team, rank=Rank.END)
+    def in_arrays(turn: ArrayTurn) -> None:
+        teams = [number for number, team in enumerate(turn.roster.teams) if team is not None]
+        alive = np.stack([(turn.alive & (turn.roster.team_of == number)).any(axis=1) for number in teams], axis=1)
+        at = np.flatnonzero(alive.sum(axis=1) <= 1)
+        names = [turn.roster.teams[number] for number in teams]
+        left = [names[row.argmax()] if row.any() else None for row in alive[at]]
+        turn.end(at, "last team", left)
+
+    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays)
 
 
 def as_nodes(given: object, name: str) -> frozenset[int]:
@@ -233,6 +251,17 @@ def _leader(ctx: Context) -> Hashable:
     scores = {team: ctx.game.scores[team] for team in ctx.agent.teams if team is not None}
     best = [team for team, score in scores.items() if score == max(scores.values())]
     return best[0] if len(best) == 1 < len(scores) else None
+
+
+def _leaders(turn: ArrayTurn, at: IntArray) -> list[Hashable]:
+    """Return what `_leader` returns, of several games."""
+    teams = [team for team in turn.roster.teams if team is not None]
+    scores = np.stack([turn.scores(team)[at] for team in teams], axis=1) if teams else np.zeros((len(at), 0))
+    winners: list[Hashable] = []
+    for row in scores:
+        best = np.flatnonzero(row == row.max(initial=-np.inf))
+        winners.append(teams[best[0]] if len(best) == 1 < len(teams) else None)
+    return winners
 
 
 def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:

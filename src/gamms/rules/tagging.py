@@ -3,11 +3,24 @@
 from collections.abc import Callable, Hashable, Iterable
 from typing import Annotated, cast
 
+import numpy as np
+
 from gamms.agent import BaseAgent
 from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
-from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
+from gamms.game.batch.turn import ArrayTurn
+from gamms.ir.graph import IntArray
+from gamms.rules.contacts import (
+    Contact,
+    Side,
+    as_nearness,
+    as_test,
+    found,
+    found_in_arrays,
+    one_to_one,
+    one_to_one_in_arrays,
+)
 from gamms.rules.endings import Rank, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
@@ -88,7 +101,32 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         for tagger, other, _ in made:
             follow(ctx, tagger, other)
 
-    return with_hooks(tag, drawer=render_tags, teams=[side for side in (taggers, tagged) if not callable(side)])
+    def in_arrays(turn: ArrayTurn) -> None:
+        ours, theirs = (_members(turn, side) for side in (taggers, tagged))
+        met = found_in_arrays(turn, ours, theirs, crossing=nearness.crossing, passing=nearness.passing)
+        made = np.flatnonzero(one_to_one_in_arrays(met, len(turn.roster.names)))
+        at, tagger, other, node = met.at[made], met.a[made], met.b[made], met.b_node[made]
+        if both:
+            at, node = np.repeat(at, 2), np.column_stack((node, met.a_node[made])).ravel()
+            tagger, other = np.column_stack((tagger, other)).ravel(), np.column_stack((other, tagger)).ravel()
+        turn.emit("tag", at, agents={"agent": tagger, "other": other}, nodes={"node": node})
+        if points:
+            turn.add_scores(at, tagger, score)
+        (turn.respawn if then == "respawn" else turn.eliminate)(at, other)
+
+    has_form = nearness.unit is None and ground is None and isinstance(then, str)
+    has_form = has_form and not (callable(taggers) or callable(tagged))
+    return with_hooks(
+        tag,
+        drawer=render_tags,
+        teams=[side for side in (taggers, tagged) if not callable(side)],
+        array_form=in_arrays if has_form else None,
+    )
+
+
+def _members(turn: ArrayTurn, team: Hashable) -> IntArray:
+    """Return the numbers of the agents of a team; none if no agent plays for it."""
+    return turn.roster.members(team) if team in turn.roster.teams else np.zeros(0, np.int64)
 
 
 def _as_then(then: object) -> Then:

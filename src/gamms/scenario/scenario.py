@@ -8,6 +8,7 @@ from typing import Any
 from gamms.arguments import as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
+from gamms.game.batch.games import Batch, BatchSource, as_seeds
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Recording
@@ -17,7 +18,7 @@ from gamms.scenario.code import Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
 from gamms.scenario.placement import members, node_at, place
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
-from gamms.scenario.validation import check_code, check_sense, unread_data
+from gamms.scenario.validation import check_code, check_sense, code_in, unread_data
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
@@ -219,6 +220,47 @@ class Scenario:
             if record is not None:
                 ctx.record.start(record, overwrite=True)
             return ctx.game.run()
+
+    def batch(
+        self,
+        num_games: int | None = None,
+        *,
+        seed: int = 0,
+        seeds: Iterable[int] | None = None,
+        strategies: Strategies | None = None,
+        record: bool = False,
+    ) -> Batch:
+        """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
+
+        The code that the scenario names is imported now, and makes its strategies and rules once for all games. Close
+        the batch, or use it in a `with` statement. See docs/batches.md.
+
+        Args:
+            num_games: how many.
+            seed: of the first game; those of the others follow.
+            seeds: of each game, instead of both.
+            strategies: see `build`.
+            record: keep the actions that are given to `step`, so that games can be recorded.
+
+        Raises:
+            ScenarioError: something cannot be done as it is written.
+            BadType, BadValue: there is no game, or a seed is no integer.
+            TooLarge: the games would not fit into memory; the message says what they need.
+        """
+        chosen = as_seeds(num_games, seed, seeds)
+        values = [code.path for code in code_in(self.spec) if code.what == "value" and code.keys[0] != "map"]
+        are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
+        reason = f"{values[0]}, which a function makes for each game" if values else None
+        ctx = self.build(chosen[0], strategies)
+        try:
+            return Batch(
+                BatchSource(ctx.game, are_drawn, reason, partial(self.build, strategies=strategies)),
+                chosen,
+                record=record,
+            )
+        except BaseException:
+            ctx.terminate()
+            raise
 
     def __eq__(self, other: object) -> bool:
         return self._raw == other._raw if isinstance(other, Scenario) else NotImplemented

@@ -10,6 +10,7 @@ import numpy as np
 from gamms.arguments import as_context, as_count, as_flag, as_float, as_int
 from gamms.context import Context
 from gamms.errors import BadValue
+from gamms.game.batch.view import ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
     as_known_node,
@@ -57,6 +58,18 @@ def random_walk(state: State | AerialState) -> None:
     else:
         legal = legal_nodes(state, "random_walk")
         state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
+
+
+def _stay_in_arrays(view: ArrayView) -> IntArray:
+    return np.zeros_like(view.node)
+
+
+def _walk_in_arrays(view: ArrayView) -> IntArray:
+    return view.draw.below(view.counts)
+
+
+stay.__dict__["array_form"] = _stay_in_arrays
+random_walk.__dict__["array_form"] = _walk_in_arrays
 
 
 @shown_as_called

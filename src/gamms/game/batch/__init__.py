@@ -1,0 +1,12 @@
+"""Many games at once: `scenario.batch(1000)` and `ctx.game.batch(1000)`.
+
+`games.py` is the front; read it first. A batch plays in arrays (`arrays.py`) where strategies, rules and conflicts of
+the game have an array form, and one game after the other (`one_by_one.py`) where some have none; both give the same
+games. `turn.py` is what array forms of rules get, `view.py` what those of strategies get, `columns.py` who plays where.
+"""
+
+from gamms.game.batch.games import Batch
+from gamms.game.batch.turn import ArrayRule, ArrayTurn
+from gamms.game.batch.view import ArrayStrategy, ArrayView
+
+__all__ = ["ArrayRule", "ArrayStrategy", "ArrayTurn", "ArrayView", "Batch"]

@@ -1,0 +1,245 @@
+"""Plays all games of a batch at once, in arrays; for games of which every part has an array form."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from functools import partial
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadValue
+from gamms.game.batch.columns import BoolArray, PlayedGame, Roster, Streets
+from gamms.game.batch.turn import ArrayTurn, GameArrays
+from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.order import COUNTED
+from gamms.game.result import Result
+from gamms.game.settings import NamedRule
+from gamms.ir.game_state import PHASES
+from gamms.ir.graph import IntArray
+from gamms.text import as_code, shown
+from gamms.typing import AgentType
+
+_FORM = "array_form"  # the attribute of rules, strategies and resolvers
+
+
+class _Group(NamedTuple):
+    """Agents that one strategy decides for."""
+
+    name: str
+    agents: IntArray  # numbers in the roster
+    form: ArrayStrategy
+
+
+class ArrayEngine:
+    """Plays the games of a batch in arrays.
+
+    Args:
+        game: at its start, whose agents, rules and settings all games have.
+        seeds: of the games.
+        start: (games, agents) ids of the nodes where agents begin, in the order of their names.
+
+    Attributes:
+        state: of all games.
+    """
+
+    def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray) -> None:
+        self._game = game
+        roster, streets = Roster.of(game.agents), Streets(game.ctx.graph.columns())
+        self.state = GameArrays(roster, streets, seeds, streets.rows(start))
+        settings = game.settings()
+        self._last: int | None = settings["max_turns"]
+        self._groups = _groups(roster)
+        self._rules = {
+            phase: [(one, _form_of(one.rule)) for one in game.rules if one.phase == phase]
+            for phase in ("before", "after")
+        }
+        self._conflicts = _form_of(settings["conflicts"])
+        self._publish_facts(game.facts)
+
+    def _publish_facts(self, facts: Mapping[str, Any]) -> None:
+        self.state.facts.update(facts)
+        for rules in self._rules.values():
+            for one, _ in rules:
+                prepare = getattr(one.rule, "prepare_arrays", None)
+                if prepare is not None:
+                    prepare(self.state)
+
+    def start(self, game: int, start: IntArray) -> None:
+        """Begin a game again, with the seed that it has now, its agents on these nodes."""
+        self.state.reset(np.array([game]), [self.state.seeds[game]], self.state.streets.rows(start)[None])
+
+    @property
+    def is_over(self) -> BoolArray:
+        """Which games have ended, (games,)."""
+        over = ~self.state.is_going
+        return over if self._last is None else over | (self.state.turn >= self._last)
+
+    def step(self, given: Mapping[Hashable, Any]) -> None:
+        """Play one turn of all games that are not over.
+
+        Args:
+            given: team -> the actions of its agents, (games, agents), in place of their strategies.
+        """
+        state = self.state
+        turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
+        if self._rules["before"]:
+            self._apply("before", turn)
+            turn.close()
+            turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
+        if not len(turn.games):
+            return
+        actions = self._decided(turn, given)
+        ends, blocked = state.streets.step(turn.node, actions), np.zeros(turn.node.shape, np.bool_)
+        if self._conflicts is not None:
+            stays = self._conflicts(turn, ends)
+            blocked = stays & (ends != turn.node)
+            ends = np.where(stays, turn.node, ends)
+        turn.move(ends, blocked)
+        self._apply("after", turn)
+        turn.close()
+
+    def _decided(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> IntArray:
+        """Return what all agents do, (games, agents) of this turn."""
+        actions = np.zeros(turn.node.shape, np.int64)
+        taken = np.zeros(len(turn.roster.names), np.bool_)
+        for team, wanted in given.items():
+            agents = turn.roster.members(team)
+            of_all = np.asarray(wanted)
+            if of_all.shape != (len(self.state), len(agents)):
+                form = f"an array ({len(self.state)}, {len(agents)})"
+                raise BadValue(
+                    f"Actions of team {shown(team)} are one for each game and agent, {form}, not of the shape "
+                    f"{of_all.shape}."
+                )
+            view = ArrayView(self.state, turn.games, agents)
+            actions[:, agents] = view.checked(of_all[turn.games], f"team {shown(team)}")
+            taken[agents] = True
+        for group in self._groups:
+            agents = group.agents[~taken[group.agents]]
+            if len(agents):
+                view = ArrayView(self.state, turn.games, agents)
+                try:
+                    actions[:, agents] = view.checked(group.form(view), group.name)
+                except Exception as error:
+                    error.add_note(f"In the strategy {group.name} of a batch.")
+                    raise
+        return actions
+
+    def _apply(self, phase: str, turn: ArrayTurn) -> None:
+        for named, form in self._rules[phase]:
+            try:
+                form(turn)
+            except Exception as error:
+                error.add_note(f"In the rule {named.name!r} (phase {phase!r}) of a batch.")
+                raise
+
+    def view(self, team: Hashable) -> ArrayView:
+        """Return what the agents of a team observe, in all games."""
+        return ArrayView(self.state, np.arange(len(self.state)), self.state.roster.members(team))
+
+    def over(self, game: int) -> dict[str, Any] | None:
+        """Return how a game has ended; None while it goes on."""
+        known = self.state.over[game]
+        if known is None and self.is_over[game]:
+            return {"reason": "max_turns", "winner": None, "truncated": True}
+        return known
+
+    def scores(self) -> dict[Any, Any]:
+        """Return the scores of all games: key -> (games,)."""
+        return {key: numbers.copy() for key, numbers in self.state.scores.items()}
+
+    def turns(self) -> IntArray:
+        """Return how many turns were played, (games,)."""
+        return self.state.turn.copy()
+
+    def result(self, game: int) -> Result:
+        """Return the result of a game so far."""
+        state, template = self.state, self._game.result()
+        nodes, roster = state.streets.ids(state.node[game]).tolist(), state.roster
+        agents = {
+            name: {
+                "team": roster.teams[team],
+                "alive": bool(state.alive[game, number]),
+                "node": nodes[number],
+                **dict.fromkeys(COUNTED, 0),
+                **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
+            }
+            for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
+        }
+        over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
+        return Result(
+            turns=int(state.turn[game]),
+            scores=state.scores_of(game),
+            events=[dict(event) for event in state.events.of(game)],
+            agents=agents,
+            errors=[],
+            timings=dict.fromkeys(PHASES, 0.0),
+            seed=state.seeds[game],
+            provenance=template.provenance,
+            **over,
+        )
+
+
+def why_not_in_arrays(game: PlayedGame) -> str | None:
+    """Return the first part of a game that has no array form, in words; None: it can be played in arrays."""
+    settings = game.settings()
+    unit, legal, conflicts = (settings[name] for name in ("speed_unit", "legal", "conflicts"))
+    reasons = [
+        (unit != "edges" or legal != "edges", f"speed_unit={unit!r}, legal={legal!r}"),
+        (settings["order"] is not None, "an order of play"),
+        (bool(settings["deeds"]), "deeds"),
+        (bool(settings["channels"]), "channels"),
+        (bool(settings["plans"]), "plans of teams"),
+        (settings["time_budget"] is not None, "a time budget"),
+        (bool(game.internals.after_observing), "what is recorded of states"),
+        (settings["max_turns"] == 0, "a game of no turns"),
+    ]
+    reasons += [
+        (agent.type is AgentType.AERIAL or agent.speed is not None, f"agent {agent.name!r}, which flies or has a speed")
+        for agent in game.agents
+    ]
+    reasons += [
+        (agent.strategy is not None and _form_of(agent.strategy) is None, f"the strategy {as_code(agent.strategy)}")
+        for agent in game.agents
+    ]
+    reasons += [(_rule_lacks_form(one), f"the rule {one.name!r}") for one in game.rules]
+    if conflicts is not None:
+        reasons.append((_form_of(conflicts) is None, f"the conflicts {as_code(conflicts)}"))
+    return next((reason for is_there, reason in reasons if is_there), None)
+
+
+def _rule_lacks_form(named: NamedRule) -> bool:
+    return named.phase == "deeds" or hasattr(named.rule, "check") or _form_of(named.rule) is None
+
+
+def _form_of(function: object) -> Any:
+    return getattr(function, _FORM, None)
+
+
+def _groups(roster: Roster) -> list[_Group]:
+    """Return the strategies of agents, each with all agents that have the same."""
+    found: dict[Hashable, list[int]] = {}
+    for number, agent in enumerate(roster.agents):
+        if agent.strategy is not None:
+            found.setdefault(_key_of(_form_of(agent.strategy)), []).append(number)
+    groups = []
+    for numbers in found.values():
+        strategy = roster.agents[numbers[0]].strategy
+        groups.append(_Group(as_code(strategy), np.array(numbers), _form_of(strategy)))
+    return groups
+
+
+def _key_of(form: Any) -> Hashable:
+    """Return a key that is equal for forms that do the same."""
+    if isinstance(form, partial):
+        key = (
+            form.func,
+            tuple(map(_key_of, form.args)),
+            tuple((k, _key_of(v)) for k, v in sorted(form.keywords.items())),
+        )
+    else:
+        key = form
+    try:
+        hash(key)
+    except TypeError:
+        return id(form)
+    return key

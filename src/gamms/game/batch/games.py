@@ -1,0 +1,284 @@
+"""The front of a batch: many games of one kind, played together."""
+
+import os
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from gamms.arguments import as_bool, as_count, as_int, as_items, as_mapping, as_path
+from gamms.errors import BadValue
+from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
+from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
+from gamms.game.batch.one_by_one import OneByOneEngine, acting
+from gamms.game.batch.view import ArrayView
+from gamms.game.result import Result
+from gamms.game.settings import Plan
+from gamms.ir.graph import IntArray
+from gamms.limits import refuse_above
+from gamms.progress import progress as progress_line
+from gamms.text import shown
+
+_BYTES_PER_AGENT = 200  # of a game in arrays, with its events; 120 measured
+_BYTES_PER_SNAPSHOT = 2_000  # of an agent in a game that is played by itself
+
+
+class BatchSource(NamedTuple):
+    """Where the games of a batch come from.
+
+    Attributes:
+        game: at its start, in a context of the batch's own.
+        draws_starts: whether agents begin elsewhere with another seed.
+        follows_seed: what else differs with the seed, in words; None: nothing that is not drawn in turns.
+        build: makes a context with the game of a seed; None: recordings cannot be made.
+    """
+
+    game: PlayedGame
+    draws_starts: bool
+    follows_seed: str | None
+    build: Callable[[int], Any] | None
+
+
+class Batch:
+    """Many games of one kind, each with a seed of its own: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
+
+    Game i is the one that `scenario.play(seed=seeds[i])` plays. Where strategies, rules and conflicts have array forms,
+    all are played at once; otherwise one after the other, and `slow` says why. A batch is a context manager.
+
+    Attributes:
+        seeds: of the games, (games,).
+        slow: what has no array form, in words; None: the games are played in arrays.
+    """
+
+    def __init__(self, source: BatchSource, seeds: Sequence[int], *, record: bool = False) -> None:
+        self._source, self.seeds = source, tuple(seeds)
+        self.slow = source.follows_seed or why_not_in_arrays(source.game)
+        self._roster = Roster.of(source.game.agents)
+        per_agent = _BYTES_PER_AGENT if self.slow is None else _BYTES_PER_SNAPSHOT
+        refuse_above(
+            len(seeds) * len(self._roster.names) * per_agent,
+            f"A batch of {len(seeds)} games with {len(self._roster.names)} agents each",
+        )
+        self._engine: ArrayEngine | OneByOneEngine
+        if self.slow is None:
+            self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))
+        else:
+            self._engine = OneByOneEngine(source.game, seeds)
+        self._log: list[dict[Hashable, IntArray]] | None = [] if as_bool(record, "record") else None
+        self._was_given = False  # whether actions came from outside and were not kept
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def __repr__(self) -> str:
+        """Show how many games there are, and how many are over."""
+        how = "in arrays" if self.slow is None else f"one by one, because of {self.slow}"
+        return f"Batch({len(self)} games, {int(self.is_over.sum())} over, played {how})"
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """End the context of the batch."""
+        self._source.game.ctx.terminate()
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    def step(self, actions: Mapping[Hashable, Any] | None = None) -> BoolArray:
+        """Play one turn of all games that are not over; return which go on, (games,).
+
+        Args:
+            actions: team -> integers (games, agents of the team in the order of their names): the numbers of the nodes
+                in `state["legal"]` that they go to, 0 to stay. Teams that are not there play their own strategies.
+                Those of dead agents and of games that are over do not count.
+
+        Raises:
+            UnknownName (KeyError): no agent plays for a team.
+            BadType, BadValue: actions are not such integers; no game has played then, if the games are in arrays.
+        """
+        given = dict(as_mapping({} if actions is None else actions, "actions"))
+        for team in given:
+            self._roster.members(team)
+        self._engine.step(given)
+        if given and self._log is None:
+            self._was_given = True
+        if self._log is not None:
+            self._log.append({team: np.array(values) for team, values in given.items()})
+        return ~self.is_over
+
+    def run(self, progress: bool = False) -> None:
+        """Play all games to their ends.
+
+        Args:
+            progress: show how far it is on a line of stderr, where that is a terminal.
+
+        Raises:
+            BadValue: nothing could ever end these games.
+        """
+        game = self._source.game
+        if game.settings()["max_turns"] is None and not game.rules:
+            raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
+        with progress_line() as show:
+            if isinstance(self._engine, OneByOneEngine) and not (self._log or self._was_given):
+                self._run_one_by_one(self._engine, show if progress else None)
+                return
+            while not self.is_over.all():
+                self.step()
+                if progress:
+                    show(f"{int(self.is_over.sum())} of {len(self)} games over, turn {int(self.turn.max())}")
+
+    def _run_one_by_one(self, engine: OneByOneEngine, show: Callable[[str], object] | None) -> None:
+        self._source.game.ctx.logger.info(f"A batch is played one game after the other, because of {self.slow}.")
+        for game in np.flatnonzero(~engine.is_over).tolist():
+            engine.run(game)
+            if show is not None:
+                show(f"game {game + 1} of {len(self)}")
+
+    def reset(self, which: Any = None) -> None:
+        """Begin games again, each with its seed.
+
+        Args:
+            which: the numbers of games, or an array (games,) of booleans; None: all.
+
+        Raises:
+            BadValue: a number is not that of a game.
+        """
+        games = np.arange(len(self)) if which is None else np.asarray(which)
+        if games.dtype == np.bool_:
+            games = np.flatnonzero(games)
+        for game in games.tolist():
+            self._start_again(self._as_game(game))
+        if len(games) == len(self):
+            self._log, self._was_given = None if self._log is None else [], False
+        elif self._log:
+            self._was_given = True
+
+    def _start_again(self, game: int) -> None:
+        if isinstance(self._engine, ArrayEngine):
+            self._engine.start(game, self._start(self.seeds[game]))
+        else:
+            self._engine.start(game)
+
+    # -- seeing -------------------------------------------------------------------------------------------------
+
+    def observe(self, team: Hashable) -> ArrayView:
+        """Return where the agents of a team are and what they may do, in all games, as arrays.
+
+        Raises:
+            UnknownName (KeyError): no agent plays for it.
+        """
+        self._roster.members(team)
+        return self._engine.view(team)
+
+    @property
+    def turn(self) -> IntArray:
+        """How many turns were played, (games,)."""
+        return self._engine.turns()
+
+    @property
+    def scores(self) -> dict[Any, Any]:
+        """The scores: key -> (games,) numbers."""
+        return self._engine.scores()
+
+    @property
+    def is_over(self) -> BoolArray:
+        """Which games have ended, (games,)."""
+        return self._engine.is_over
+
+    @property
+    def terminated(self) -> BoolArray:
+        """Which games were ended by what happened in them, (games,)."""
+        return np.array(
+            [over is not None and not over["truncated"] for over in map(self._engine.over, range(len(self)))]
+        )
+
+    @property
+    def truncated(self) -> BoolArray:
+        """Which games were ended because the time was up, (games,)."""
+        return np.array([over is not None and over["truncated"] for over in map(self._engine.over, range(len(self)))])
+
+    def result(self, game: int) -> Result:
+        """Return the result of a game so far; its timings are 0."""
+        return self._engine.result(self._as_game(game))
+
+    def table(self) -> dict[str, Any]:
+        """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score."""
+        overs = [self._engine.over(game) or {} for game in range(len(self))]
+        columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self.turn}
+        columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
+        columns["winner"] = np.array([over.get("winner") for over in overs], object)
+        columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
+        return columns | {f"score.{key}": numbers for key, numbers in sorted(self.scores.items(), key=str)}
+
+    def record(self, game: int, path: str | os.PathLike[str]) -> None:
+        """Write a recording of a game as far as it was played, as `scenario.play(seed=…, record=path)` does.
+
+        The game is played once more, with the actions that were given to `step`; a file is replaced.
+
+        Raises:
+            BadValue: actions were given to `step`, and the batch was not made with `record=True`; or the batch is not
+                of a scenario.
+        """
+        number, file = self._as_game(game), as_path(path, "path")
+        if self._source.build is None:
+            raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
+        if self._was_given:
+            raise BadValue(
+                "The actions that were given to step were not kept: make the batch with record=True, and reset all of "
+                "its games at once."
+            )
+        turns = int(self.turn[number])
+        with self._source.build(self.seeds[number]) as ctx:
+            ctx.record.start(file, overwrite=True)
+            for turn in range(turns):
+                given = self._log[turn] if self._log else {}
+                self._command(ctx.game, {team: actions[number] for team, actions in given.items()})
+                ctx.game.step()
+
+    def _command(self, game: PlayedGame, given: Mapping[Hashable, IntArray]) -> None:
+        names = self._roster.names
+        plans = {
+            team: Plan(acting([names[number] for number in self._roster.members(team).tolist()], actions))
+            for team, actions in given.items()
+        }
+        if plans or game.plans:
+            game.plans = plans
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _as_game(self, number: int) -> int:
+        game = as_int(number, "The number of a game")
+        if not 0 <= game < len(self):
+            raise BadValue(f"There is no game {game}: the batch has {len(self)}, numbered from 0.")
+        return game
+
+    def _starts(self, seeds: Sequence[int]) -> IntArray:
+        if not self._source.draws_starts:
+            return np.tile(self._start(seeds[0]), (len(seeds), 1))
+        return np.stack([self._start(seed) for seed in seeds])
+
+    def _start(self, seed: int) -> IntArray:
+        """Return the ids of the nodes where agents begin with a seed, in the order of their names."""
+        if self._source.draws_starts:
+            self._source.game.reset(seed=seed)
+        return np.array([agent.current_node_id for agent in self._roster.agents], np.int64)
+
+
+def as_seeds(num_games: int | None, seed: int, seeds: object) -> tuple[int, ...]:
+    """Return the seeds of a batch: those that were given, or so many that follow each other.
+
+    Raises:
+        BadType, BadValue: neither was given as it should be.
+    """
+    if seeds is None:
+        if num_games is None:
+            raise BadValue("batch needs the number of games, or seeds=.")
+        first = as_int(seed, "seed")
+        return tuple(range(first, first + as_count(num_games, "num_games")))
+    given = tuple(as_int(one, "Each of seeds") for one in as_items(seeds, "seeds", "integers"))
+    if not given or (num_games is not None and as_count(num_games, "num_games") != len(given)):
+        raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
+    return given

@@ -1,0 +1,296 @@
+"""What a batch remembers of its games, and what array forms of rules get of one turn of all that are played."""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gamms import kernels
+from gamms.game.batch.columns import BoolArray, Roster, Streets
+from gamms.ir.game_state import joined_end
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.kernels.draws import BitArray
+
+Arrays = dict[str, Any]  # name -> an array whose first axis is the games
+ArrayRule = Callable[["ArrayTurn"], None]
+"""The array form of a rule, in its attribute `array_form`; see docs/batches.md."""
+
+
+class EventLog:
+    """The events of all games, as they were emitted."""
+
+    def __init__(self, num_games: int) -> None:
+        self._pending: list[tuple[str, IntArray, IntArray, Mapping[str, list[Any]]]] = []
+        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+
+    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        """Note events, one for each of these games; of one game they are in their order."""
+        self._pending.append((kind, games, turns, fields))
+
+    def of(self, game: int) -> list[dict[str, Any]]:
+        """Return the events of a game, in their order."""
+        for kind, games, turns, fields in self._pending:
+            for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
+                event = {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
+                self._of_game[number].append(event)
+        self._pending.clear()
+        return self._of_game[game]
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the events of some games."""
+        self.of(0)
+        for game in games.tolist():
+            self._of_game[game] = []
+
+
+class GameArrays:
+    """The state of all games of a batch.
+
+    Attributes:
+        roster: the agents of each game.
+        streets: where they go.
+        seeds: of the games.
+        node, start: (games, agents) rows of nodes: where agents are, and where they began.
+        alive: (games, agents)
+        turn: (games,) how many turns were played.
+        scores: key -> (games,) numbers.
+        has_score: key -> (games,) whether the score was set.
+        counts: of moves and of conflicts, (games, agents) each.
+        over: of each game how it ended: reason, winner, truncated; None while it goes on.
+        is_going: (games,) which have not ended.
+        stops: (games, agents) how often an agent was tagged, put back or eliminated.
+        kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
+        facts: what rules have published, by name, in a form that each says.
+        events: of all games.
+    """
+
+    def __init__(self, roster: Roster, streets: Streets, seeds: Sequence[int], start: IntArray) -> None:
+        self.roster, self.streets, self.seeds = roster, streets, list(seeds)
+        games, shape = len(seeds), (len(seeds), len(roster.names))
+        self.start = start
+        self.node, self.alive = start.copy(), np.ones(shape, np.bool_)
+        self.turn = np.zeros(games, np.int64)
+        self.scores: dict[Hashable, FloatArray] = {}
+        self.has_score: dict[Hashable, BoolArray] = {}
+        self._has_fractions: set[Hashable] = set()  # keys of scores to which numbers were added that are no integers
+        self.counts = {name: np.zeros(shape, np.int64) for name in ("moves", "blocked")}
+        self.over: list[dict[str, Any] | None] = [None] * games
+        self.is_going = np.ones(games, np.bool_)
+        self.stops = np.zeros(shape, np.int64)
+        self.kept: dict[Hashable, Arrays] = {}
+        self.facts: dict[str, Any] = {}
+        self.events = EventLog(games)
+        self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
+        self._purposes: dict[tuple[str | int, ...], BitArray] = {}
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
+        """Begin some games again."""
+        for game, seed in zip(games.tolist(), seeds, strict=True):
+            self.seeds[game], self.over[game] = seed, None
+        self.start[games] = self.node[games] = start
+        self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
+        for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
+            numbers[games] = 0
+        for key, make in self._makers.items():
+            for name, column in make(len(games)).items():
+                self.kept[key][name][games] = column
+        for purpose, keys in self._purposes.items():
+            keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
+        self.events.forget(games)
+
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""
+        known = self.kept.get(key)
+        if known is None:
+            known, self._makers[key] = make(len(self)), make
+            self.kept[key] = known
+        return known
+
+    def purposes(self, *purpose: str | int) -> BitArray:
+        """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""
+        keys = self._purposes.get(purpose)
+        if keys is None:
+            keys = np.array([kernels.purpose_key(seed, *purpose) for seed in self.seeds], np.uint64)
+            self._purposes[purpose] = keys
+        return keys
+
+    def add_score(self, key: Hashable, games: IntArray, points: float) -> None:
+        """Add points to the score of a key, once for each of these games; one may be there several times."""
+        if key not in self.scores:
+            self.scores[key] = np.zeros(len(self), np.float64)
+            self.has_score[key] = np.zeros(len(self), np.bool_)
+        if not isinstance(points, int):
+            self._has_fractions.add(key)
+        np.add.at(self.scores[key], games, points)
+        self.has_score[key][games] = True
+
+    def scores_of(self, game: int) -> dict[Any, Any]:
+        """Return the scores of a game that were set."""
+        found = {key: numbers[game].item() for key, numbers in self.scores.items() if self.has_score[key][game]}
+        return {key: number if key in self._has_fractions else int(number) for key, number in found.items()}
+
+
+class ArrayTurn:
+    """One turn of all games that are being played: what the array form of a rule gets.
+
+    Arrays have the axes (games, agents); `at` numbers the games of this turn from 0. Nodes are rows of
+    `streets.columns`; `streets.ids(rows)` gives their ids.
+
+    Attributes:
+        games: (games,) the numbers in the batch of the games of this turn.
+        turn: (games,) how many turns were played, as `ctx.game.turn` is for a rule.
+        seeds: (games,)
+        roster: the agents, in the order of their names.
+        streets: the graph.
+        starts: where the agents were before they moved.
+        ends: where they went, conflicts included.
+        took_part: which of them were alive then.
+        node: where they are now; `respawn` writes it.
+        alive: which are alive now; `eliminate` and `respawn` write it.
+    """
+
+    def __init__(self, state: GameArrays, games: IntArray) -> None:
+        self._state, self.games = state, games
+        self.roster, self.streets = state.roster, state.streets
+        self.turn, self.seeds = state.turn[games], np.array(state.seeds)[games]
+        self.node, self.alive = state.node[games], state.alive[games]
+        self.starts = self.ends = self.node
+        self.took_part = self.alive
+        self.blocked: BoolArray = np.zeros_like(self.alive)
+
+    def move(self, ends: IntArray, blocked: BoolArray) -> None:
+        """Move the agents, and note which of them conflicts have stopped."""
+        self.starts, self.ends, self.took_part, self.blocked = self.node, ends, self.alive, blocked
+        self.node, self.alive, self.turn = ends.copy(), self.alive.copy(), self.turn + 1
+        state = self._state
+        if len(self.games) == len(state):
+            state.counts["moves"] += ends != self.starts
+            state.counts["blocked"] += blocked
+        else:
+            state.counts["moves"][self.games] += ends != self.starts
+            state.counts["blocked"][self.games] += blocked
+
+    def close(self) -> None:
+        """Write what has changed into the state of the batch."""
+        state, games = self._state, self.games
+        state.node[games], state.alive[games], state.turn[games] = self.node, self.alive, self.turn
+
+    @property
+    def is_there_by_move(self) -> BoolArray:
+        """Which agents are where their moves have led them, rather than put there since: (games, agents)."""
+        by_move: BoolArray = self.took_part & (self.node == self.ends)
+        return by_move
+
+    # -- what rules do ------------------------------------------------------------------------------------------
+
+    def emit(
+        self,
+        kind: str,
+        at: IntArray,
+        *,
+        agents: Mapping[str, IntArray] | None = None,
+        nodes: Mapping[str, IntArray] | None = None,
+        values: Mapping[str, list[Any]] | None = None,
+    ) -> None:
+        """Note that something happened, once for each of `at`; of one game in their order.
+
+        Args:
+            kind: of the events.
+            at: (events,) the games of this turn.
+            agents: fields that name agents, by their numbers in the roster.
+            nodes: fields that are nodes, by their rows.
+            values: other fields.
+        """
+        if not len(at):
+            return
+        fields: dict[str, list[Any]] = {}
+        for name, numbers in (agents or {}).items():
+            fields[name] = [self.roster.names[number] for number in numbers.tolist()]
+        for name, rows in (nodes or {}).items():
+            fields[name] = self.streets.ids(rows).tolist()
+        fields.update(values or {})
+        self._state.events.add(kind, self.games[at], self.turn[at], fields)
+        stopped = {"tag": "other", "respawned": "agent", "eliminated": "agent"}.get(kind)
+        if stopped is not None and agents is not None and stopped in agents:
+            np.add.at(self._state.stops, (self.games[at], agents[stopped]), 1)
+
+    def add_score(self, key: Hashable, at: IntArray, points: float) -> None:
+        """Add points to the score of a key, once for each of `at`."""
+        if len(at):
+            self._state.add_score(key, self.games[at], points)
+
+    def add_scores(self, at: IntArray, agents: IntArray, points: float) -> None:
+        """Add points to the scores of the teams of agents."""
+        for number, team in enumerate(self.roster.teams):
+            self.add_score(team, at[self.roster.team_of[agents] == number], points)
+
+    def scores(self, key: Hashable) -> FloatArray:
+        """Return the scores of a key, (games,); 0 where there is none."""
+        numbers = self._state.scores.get(key)
+        return np.zeros(len(self.games)) if numbers is None else numbers[self.games]
+
+    def end(self, at: IntArray, reason: str | Sequence[str], winner: Sequence[Any], truncated: bool = False) -> None:
+        """End games after this turn, as `ctx.game.end` does.
+
+        Args:
+            at: (games,) which.
+            reason: of all, or of each.
+            winner: of each; None: no one has won.
+            truncated: whether the time was up.
+        """
+        reasons = [reason] * len(at) if isinstance(reason, str) else reason
+        for game, why, who in zip(self.games[at].tolist(), reasons, winner, strict=True):
+            over = self._state.over
+            over[game] = joined_end(over[game], {"reason": why, "winner": who, "truncated": truncated})
+        self._state.is_going[self.games[at]] = False
+
+    def eliminate(self, at: IntArray, agents: IntArray) -> None:
+        """Take agents out of the game, those that are in it, each with an event."""
+        living = self.alive[at, agents]
+        at, agents = _once(at[living], agents[living])
+        if len(at):
+            self.alive[at, agents] = False
+            self.emit("eliminated", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
+
+    def respawn(self, at: IntArray, agents: IntArray) -> None:
+        """Put agents, dead or alive, where they began, each with an event."""
+        if len(at):
+            self.node[at, agents] = self._state.start[self.games[at], agents]
+            self.alive[at, agents] = True
+            self.emit("respawned", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
+
+    def start_of(self, agents: IntArray) -> IntArray:
+        """Return where agents began, (games, agents)."""
+        return self._state.start[np.ix_(self.games, agents)]
+
+    def stops(self) -> IntArray:
+        """Return how often each agent was tagged, put back or eliminated so far, (games, agents)."""
+        return self._state.stops[self.games]
+
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return what a rule remembers of all games of the batch, at first what `make(games)` gives.
+
+        Index its arrays with `games`.
+        """
+        return self._state.keep(key, make)
+
+    def publish(self, name: str, value: object) -> None:
+        """Publish a fact of all games of the batch, which strategies find in `view["facts"]`."""
+        self._state.facts[name] = value
+
+    def draw_bits(self, at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:
+        """Return 64 random bits for a purpose, names and this turn, one for each of `at`; see `kernels.draw_bits`."""
+        purposes = self._state.purposes(*purpose)[self.games[at]]
+        return kernels.draw_bits_rows(purposes, names, self.turn[at])
+
+
+def _once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+    """Return each agent once, in the order of the first time."""
+    if len(at) < 2:
+        return at, agents
+    _, first = np.unique(np.column_stack((at, agents)), axis=0, return_index=True)
+    kept = np.sort(first)
+    return at[kept], agents[kept]

@@ -1,0 +1,20 @@
+"""Scenarios to play in batches, and results to compare."""
+
+from gamms.scenario import Scenario
+
+WALK = "gamms.strategies:random_walk"
+
+
+def scene(rules=(), red=3, blue=3, side=5, max_turns=20, **more):
+    """A scenario of two teams that walk about on a grid."""
+    teams = {"red": {"count": red, "strategy": WALK}, "blue": {"count": blue, "strategy": WALK}}
+    given = {"map": {"grid": {"width": side, "height": side}}, "teams": teams, "rules": list(rules), **more}
+    return Scenario(max_turns=max_turns, **given)
+
+
+def plain(result):
+    """All of a result but what says how it was played."""
+    values = result.to_dict()
+    for name in ("timings", "provenance"):
+        del values[name]
+    return values

@@ -1,0 +1,163 @@
+"""Many games at once: each is the game that would be played alone."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+
+
+def leave(ctx):
+    """A rule without an array form."""
+    if ctx.game.turn == 3:
+        ctx.game.end("left")
+
+
+@pytest.mark.parametrize("rules", [[TAG], [TAG, {"rule": "last_team"}], []])
+def test_a_game_of_a_batch_is_the_game_that_is_played_alone(rules, same_as_one_by_one):
+    same_as_one_by_one(scene(rules), [3, 4, 5, 6, 3])
+
+
+def test_a_batch_of_one_is_the_same_as_that_game_in_a_large_batch():
+    scenario = scene([TAG])
+    with scenario.batch(30, seed=7) as many, scenario.batch(1, seed=20) as one:
+        many.run()
+        one.run()
+        assert plain(many.result(13)) == plain(one.result(0))
+
+
+def test_games_without_an_array_form_are_played_one_by_one_with_the_same_results():
+    scenario = scene([TAG])
+    with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
+        fast.run()
+        ctx.game.add(leave)
+        with ctx.game.batch(seeds=[1, 2]) as slow:
+            assert slow.slow == "the rule 'leave'"
+            assert "one by one" in repr(slow)
+            slow.run()
+            assert [slow.result(number).reason for number in (0, 1)] == ["left", "left"]
+            assert slow.turn.tolist() == [3, 3]
+
+
+def test_steps_can_be_given_actions_and_teams_without_play_their_own():
+    scenario = scene([TAG])
+    with scenario.batch(5, seed=1) as games, scenario.build(seed=1) as ctx:
+        ctx.game.add(lambda _: None, name="nothing")
+        with ctx.game.batch(seeds=[1]) as slow:
+            for turn in range(10):
+                view = games.observe("red")
+                actions = (turn + np.arange(15).reshape(5, 3)) % view.counts
+                games.step({"red": actions})
+                slow.step({"red": actions[:1]})
+            assert plain(games.result(0)) == plain(slow.result(0))
+            assert slow.observe("blue")["curr_pos"].tolist() == games.observe("blue")["curr_pos"][:1].tolist()
+
+
+def test_what_is_observed_is_what_states_hold():
+    scenario = scene([TAG])
+    with scenario.batch(3, seed=5) as games:
+        view = games.observe("blue")
+        assert view["name"] == ("blue_0", "blue_1", "blue_2")
+        for number in range(3):
+            with scenario.build(seed=5 + number) as ctx:
+                for i, name in enumerate(view["name"]):
+                    state = ctx.game.observation(name)
+                    assert view["curr_pos"][number, i] == state["curr_pos"]
+                    assert [node for node in view["legal"][number, i].tolist() if node >= 0] == list(state["legal"])
+        assert (view.action_to(view["legal"][..., 1]) == 1).all()
+        assert view.action_to(view["curr_pos"]).tolist() == [[0] * 3] * 3
+
+
+def test_impossible_actions_are_refused_and_name_game_and_agent():
+    with scene().batch(2) as games:
+        with pytest.raises(UnknownName, match="green"):
+            games.step({"green": [[0]]})
+        with pytest.raises(BadValue, match=r"\(2, 3\)"):
+            games.step({"red": [0, 0, 0]})
+        with pytest.raises(BadType, match="numbers of legal nodes"):
+            games.step({"red": np.full((2, 3), 0.5)})
+        with pytest.raises(BadValue, match="action 9 of agent 'red_1' in game 1"):
+            games.step({"red": [[0, 0, 0], [0, 9, 0]]})
+        with pytest.raises(BadValue, match="no game 2"):
+            games.result(2)
+        assert games.turn.tolist() == [0, 0]
+
+
+def test_a_batch_needs_games_that_can_end_and_a_number_of_them():
+    with pytest.raises(BadValue, match="number of games"):
+        scene().batch()
+    with pytest.raises(BadValue, match="num_games"):
+        scene().batch(3, seeds=[1, 2])
+    with scene(max_turns=None).batch(2) as games, pytest.raises(BadValue, match="could end"):
+        games.run()
+
+
+def test_games_that_are_reset_begin_again_with_their_seeds():
+    with scene([TAG]).batch(4, seed=2) as games:
+        games.run()
+        first = [plain(games.result(number)) for number in range(4)]
+        games.reset([1, 3])
+        assert games.turn.tolist() == [20, 0, 20, 0]
+        assert games.is_over.tolist() == [True, False, True, False]
+        games.run()
+        assert [plain(games.result(number)) for number in range(4)] == first
+        games.reset(np.array([True, False, False, False]))
+        assert games.turn.tolist() == [0, 20, 20, 20]
+
+
+def test_the_table_has_a_row_for_each_game():
+    with scene([TAG, {"rule": "time_limit", "with": {"turns": 6}}]).batch(8) as games:
+        games.run()
+        table = games.table()
+        results = [games.result(number) for number in range(8)]
+        assert table["score.red"].tolist() == [result.scores.get("red", 0) for result in results]
+        assert table["winner"].tolist() == [result.winner for result in results]
+        assert games.truncated.all()
+        assert not games.terminated.any()
+
+
+def test_a_game_of_a_batch_is_recorded_byte_by_byte_as_it_would_be_alone(tmp_path):
+    scenario = scene([TAG])
+    with scenario.batch(3, seed=4) as games:
+        games.run()
+        games.record(1, tmp_path / "batch.ggr")
+        expected = plain(games.result(1))
+    assert plain(scenario.play(seed=5, record=tmp_path / "alone.ggr")) == expected
+    assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
+
+
+def test_given_actions_are_recorded_if_they_are_kept(tmp_path):
+    scenario = scene([TAG])
+    with scenario.batch(2, seed=4, record=True) as games:
+        for _ in range(5):
+            games.step({"red": games.observe("red").counts - 1})
+        games.record(1, tmp_path / "game.ggr")
+        with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+            assert recording.turns == 5
+            state = recording.state(5)
+            nodes = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
+        assert nodes == {name: agent["node"] for name, agent in games.result(1).agents.items()}
+    with scenario.batch(2, seed=4) as games:
+        games.step({"red": games.observe("red").counts - 1})
+        with pytest.raises(BadValue, match="record=True"):
+            games.record(0, tmp_path / "other.ggr")
+
+
+def test_games_of_a_context_go_on_from_where_it_is():
+    with scene([TAG]).build(seed=1) as ctx:
+        with ctx.game.batch(3) as games:
+            games.run()
+            first = plain(games.result(2))
+        assert ctx.game.turn == 0
+        ctx.game.reset(seed=2)
+        ctx.game.run()
+        starts = {name: agent["node"] for name, agent in first["agents"].items()}
+        assert starts.keys() == ctx.agent.agents.keys()
+
+
+def test_a_batch_that_does_not_fit_is_refused_before_it_is_built():
+    with pytest.raises(gamms.errors.TooLarge, match="10000000 games"):
+        scene().batch(10_000_000)
