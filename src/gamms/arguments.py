@@ -31,7 +31,7 @@ def as_int(value: object, name: str) -> int:
     if isinstance(value, bool):
         raise BadType(f"{name} must be an integer, not the bool {value}.")
     try:
-        number = index(value)  # type: ignore[arg-type] # as below
+        number = int(index(value))  # type: ignore[arg-type] # as below
     except TypeError:
         raise BadType(f"{name} must be an integer, not {shown(value)} ({type(value).__name__}).") from None
     if not -_INT64 <= number < _INT64:

@@ -1,5 +1,7 @@
 """Agents that travel by metres: they may be anywhere on an edge."""
 
+import pickle
+from copy import deepcopy
 from math import hypot, inf
 
 import pytest
@@ -303,6 +305,47 @@ def test_sensors_measure_from_where_agents_are_to_where_agents_are(kind):
         ctx.game.step()
         found.append(anna.sense()["eyes"][1])
     assert found == [{}, {}, {}, {"bert": 1}, {"bert": 1}]  # 70, 50, 30, 10 and 10 m apart
+
+
+def seen_of_bert(kind, **more):
+    """What a guard's sensor of a kind reports of bert, who is 35 m on his way from node 1 to node 2."""
+    ctx = road(0, 90, 180)
+    args = {} if kind == SensorType.AGENT else {"sensor_range": 500.0}
+    ctx.sensor.create_sensor("eyes", kind, **args, **more)
+    guard = agent(ctx, "guard", 0, None, speed=1.0, sensors=["eyes"])
+    agent(ctx, "anna", 1, None, speed=1.0)
+    agent(ctx, "bert", 1, 2, speed=35.0)
+    ctx.game.run(1)
+    return guard.sense()["eyes"][1], ctx.sensor.get_sensor("eyes").last_view()
+
+
+AGENT_KINDS = [SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT]
+
+
+@pytest.mark.parametrize("kind", AGENT_KINDS)
+def test_agent_sensors_say_where_on_an_edge_an_agent_is(kind):
+    seen, view = seen_of_bert(kind)
+    assert seen == {"anna": 1, "bert": 1}
+    assert type(seen["anna"]) is int
+    for bert in (seen["bert"], deepcopy(seen["bert"]), pickle.loads(pickle.dumps(seen["bert"]))):
+        assert (bert, bert.edge) == (1, (1, 2, 1))
+        assert (bert.offset_m, bert.xy) == (pytest.approx(35.0), (pytest.approx(125.0), 0.0))
+    assert view.agents.tolist() == [[90.0, 0.0], [pytest.approx(125.0), 0.0]]
+
+
+def test_reports_that_may_be_wrong_name_nodes_alone():
+    seen, _ = seen_of_bert(SensorType.AGENT_RANGE, position_noise_m=1e-6)
+    assert {name: type(node) for name, node in seen.items()} == {"anna": int, "bert": int}
+
+
+def test_an_agent_can_go_to_the_node_that_a_sensor_reports():
+    ctx = road(0, 90, 180)
+    ctx.sensor.create_sensor("eyes", SensorType.AGENT)
+    agent(ctx, "bert", 1, 2, speed=10.0)
+    anna = ctx.agent.create_agent("anna", start_node_id=0, speed=95.0, sensors=["eyes"])
+    anna.strategy = lambda state: state.update(action=state["sensor"]["eyes"][1]["bert"])
+    ctx.game.run(2)
+    assert (anna.current_node_id, type(anna.current_node_id)) == (1, int)
 
 
 def test_a_range_sensor_sees_the_nodes_around_its_place_on_the_edge():

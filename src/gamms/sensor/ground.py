@@ -253,6 +253,8 @@ class NeighborSensor(Sensor):
 class AgentSensor(DetectingSensor, GroundSensor):
     """`data`: fresh `{agent name: id of its node}` of the other agents around, in the order of their creation.
 
+    Of an agent on an edge the id is a `PassedNode`, which says where on the edge it is, unless reports may be wrong.
+
     Without an owner, or at a fixed place, every agent counts as another. The geometry is that of `MapSensor`, applied
     to the nodes the agents stand on, or fly nearest to.
 
@@ -291,6 +293,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
             positions, rows, look = self._found(place, heading)
             names, nodes = positions.names, positions.nodes
             data = {names[row]: nodes[row] for row in rows}
+            if positions.travellers and (look is None or not self.notice.has_errors):
+                data.update(self._memory.nearby.on_edges(positions, rows))
         if self._owner is not None and self._at is None:
             data.pop(self._owner, None)
         if look is not None and self.notice.has_errors:
@@ -321,8 +325,13 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     @of_data
     def last_view(self) -> SensorView:
-        """Return the agents seen last, at their nodes of then, and the field of view from where they were seen."""
-        return SensorView(agents=self.places_of(self.data.values()), names=self._names(), outline=self.outline())
+        """Return the agents seen last, where they were then, and the field of view from where they were seen."""
+        graph = self.ctx.graph.graph
+        kept = [node for node in self.data.values() if graph.has_node(node)]
+        agents = graph.positions(kept)
+        for i, node in enumerate(kept):
+            agents[i] = getattr(node, "xy", agents[i])
+        return SensorView(agents=agents, names=self._names(), outline=self.outline())
 
     def _all_agents(self, place: Place) -> dict[str, int]:
         if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):

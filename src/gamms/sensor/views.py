@@ -19,7 +19,7 @@ from gamms.ir.positions import Positions
 from gamms.sensor import fov_geometry
 from gamms.typing import IContext
 from gamms.typing.graph_engine import IGraph, NodeColumns, NodeGround, Surroundings
-from gamms.typing.on_edges import Line
+from gamms.typing.on_edges import Line, PassedNode
 
 FULL_CIRCLE = 2.0 * pi
 
@@ -301,7 +301,14 @@ class NearbyAgents:
             self._xy_of(positions)  # which finds agents on removed nodes
             names, nodes = positions.names, positions.nodes
             self._nodes_by_name = key, {names[row]: nodes[row] for row in positions.living.tolist()}
+            self._nodes_by_name[1].update(self.on_edges(positions, positions.living.tolist()))
         return self._nodes_by_name[1].copy()
+
+    def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
+        """Return what is reported of those agents that are on edges, by their names."""
+        travellers = positions.travellers
+        moving = [row for row in rows if row in travellers] if travellers else []
+        return {positions.names[row]: self._travellers.sighting(positions, row) for row in moving}
 
     def within(self, place: Place, radius: float) -> tuple[Positions, list[int]]:
         """Return where agents are, and the rows of those within `radius` of a place, the rim included.
@@ -378,7 +385,9 @@ class Travellers:
         self._moved: ChangeLog | None = None
         self._key: tuple[Positions | None, int | None, int] = (None, None, 0)
         self._boxes: FloatArray = np.zeros((4, 0))  # (4, agents)  least x, y, greatest x, y; NaN for those on nodes
-        self._lines: dict[int, Line] = {}  # by row, of the edges that agents are on, or were last
+        self._edges: dict[
+            int, tuple[Line, float]
+        ] = {}  # by row, of the edge that one is on, or was last, and its length
         self._places: dict[int, tuple[float, float] | None] = {}  # by row
 
     def place(self, positions: Positions, row: int) -> tuple[float, float] | None:
@@ -399,10 +408,19 @@ class Travellers:
                 found.append(row)
         return found
 
+    def sighting(self, positions: Positions, row: int) -> int:
+        """Return what is reported of an agent: the node that it is on or has passed, and where on an edge it is."""
+        node, progress = positions.nodes[row], positions.on_edge(row)
+        xy = None if progress is None else self.place(positions, row)
+        if progress is None or xy is None or not self._edges[row][0].lengths:
+            return node
+        edge = progress.source, progress.target, progress.edge
+        return PassedNode(node, edge, progress.share * self._edges[row][1], xy)
+
     def _place(self, positions: Positions, row: int) -> tuple[float, float] | None:
         if row not in self._places:
             progress = positions.on_edge(row)
-            self._places[row] = None if progress is None else self._lines[row].at(progress.share)[:2]
+            self._places[row] = None if progress is None else self._edges[row][0].at(progress.share)[:2]
         return self._places[row]
 
     def _catch_up(self, positions: Positions) -> None:
@@ -415,7 +433,7 @@ class Travellers:
             self._moved = positions.subscribe()
         rows, size = self._moved.take(), len(positions.names)
         if rows is None or graph.revision is None or graph.revision != self._key[1] or self._boxes.shape[1] != size:
-            self._boxes, rows, self._lines = np.full((4, size), np.nan), set(positions.travellers), {}
+            self._boxes, rows, self._edges = np.full((4, size), np.nan), set(positions.travellers), {}
         self._key, self._places = key, {}
         for row in rows:
             progress = positions.on_edge(row)
@@ -423,12 +441,13 @@ class Travellers:
                 self._boxes[:, row] = np.nan
                 continue
             try:
-                points = graph.get_edge(progress.edge).points
+                edge = graph.get_edge(progress.edge)
+                points, length = edge.points, edge.length
             except UnknownName:  # it is gone: the agent counts as on its node
-                points = coordinates(self._ctx, progress.source)
+                points, length = coordinates(self._ctx, progress.source), 0.0
             xs, ys = points[::2], points[1::2]
             self._boxes[:, row] = min(xs), min(ys), max(xs), max(ys)
-            self._lines[row] = Line.of(points)
+            self._edges[row] = Line.of(points), length
 
 
 # -- both ------------------------------------------------------------------------------------------------------------

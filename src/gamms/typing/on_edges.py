@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from itertools import accumulate, pairwise
 from math import hypot
-from typing import NamedTuple
+from typing import Any, NamedTuple, Self
 
 from gamms.errors import ContextTerminated, UnknownName
 from gamms.ir.agents import Motion, Progress
@@ -17,6 +17,29 @@ class OnEdge(NamedTuple):
     offset_m: float  # from its source, map units
     xy: tuple[float, float]
     ahead: tuple[float, float]  # (cos, sin) of the way that the agent goes, or last went
+
+
+class PassedNode(int):
+    """What AGENT sensors report of an agent on an edge: the node that it has passed last, and where it is.
+
+    It is the id of the node, as sensors report it of agents on nodes. Those are plain integers.
+
+    Attributes:
+        edge: ids of the nodes that the edge leads from and to, and its own.
+        offset_m: how far from the source of the edge the agent is, map units.
+        xy: where on the map it is.
+    """
+
+    edge: tuple[int, int, int]
+    offset_m: float
+    xy: tuple[float, float]
+
+    def __new__(cls, node: int, *place: Any) -> Self:
+        """Return the node with a place: `edge`, `offset_m` and `xy`; a copy gets its attributes later."""
+        self = super().__new__(cls, node)
+        if place:
+            self.edge, self.offset_m, self.xy = place
+        return self
 
 
 def located(graph: IGraph, progress: Progress) -> OnEdge | None:
