@@ -1,6 +1,6 @@
 """Who meets whom: on one node, past each other, by edges, by road, in a straight line; matched nearest first."""
 
-from math import inf
+from math import inf, sqrt
 
 import pytest
 from hypothesis import given, settings
@@ -175,3 +175,23 @@ def test_contacts_are_what_the_distance_of_two_nodes_says(reds, blues, unit, lim
         assert all(
             contact.a in names or contact.b in names for contact in contacts(ctx, "red", "blue", **{unit: bound})
         )
+
+
+@given(
+    spots=st.lists(st.tuples(st.integers(0, 12), st.integers(0, 12)), min_size=20, max_size=30),
+    limit=st.sampled_from([0.0, 1.0, 2.5, 5.0, 40.0]),
+    split=st.integers(1, 19),
+)
+@settings(max_examples=20, deadline=None, derandomize=True)
+def test_few_and_many_agents_are_compared_alike(spots, limit, split):
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.add_nodes(range(len(spots)), *zip(*spots, strict=True))
+        for number in range(len(spots)):
+            ctx.agent.create_agent(f"{number:02}", start_node_id=number, team="red" if number < split else "blue")
+        expected = {
+            (f"{i:02}", f"{k:02}"): sqrt(sum((p - q) ** 2 for p, q in zip(spots[i], spots[k], strict=True)))
+            for i in range(split)
+            for k in range(split, len(spots))
+            if sum((p - q) ** 2 for p, q in zip(spots[i], spots[k], strict=True)) <= limit * limit
+        }
+        assert pairs(ctx, euclid=limit) == expected

@@ -4,7 +4,7 @@ The NumPy versions are the specification; faster twins must match them exactly.
 Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
-from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, rows_between
+from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, pairs_within, rows_between
 from gamms.kernels.csr import (
     chosen_runs,
     closed_rings,

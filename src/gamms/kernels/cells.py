@@ -6,11 +6,14 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.kernels.csr import expand_ranges
 
 _POINTS_PER_CELL = 4.0
 _MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
 _FAR = 1e150  # coordinates beyond are as far away as this: their squares would overflow
 _MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
+_MOST_PAIRS = 1 << 18  # that are compared at a time
+_FEW_PAIRS = 1 << 10  # that are compared without cells
 
 
 class CellIndex(NamedTuple):
@@ -60,6 +63,62 @@ def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, 
     first = np.searchsorted(cells.keys, _key(low_x, stripes), side="left")
     last = np.searchsorted(cells.keys, _key(high_x, stripes), side="right")
     return np.concatenate([cells.rows[a:b] for a, b in zip(first.tolist(), last.tolist(), strict=True)])
+
+
+def pairs_within(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, IntArray, FloatArray]:
+    """Find the pairs of points, one of each set, that are at most `limit` apart.
+
+    Squares of distances are compared, (dx * dx + dy * dy) + dz * dz <= limit * limit in 64-bit floats: every machine
+    finds the same pairs.
+
+    Args:
+        a: (points, 3), finite.
+        b: (others, 3), finite.
+        limit: not negative, may be infinite.
+
+    Returns:
+        `rows` of `a` and `others` of `b` (pairs,), by row, then by other row, and how far apart these are (pairs,).
+    """
+    first, last, order = _near_ranges(a, b, limit)
+    rows, others, squares = list[IntArray](), list[IntArray](), list[FloatArray]()
+    ends = np.cumsum((last - first).sum(axis=1))
+    begin = 0
+    while begin < len(a):
+        before = int(ends[begin - 1]) if begin else 0
+        end = max(begin + 1, int(np.searchsorted(ends, before + _MOST_PAIRS, side="right")))
+        group, place = expand_ranges(first[begin:end].ravel(), last[begin:end].ravel())
+        row, other = begin + group // first.shape[1], order[place]
+        with np.errstate(over="ignore"):
+            dx, dy, dz = (a[row] - b[other]).T
+            square = dx * dx + dy * dy + dz * dz
+            near = square <= limit * limit
+        rows.append(row[near])
+        others.append(other[near])
+        squares.append(square[near])
+        begin = end
+    found = [np.concatenate([np.zeros(0, np.int64), *parts]) for parts in (rows, others)]
+    sorting = np.lexsort(found[::-1])
+    return found[0][sorting], found[1][sorting], np.sqrt(np.concatenate([np.zeros(0), *squares])[sorting])
+
+
+def _near_ranges(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the ranges of candidates (points, ranges), first and one behind the last, in an order of the others."""
+    everything = np.arange(len(b))
+    if len(a) * len(b) <= _FEW_PAIRS:
+        return np.zeros((len(a), 1), np.int64), np.full((len(a), 1), len(b)), everything
+    a, b = (np.clip(points[:, :2], -_FAR, _FAR) for points in (a, b))
+    low = np.minimum(a.min(axis=0), b.min(axis=0))
+    greatest = max(float(np.abs(a).max()), float(np.abs(b).max()))
+    size = max(limit * (1.0 + 1e-9) + greatest * 1e-8, 1.0 / _FAR)  # smaller cells drown in rounding
+    cells_a, cells_b = (np.floor((points - low) / size).astype(np.int64) + 1 for points in (a, b))
+    keys = _key(cells_b[:, 0], cells_b[:, 1])
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    stripes = cells_a[:, 1, None] + np.array([-1, 0, 1])
+    columns = cells_a[:, 0, None]
+    first = np.searchsorted(keys, _key(columns - 1, stripes), side="left")
+    last = np.searchsorted(keys, _key(columns + 1, stripes), side="right")
+    return first, last, order
 
 
 def _cell_of(value: float, origin: float, size: float) -> int:

@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import UnknownName
 from gamms.graph import Graph
 from gamms.ir.agents import Position
@@ -121,11 +122,20 @@ class _Line(NamedTuple):
 def within_euclid(graph: Graph, ours: Sequence[Journey], theirs: Sequence[Journey], limit: float) -> Iterator[Meeting]:
     """Yield the pairs that are so near in a straight line, each when it first is."""
     lines = {one.name: list(_lines(graph, one)) for one in (*ours, *theirs)}
+    ours, theirs = ([one for one in side if lines[one.name]] for side in (ours, theirs))
+    if not ours or not theirs:
+        return
     low_a, high_a = _boxes([lines[one.name] for one in ours])
     low_b, high_b = _boxes([lines[one.name] for one in theirs])
-    gaps = np.maximum(low_a[:, None] - high_b, low_b - high_a[:, None]).clip(0.0)
-    rows, columns = np.nonzero((gaps * gaps).sum(axis=2) <= limit * limit * (1.0 + TIME_SLACK))
-    for row, column in zip(rows.tolist(), columns.tolist(), strict=True):
+    reach = sum(
+        float(np.sqrt(((high - low) ** 2).sum(axis=1).max())) for low, high in ((low_a, high_a), (low_b, high_b))
+    )
+    rows, columns, _ = kernels.pairs_within(
+        (low_a + high_a) / 2, (low_b + high_b) / 2, (limit + reach) * (1.0 + TIME_SLACK)
+    )
+    gaps = np.maximum(low_a[rows] - high_b[columns], low_b[columns] - high_a[rows]).clip(0.0)
+    near = np.flatnonzero((gaps * gaps).sum(axis=1) <= limit * limit * (1.0 + TIME_SLACK))
+    for row, column in zip(rows[near].tolist(), columns[near].tolist(), strict=True):
         one, other = ours[row], theirs[column]
         pairs = ((a, b) for a in lines[one.name] for b in lines[other.name])
         found = [met for a, b in pairs if (met := _first_near(a, b, limit)) is not None]
@@ -136,11 +146,9 @@ def within_euclid(graph: Graph, ours: Sequence[Journey], theirs: Sequence[Journe
 
 def _boxes(journeys: Sequence[Sequence[_Line]]) -> tuple[FloatArray, FloatArray]:
     """Return the lowest and the highest coordinates on each journey, (journeys, 3) both."""
-    nowhere: list[Position] = [(inf, inf, inf)]
-    ends = ([point for line in lines for point in (line.begin, line.end)] for lines in journeys)
-    points = [np.array(some or nowhere) for some in ends]
-    low, high = np.array([one.min(axis=0) for one in points]), np.array([one.max(axis=0) for one in points])
-    return low.reshape(-1, 3), high.reshape(-1, 3)
+    points = np.array([point for lines in journeys for line in lines for point in (line.begin, line.end)])
+    begins = np.cumsum([0, *(2 * len(lines) for lines in journeys[:-1])])
+    return np.minimum.reduceat(points, begins), np.maximum.reduceat(points, begins)
 
 
 def _lines(graph: Graph, one: Journey) -> Iterator[_Line]:
