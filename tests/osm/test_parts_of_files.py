@@ -1,9 +1,11 @@
 """Parts of map files: by a filter of one's own, and within an area."""
 
+from pathlib import Path
+
 import pytest
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.osm import graph_from_file
+from gamms.osm import graph_from_file, report
 
 ROAD = {"highway": "residential"}
 ROW = {i: (60.17, 24.94 + 0.001 * i) for i in range(10)}
@@ -111,3 +113,48 @@ def test_an_area_that_is_none_is_refused(streets, clip):
 def test_an_area_without_roads_is_named(streets):
     with pytest.raises(BadFile, match="no roads in the area of clip"):
         graph_from_file(streets, clip=(10, 10, 11, 11))
+
+
+# -- reports of parts -------------------------------------------------------------------------------------------
+
+
+def test_a_report_knows_what_a_filter_left_out(streets):
+    graph = graph_from_file(streets, retain_all=True, filter={"highway": ["residential"]}, **WHOLE)
+    found, whole = report(graph, streets), report(graph_from_file(streets, retain_all=True, **WHOLE), streets)
+    assert found.is_faithful
+    assert found.filtered > 0.0
+    assert found.length_before + found.filtered == pytest.approx(whole.length_before)
+    assert dict(found.rows())["by filter"] == f"{found.filtered:,.1f} m left out"
+    assert (whole.filtered, whole.clipped, "by filter" in dict(whole.rows())) == (0.0, 0.0, False)
+
+
+def test_a_filter_that_is_a_function_has_to_be_given_again(streets):
+    def is_residential(tags):
+        return tags["highway"] == "residential"
+
+    graph = graph_from_file(streets, retain_all=True, filter=is_residential, **WHOLE)
+    with pytest.raises(BadValue, match=r"'is_residential', a function of yours. Give report\(…, filter=\)"):
+        report(graph, streets)
+    assert report(graph, streets, filter=is_residential).is_faithful
+    assert not report(graph, streets, filter=lambda tags: True).is_faithful
+
+
+@pytest.mark.parametrize("mode", [None, "bike", "drive_service"])
+def test_a_report_knows_what_lies_outside_of_an_area(mode):
+    file = Path(__file__).parent.parent / "osm_online/data/kluuvi.osm.gz"
+    corners = [(24.940, 60.167), (24.948, 60.167), (24.948, 60.172), (24.940, 60.172)]
+    graph = graph_from_file(file, osm_type=mode, clip=corners, filter={"highway": ["service", "footway", "tertiary"]})
+    found = report(graph, file)
+    assert found.is_faithful
+    parts = (found.filtered, found.clipped, found.other_parts, found.no_way_back, *found.closed.values())
+    assert found.length_before - found.across + sum(parts) == pytest.approx(found.source_length)
+    assert min(found.filtered, found.clipped) > 1000.0
+    assert 0.0 not in found.closed.values()
+    assert not report(graph, file, clip=(24.0, 60.0, 25.0, 61.0)).is_faithful
+
+
+def test_an_area_between_the_nodes_of_a_road_has_no_roads(streets):
+    with pytest.raises(BadFile, match="no roads in the area of clip"):
+        graph_from_file(streets, clip=(24.9401, 60.1699, 24.9409, 60.1701))
+    with pytest.raises(BadFile, match="no roads in the area of clip"):
+        graph_from_file(streets, clip=(24.9401, 60.1699, 24.9411, 60.1701))

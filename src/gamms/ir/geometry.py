@@ -120,15 +120,23 @@ def polylines_of(shapes: Mapping[int, object], name_of: Callable[[int], str]) ->
     return {row: found[row] if row in found else points_of(shape, name_of(row)) for row, shape in shapes.items()}
 
 
-def distances_to_lines(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
-    """Return the distance of each of `points` (points, 2) to the nearest of some straight lines (lines, 2)."""
+def nearest_lines(
+    points: FloatArray, starts: FloatArray, ends: FloatArray
+) -> "tuple[np.ndarray[Any, np.dtype[np.int64]], FloatArray]":
+    """Return the nearest of some straight lines (lines, 2) to each of `points` (points, 2), and its distance."""
     import shapely
 
     tree = shapely.STRtree(shapely.linestrings(np.stack((starts, ends), axis=1)))
-    (rows, _), near = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
-    distances = np.empty(len(points))
-    distances[rows] = near
-    return distances
+    (_, lines), distances = tree.query_nearest(shapely.points(points), return_distance=True, all_matches=False)
+    return lines, distances
+
+
+def distances_to(points: FloatArray, starts: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the distance of each of `points` (points, 2) to the straight line of the same row."""
+    along, to = ends - starts, points - starts
+    square = (along * along).sum(axis=1)
+    share = np.clip((to * along).sum(axis=1) / np.where(square > 0.0, square, 1.0), 0.0, 1.0)
+    return np.asarray(np.hypot(*(to - share[:, None] * along).T))
 
 
 def lines_near(

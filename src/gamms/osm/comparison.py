@@ -1,10 +1,10 @@
 """Measures between a graph and the network that it was made of: lengths, places, directions and joints."""
 
-from dataclasses import replace
+import math
 
 import numpy as np
 
-from gamms.ir.geometry import distances_to_lines, lines_near
+from gamms.ir.geometry import distances_to, lines_near, nearest_lines
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.osm.network import RoadNetwork, along, chosen_roads, network_of_lines, offsets_of, segment_starts
@@ -54,10 +54,7 @@ def pieces_of(roads: RoadNetwork, source: RoadNetwork, resolution: float) -> tup
 
 
 def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
-    """Return the distance of every vertex of the source from the nearest of these roads, exactly, in metres.
-
-    Given the other way round it is how far the roads lead off the map.
-    """
+    """Return the distance of every vertex of the source from the nearest of these roads, exactly, in metres."""
     used = np.unique(np.concatenate((source.sources, source.targets)))
     vertices = np.unique(_complex(np.concatenate((source.xy[used], source.points))))
     away = np.flatnonzero(~np.isin(vertices, _complex(roads.points)))
@@ -67,7 +64,7 @@ def deviations(source: RoadNetwork, roads: RoadNetwork) -> FloatArray:
         return result
     start = segment_starts(roads.offsets)
     places = np.column_stack((vertices[away].real, vertices[away].imag))
-    result[away] = distances_to_lines(places, roads.points[start], roads.points[start + 1])
+    _, result[away] = nearest_lines(places, roads.points[start], roads.points[start + 1])
     return result
 
 
@@ -93,19 +90,31 @@ def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> i
     return int((judged & wrong).sum())
 
 
-def with_places_between(network: RoadNetwork) -> RoadNetwork:
-    """Return the same roads with vertices on their straight pieces: in the middle of each, and every 25 m at least."""
-    if not len(network.sources):
-        return network
-    start, line = segment_starts(network.offsets), _lines_of_pieces(network)
-    here, there = network.points[start], network.points[start + 1]
+def surplus(roads: RoadNetwork, source: RoadNetwork) -> float:
+    """Return how far the roads lead off the map at most: vertices, the middles of straight pieces, and every 25 m.
+
+    A piece both ends of which lie on one straight piece of the source runs along it, since the distance from that is a
+    convex function. Only the others are looked at more closely.
+    """
+    mine, theirs = segment_starts(roads.offsets), segment_starts(source.offsets)
+    if not len(mine) or not len(theirs):
+        return math.inf if len(mine) else 0.0
+    here, there = roads.points[mine], roads.points[mine + 1]
+    start, end = source.points[theirs], source.points[theirs + 1]
+    near, _ = nearest_lines((here + there) / 2.0, start, end)
+    off = np.maximum(*(distances_to(places, start[near], end[near]) for places in (here, there)))
+    astray = off > _EXACT
+    places = _places_along(here[astray], there[astray])
+    closely = nearest_lines(places, start, end)[1].max() if len(places) else 0.0
+    return max(float(closely), float(off[~astray].max(initial=0.0)))
+
+
+def _places_along(here: FloatArray, there: FloatArray) -> FloatArray:
+    """Return the ends of straight lines (lines, 2), and places between: the middle of each, and every 25 m at least."""
     parts = np.maximum(np.ceil(np.hypot(*(there - here).T) / _STEP_M), 2.0).astype(np.int64)
-    piece = np.repeat(np.arange(len(parts)), parts)
-    share = (np.arange(len(piece)) - offsets_of(parts)[piece]) / parts[piece]
-    points = here[piece] + (there - here)[piece] * share[:, None]
-    counts = np.bincount(line, weights=parts, minlength=len(network.sources)).astype(np.int64)
-    points = np.insert(points, np.cumsum(counts), network.points[network.offsets[1:] - 1], axis=0)
-    return replace(network, points=points, offsets=offsets_of(counts + 1))
+    line = np.repeat(np.arange(len(parts)), parts + 1)
+    share = (np.arange(len(line)) - offsets_of(parts + 1)[line]) / parts[line]
+    return np.asarray(here[line] + (there - here)[line] * share[:, None])
 
 
 def wrong_directions(edges: RoadNetwork, source: RoadNetwork) -> tuple[float, float]:
@@ -113,9 +122,7 @@ def wrong_directions(edges: RoadNetwork, source: RoadNetwork) -> tuple[float, fl
 
     An edge is judged by the middle of its longest straight piece, if that lies on roads of the source.
     """
-    ends = np.column_stack((edges.sources, edges.targets, edges.lengths))
-    backward = set(map(tuple, ends[:, [1, 0, 2]].tolist()))
-    alone = np.array([tuple(one) not in backward for one in ends.tolist()], np.bool_)
+    alone = _without_way_back(edges)
     judged = np.flatnonzero(alone | ~source.two_way.all())
     if not len(judged) or not len(source.sources):
         return 0.0, 0.0
@@ -126,6 +133,20 @@ def wrong_directions(edges: RoadNetwork, source: RoadNetwork) -> tuple[float, fl
     lengths = edges.lengths[judged]
     against, only = (found > 0) & (allowed == 0), (found > 0) & (both == found) & alone[judged]
     return float(lengths[against].sum()), float(lengths[only].sum())
+
+
+def _without_way_back(edges: RoadNetwork) -> BoolArray:
+    """Return the edges without one of the same length in the other direction."""
+    count = len(edges.sources)
+    ends = np.stack((edges.sources, edges.targets))
+    sources, targets = np.concatenate((ends, ends[::-1]), axis=1)
+    lengths = np.tile(edges.lengths, 2)
+    order = np.lexsort((lengths, targets, sources))
+    rows = np.column_stack((sources, targets, lengths))[order]
+    group = np.empty(2 * count, np.int64)
+    group[order] = np.cumsum(np.append(False, (np.diff(rows, axis=0) != 0.0).any(axis=1)))[: 2 * count]
+    is_there = np.bincount(group[:count], minlength=2 * count) > 0
+    return np.asarray(~is_there[group[count:]])
 
 
 def _roads_below(edges: RoadNetwork, source: RoadNetwork) -> tuple[IntArray, BoolArray, BoolArray]:

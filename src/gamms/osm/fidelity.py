@@ -1,5 +1,6 @@
 """The fidelity report: how far a graph is from the map that it was made of, and whether it keeps its promises."""
 
+import json
 import os
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,6 +12,7 @@ import numpy as np
 
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue
+from gamms.ir.geometry import are_inside
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.projection import ellipsoid_lengths
 from gamms.osm.comparison import (
@@ -19,14 +21,14 @@ from gamms.osm.comparison import (
     deviations,
     pieces_of,
     roads_once,
+    surplus,
     untrue_lengths,
-    with_places_between,
     wrong_directions,
     wrong_joints,
 )
 from gamms.osm.geojson import is_geojson
-from gamms.osm.load import Selection, network_in_metres, read_network, recipe_of, selection_of
-from gamms.osm.modes import ModeFunction, as_mode, modes
+from gamms.osm.load import Clip, Selection, network_in_metres, part_of, read_network, recipe_of, selection_of
+from gamms.osm.modes import ModeFunction, WayFilter, as_mode, filter_of_words, modes
 from gamms.osm.network import (
     OSMType,
     RoadNetwork,
@@ -38,7 +40,7 @@ from gamms.osm.network import (
     network_of_columns,
     segments_of,
 )
-from gamms.osm.networkx_bridge import network_of_graph
+from gamms.osm.networkx_bridge import columns_in_waiting, network_of_graph
 from gamms.osm.osmium_reader import as_file, count_turn_restrictions, read_ways
 from gamms.osm.topology import chains_of, degrees
 from gamms.progress import progress
@@ -55,6 +57,8 @@ _LENGTH_ERROR = 0.001
 _ROUNDING_M = 0.001
 _WIDEST_DEFAULT = 10.0  # metres: the tolerance that is assumed of a graph that does not name its own
 _SLACK = 1e-9
+_JUDGED_TAGS = ("oneway",)
+_FILTER = "filter"  # why a way is left out that is open; the others have a "="
 _MOST_NAMED = 4  # tags that close ways, in the text of a report
 _SHARES = (0.25, 0.5, 0.75, 1.0, 1.25, 1.5)
 LEAST_PIECE, MOST_PIECE = 0.75, 1.25  # of the resolution
@@ -77,6 +81,8 @@ class Report(NamedTuple):
     conditional_ignored: int  # ways with rules for some times only, such as access:conditional
     turn_restrictions_ignored: int
     barriers: int  # at which agents cannot go on, such as bollards on streets for cars
+    filtered: float  # of open ways that the filter of the caller refuses
+    clipped: float  # of all ways, as far as they are outside of the area of the caller
     closed: dict[str, float]  # of the ways of a file that are no roads for the mode of travel, by what closes them
     against_traffic: float  # of edges that lead against the directions of the source
     one_direction: float  # of edges that are the only direction of a two-way road
@@ -141,6 +147,8 @@ class Report(NamedTuple):
             ("closed as areas", self._closed_in_words("area")),
             ("other parts", f"{self.other_parts:,.1f} m left out"),
             ("no way back", f"{self.no_way_back:,.1f} m left out"),
+            *([("by filter", f"{self.filtered:,.1f} m left out")] if self.filtered else []),
+            *([("outside of clip", f"{self.clipped:,.1f} m left out")] if self.clipped else []),
             ("across squares", f"{self.across:,.1f} m of lines that are on no map"),
             ("barriers", f"{self.barriers:,} end roads"),
             (
@@ -188,6 +196,8 @@ def report(
     resolution: float | None = None,
     retain_all: bool | None = None,
     osm_type: OSMType | str | ModeFunction | None = None,
+    filter: WayFilter | None = None,
+    clip: "Clip | None" = None,
 ) -> Report:
     """Compare a graph with the map that it was made of.
 
@@ -197,6 +207,8 @@ def report(
         resolution: as it was asked for; needed where the graph does not say so itself.
         retain_all: whether all parts of a file are compared, or the largest one; by default as the graph says.
         osm_type: for which mode of travel roads of a file are compared; by default as the graph says.
+        filter: which of them, as for `graph_from_file`; by default as the graph says, unless that was a function.
+        clip: in which area, likewise.
 
     Raises:
         BadValue: the resolution is not known, or the two have different CRS.
@@ -209,7 +221,11 @@ def report(
     if not length > 0.0:
         raise BadValue("The graph does not say how it was cut. Give report(…, resolution=10.0), or what it was.")
     everything = bool(about.get("retain_all", False)) if retain_all is None else retain_all
-    selection = _selection(about, everything, osm_type)
+    selection = part_of(
+        _selection(about, everything, osm_type),
+        filter_of_words(about.get("filter", "")) if filter is None else filter,
+        json.loads(about.get("clip") or "null") if clip is None else clip,
+    )
     before = _source_network(source, selection)
     about = {**about, **_own_count(source, selection)}
     if None not in (before.crs, edges.crs) and before.crs != edges.crs:
@@ -229,7 +245,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
     untrue = untrue_lengths(roads, uncut, source)
     against, alone = _directions(edges, source, about)
     joints = wrong_joints(roads, source, about.get("tolerance", _WIDEST_DEFAULT))
-    surplus = float(deviations(with_places_between(roads), source).max(initial=0.0))
+    off_map = surplus(roads, source)
     before, after, merged = source.lengths.sum(), roads.lengths.sum(), about.get("merged_length", 0.0)
     least, most = LEAST_PIECE - _SLACK, MOST_PIECE + _SLACK
     in_bounds = ((regular >= least) & (regular <= most)).all()
@@ -248,6 +264,8 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         conditional_ignored=about.get("conditional", 0),
         turn_restrictions_ignored=about.get("turn_restrictions", 0),
         barriers=source.left_out.barriers,
+        filtered=about.get("filtered", 0.0),
+        clipped=about.get("clipped", 0.0),
         closed=about.get("closed", {}),
         against_traffic=against,
         one_direction=alone,
@@ -255,7 +273,7 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         length_merged=float(merged),
         deviation_max=float(away.max(initial=0.0)),
         deviation_mean=float(away.mean()) if len(away) else 0.0,
-        surplus_max=surplus,
+        surplus_max=off_map,
         nodes_merged=int(about.get("merged_nodes", 0)),
         dead_ends=int((degrees(roads) == 1).sum()),
         components=len(np.unique(components(roads.sources, roads.targets, len(roads.xy)))),
@@ -273,12 +291,15 @@ def _compared(edges: RoadNetwork, source: RoadNetwork, about: dict[str, Any]) ->
         uncut_kept=untrue == 0,
         directions_kept=bool(against + alone <= _LENGTH_ERROR * before),
         joints_kept=joints == 0,
-        on_map_kept=surplus <= WIDEST * about.get("tolerance", _WIDEST_DEFAULT) + _ROUNDING_M,
+        on_map_kept=off_map <= WIDEST * about.get("tolerance", _WIDEST_DEFAULT) + _ROUNDING_M,
         source_kept=_is_accounted(source, about),
     )
 
 
 def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
+    waiting = columns_in_waiting(graph, _JUDGED_TAGS)
+    if waiting is not None:
+        return network_of_columns(waiting[0]), dict(waiting[1])
     get = getattr(graph, "columns", None)
     columns = get() if callable(get) else graph
     if isinstance(columns, GraphColumns):
@@ -286,8 +307,9 @@ def _edges_of(graph: Cut) -> tuple[RoadNetwork, dict[str, Any]]:
     if isinstance(graph, GraphColumns | IGraphEngine) or not hasattr(graph, "is_directed"):
         raise BadType(f"graph must be a networkx graph, ctx.graph or its columns, not {shown(graph)}.")
     is_drawn = all("linestring" in data and "length" in data for _, _, data in graph.edges(data=True))
-    edges = replace(network_of_graph(graph), crs=graph.graph.get("crs")) if is_drawn else network_in_metres(graph)
-    return edges, dict(graph.graph)
+    if not is_drawn:
+        return network_in_metres(graph), dict(graph.graph)
+    return replace(network_of_graph(graph, _JUDGED_TAGS), crs=graph.graph.get("crs")), dict(graph.graph)
 
 
 def _selection(about: dict[str, Any], retain_all: bool, osm_type: "OSMType | str | ModeFunction | None") -> Selection:
@@ -326,7 +348,8 @@ def _own_count(source: Source, selection: Selection) -> dict[str, Any]:
     """Count the ways of a file that have a `highway`, open or not, and what is said of them that a graph ignores.
 
     Returns:
-        source_length, closed (tag that closes ways -> metres, the most first), conditional, turn_restrictions.
+        source_length, clipped, filtered, closed (tag that closes ways -> metres, the most first), conditional,
+        turn_restrictions.
     """
     if not isinstance(source, (str, os.PathLike)) or is_geojson(Path(source)):
         return {}
@@ -334,7 +357,8 @@ def _own_count(source: Source, selection: Selection) -> dict[str, Any]:
     def rule(osmid: int, tags: Mapping[str, str]) -> tuple[dict[str, Any], bool]:
         closed = None if selection.closed is None else selection.closed(osmid, tags)
         conditional = any(name.endswith(":conditional") for name in tags)
-        why = "" if closed is None else closed[0]["why"]
+        is_taken = selection.rule is None or closed is not None or selection.rule(osmid, tags) is not None
+        why = closed[0]["why"] if closed is not None else "" if is_taken else _FILTER
         return {"osmid": osmid, "why": why, "oneway": False, "conditional": conditional}, False
 
     with progress() as show:
@@ -342,15 +366,24 @@ def _own_count(source: Source, selection: Selection) -> dict[str, Any]:
         restrictions = count_turn_restrictions(as_file(source))
     pieces = segments_of(ways)
     metres = ellipsoid_lengths(pieces.lonlat[pieces.sources], pieces.lonlat[pieces.targets])
-    of_ways = np.bincount(pieces.ways, weights=metres, minlength=len(ways.tags)).tolist()
+    known = np.ones(len(pieces.lonlat), np.bool_)
+    if selection.clip is not None:
+        known = are_inside(selection.clip, pieces.lonlat)
+    inside = known[pieces.sources] & known[pieces.targets]
+    of_ways = np.bincount(pieces.ways, weights=metres * inside, minlength=len(ways.tags)).tolist()
     found: dict[str, float] = {}
     for tags, length in zip(ways.tags, of_ways, strict=True):
-        found[tags["why"]] = found.get(tags["why"], 0.0) + length
+        if length > 0.0:
+            found[tags["why"]] = found.get(tags["why"], 0.0) + length
     found.pop("", None)
     return {
         "source_length": float(metres.sum()),
+        "clipped": float(metres[~inside].sum()),
+        "filtered": found.pop(_FILTER, 0.0),
         "closed": dict(sorted(found.items(), key=lambda item: (-item[1], item[0]))),
-        "conditional": sum(tags["conditional"] for tags in ways.tags),
+        "conditional": sum(
+            tags["conditional"] and length > 0.0 for tags, length in zip(ways.tags, of_ways, strict=True)
+        ),
         "turn_restrictions": restrictions,
     }
 
@@ -361,6 +394,7 @@ def _is_accounted(source: RoadNetwork, about: Mapping[str, Any]) -> bool:
     if total is None:
         return True
     known = source.lengths.sum() + sum(about["closed"].values()) + left_out.other_parts_m + left_out.no_way_back_m
+    known += about["filtered"] + about["clipped"]
     return bool(abs(known - left_out.across_m - total) <= _LENGTH_ERROR * total)
 
 

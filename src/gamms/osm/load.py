@@ -1,13 +1,14 @@
 """Maps in, graphs out: what `gamms.osm` offers, step by step from the file to the networkx graph."""
 
 import inspect
+import json
 import logging
 import os
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple, TypedDict, TypeVar, Unpack
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypedDict, TypeVar, Unpack
 
 import numpy as np
 
@@ -26,6 +27,7 @@ from gamms.osm.modes import (
     WayFilter,
     as_mode,
     closed_rule,
+    filter_in_words,
     filtered,
     honouring_traffic,
     keeping,
@@ -84,6 +86,8 @@ class Recipe(NamedTuple):
     mode: str = ""  # the mode whose rules chose the roads; empty for those of 1.0.0
     strong: bool = False
     around_buildings: bool = False  # whether merged junctions and ways across squares keep clear of buildings
+    clip: str = ""  # the area in degrees, as GeoJSON
+    filter: str = ""  # as JSON, or the name of a function
     every_way: bool = False  # also what is planned, being built or gone, as gamms 1.0.0 takes it from files
 
 
@@ -102,6 +106,10 @@ class Selection(NamedTuple):
     clip: "Polygon | None" = None  # the area in degrees that is taken
     snap: float = 0.0  # metres, of GeoJSON
     around_buildings: bool = False
+
+
+Clip: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any] | Polygon"
+"""An area in degrees: (west, south, east, north), or a polygon of pairs, of GeoJSON or of shapely."""
 
 
 class MapOptions(TypedDict, total=False):
@@ -133,7 +141,7 @@ class FileOptions(MapOptions, total=False):
     """
 
     filter: "WayFilter | None"
-    clip: "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, Any] | Polygon | None"
+    clip: "Clip | None"
 
 
 Made = TypeVar("Made", bound=Callable[..., Any])
@@ -242,9 +250,19 @@ def graph_from_file(
     recipe = recipe_of(resolution, tolerance, bidirectional, retain_all, simplify)
     recipe = for_mode(recipe, mode, bidirectional, strong)
     recipe = recipe._replace(around_buildings=as_bool(more.get("around_buildings", True), "around_buildings"))
-    selection = selection_of(recipe, mode, as_tags(more.get("tags", ())))
-    selection = selection._replace(rule=filtered(selection.rule, more.get("filter")), clip=_area_of(more.get("clip")))
+    selection = part_of(selection_of(recipe, mode, as_tags(more.get("tags", ()))), more.get("filter"), more.get("clip"))
+    area = "" if selection.clip is None else json.dumps(selection.clip.__geo_interface__)
+    recipe = recipe._replace(clip=area, filter=filter_in_words(more.get("filter")))
     return _graph(filepath, recipe, read_ways, selection, as_ground(more.get("elevation"), mode))
+
+
+def part_of(selection: Selection, given: "WayFilter | None", clip: object) -> Selection:
+    """Return which of the roads are wanted by a filter and an area of the caller's.
+
+    Raises:
+        BadType, BadValue: one is impossible.
+    """
+    return selection._replace(rule=filtered(selection.rule, given), clip=_area_of(clip))
 
 
 def _area_of(clip: object) -> "Polygon | None":
@@ -495,14 +513,14 @@ def read_network(file: Path, show: Show, selection: Selection, read: _Reader | N
                 around_buildings=selection.around_buildings,
             )
         )
-    if not ways.tags:
+    segments = segments_of(ways)
+    if not ways.tags or (selection.clip is not None and not len(segments.sources)):
         whose = f" for the mode {selection.mode!r}" if selection.mode else ""
         whose += " in the area of clip" if selection.clip is not None else ""
         raise BadFile(
             f"{str(file)!r} cannot be used: it has no roads{whose}, that is no such ways with a highway tag. "
             "Export the area with its roads."
         )
-    segments = segments_of(ways)
     if not len(segments.sources):
         raise BadFile(
             f"{str(file)!r} has roads, but not the nodes that they lead through. "

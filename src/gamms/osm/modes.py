@@ -4,6 +4,7 @@ The rules are data, `gamms/data/modes.toml`, with their sources. A mode is a fun
 `Access`; any such function may take its place.
 """
 
+import json
 import math
 import tomllib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -282,6 +283,27 @@ def filtered(rule: Rule | None, given: WayFilter | None) -> Rule | None:
     if not callable(keep):
         raise BadType(f"filter must be a function from tags to a bool, or a dict of tags, not {shown(given)}.")
     return lambda osmid, tags: rule(osmid, tags) if keep(tags) else None
+
+
+def filter_in_words(given: WayFilter | None) -> str:
+    """Return a filter as a text: JSON of a dict, or the name of a function; empty for None."""
+    if isinstance(given, Mapping):
+        return json.dumps({tag: sorted(one) if isinstance(one, set) else one for tag, one in given.items()})
+    return "" if given is None else str(getattr(given, "__name__", type(given).__name__))
+
+
+def filter_of_words(text: str) -> WayFilter | None:
+    """Return the filter that `filter_in_words` wrote.
+
+    Raises:
+        BadValue: it is a function, of which only the name is known.
+    """
+    if text and not text.startswith("{"):
+        raise BadValue(
+            f"The graph was filtered by {shown(text)}, a function of yours. Give report(…, filter=), as before."
+        )
+    given: WayFilter | None = json.loads(text) if text else None
+    return given
 
 
 def _of_values(given: Mapping[str, object]) -> Callable[[Mapping[str, str]], bool]:

@@ -6,8 +6,9 @@ road without a sign gets a speed that depends on its class only: not on what els
 
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from copy import deepcopy
+from dataclasses import replace
 from functools import cache
 from typing import TYPE_CHECKING, Any, TypeGuard, TypeVar
 
@@ -20,7 +21,7 @@ from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Poly
 from gamms.ir.obstacles import BoolArray
 from gamms.osm.network import RoadNetwork, network_of_lines, reversed_points
 from gamms.text import shown
-from gamms.typing.map_storage import IGraphSource
+from gamms.typing.map_storage import IGraphSource, IPackedGraph
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -230,6 +231,21 @@ def _deferred_class() -> Any:
     return Deferred
 
 
+def columns_in_waiting(graph: object, names: Collection[str]) -> tuple[GraphColumns, Mapping[str, Any]] | None:
+    """Return the columns of a graph that nothing has looked at yet, with these attributes, and what it says of itself.
+
+    None for other graphs. It stays unfilled.
+    """
+    if not isinstance(graph, IGraphSource) or isinstance(graph, IPackedGraph):
+        return None
+    network, about, _ = object.__getattribute__(graph, "__dict__")["pending"]
+    known: dict[tuple[Any, ...], int] = {}  # few, while there are as many ways as roads
+    rows = [known.setdefault(tuple(of_way.get(name) for name in names), len(known)) for of_way in network.tags]
+    tags = [dict(zip(names, values, strict=True)) for values in known]
+    ways = np.array(rows, np.int64)[network.ways]
+    return to_columns(replace(network, tags=tags, ways=ways, refs=None, tunnels=None, z=None)), about
+
+
 def to_columns(network: RoadNetwork) -> GraphColumns:
     """Return the graph that `to_digraph` makes, as columns.
 
@@ -428,10 +444,10 @@ def _climbs(network: RoadNetwork, times: FloatArray, *, is_back: bool) -> list[d
     return [{"travel_time": time, "grade": grade} for time, grade in pairs]
 
 
-def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
+def network_of_graph(graph: "nx.Graph[Any]", names: Collection[str] | None = None) -> RoadNetwork:
     """Return the nodes and edges of a networkx graph in its own coordinates; every edge is a one-way road.
 
-    `crs` stays None; an edge without a length has NaN.
+    `crs` stays None; an edge without a length has NaN. `names` are the attributes that become tags, by default all.
 
     Raises:
         BadType: it is no networkx graph.
@@ -447,7 +463,10 @@ def network_of_graph(graph: "nx.Graph[Any]") -> RoadNetwork:
     sources = np.array([rows[u] for u, _, _ in edges], np.int64)
     targets = np.array([rows[v] for _, v, _ in edges], np.int64)
     lengths = np.array([_length(u, v, data) for u, v, data in edges], np.float64)
-    tags = [{name: value for name, value in data.items() if name not in _OWN} for _, _, data in edges]
+    if names is None:
+        tags = [{name: value for name, value in data.items() if name not in _OWN} for _, _, data in edges]
+    else:
+        tags = [{name: data[name] for name in names if name in data} for _, _, data in edges]
     shapes = {road: data.get("geometry", data.get("linestring")) for road, (_, _, data) in enumerate(edges)}
     given = {road: shape for road, shape in shapes.items() if shape is not None}
     polylines = polylines_of(given, lambda road: f"The geometry of edge ({edges[road][0]!r}, {edges[road][1]!r})")
