@@ -408,7 +408,7 @@ class Game(RuleVerbs):
         from gamms.game.batch.games import Batch, BatchSource, as_seeds  # which few programs need
 
         chosen = as_seeds(num_games, seed, seeds)
-        return Batch(BatchSource(self.fork(0), False, None, None), chosen, record=record)
+        return Batch(BatchSource(self.fork(0), None, None, None), chosen, record=record)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -70,6 +70,16 @@ def place(ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> dict[
     return {agent: map.ids[row] for of_team in rows.values() for agent, row in of_team.items()}
 
 
+def starts(ctx: Context, spec: Spec, seed: int) -> dict[str, int]:
+    """Return what `place` gives with another seed than that of the context."""
+    own, own_stream = ctx.seed, ctx.rng_state()
+    ctx.reseed(seed)
+    try:
+        return place(ctx, spec, members(spec))
+    finally:
+        ctx.reseed(own, own_stream)
+
+
 def node_at(ctx: Context, given: Place, path: str) -> int:
     """Return the node that an id, [x, y], or a latitude and longitude means.
 

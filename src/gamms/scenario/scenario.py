@@ -16,7 +16,7 @@ from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, written_out
 from gamms.scenario.code import Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
-from gamms.scenario.placement import members, node_at, place
+from gamms.scenario.placement import members, node_at, place, starts
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
 from gamms.scenario.validation import check_code, check_sense, code_in, unread_data
 from gamms.text import shown
@@ -249,15 +249,13 @@ class Scenario:
         """
         chosen = as_seeds(num_games, seed, seeds)
         values = [code.path for code in code_in(self.spec) if code.what == "value" and code.keys[0] != "map"]
-        are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
         reason = f"{values[0]}, which a function makes for each game" if values else None
+        are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
         ctx = self.build(chosen[0], strategies)
+        build = partial(self.build, strategies=strategies)
         try:
-            return Batch(
-                BatchSource(ctx.game, are_drawn, reason, partial(self.build, strategies=strategies)),
-                chosen,
-                record=record,
-            )
+            source = BatchSource(ctx.game, partial(starts, ctx, self.spec) if are_drawn else None, reason, build)
+            return Batch(source, chosen, record=record)
         except BaseException:
             ctx.terminate()
             raise

@@ -136,12 +136,13 @@ class ArrayEngine:
         """Return what the agents of a team observe, in all games."""
         return ArrayView(self.state, np.arange(len(self.state)), self.state.roster.members(team))
 
-    def over(self, game: int) -> dict[str, Any] | None:
-        """Return how a game has ended; None while it goes on."""
-        known = self.state.over[game]
-        if known is None and self.is_over[game]:
-            return {"reason": "max_turns", "winner": None, "truncated": True}
-        return known
+    def overs(self) -> list[dict[str, Any] | None]:
+        """Return how the games have ended; None of one that goes on."""
+        late = {"reason": "max_turns", "winner": None, "truncated": True}
+        return [
+            late if known is None and is_over else known
+            for known, is_over in zip(self.state.over, self.is_over.tolist(), strict=True)
+        ]
 
     def scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""
@@ -165,7 +166,7 @@ class ArrayEngine:
             }
             for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
         }
-        over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
+        over = self.overs()[game] or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
             scores=state.scores_of(game),

@@ -28,13 +28,13 @@ class BatchSource(NamedTuple):
 
     Attributes:
         game: at its start, in a context of the batch's own.
-        draws_starts: whether agents begin elsewhere with another seed.
+        starts: returns where agents begin with a seed, the ids of nodes by name; None: with every seed where they are.
         follows_seed: what else differs with the seed, in words; None: nothing that is not drawn in turns.
         build: makes a context with the game of a seed; None: recordings cannot be made.
     """
 
     game: PlayedGame
-    draws_starts: bool
+    starts: Callable[[int], Mapping[str, int]] | None
     follows_seed: str | None
     build: Callable[[int], Any] | None
 
@@ -158,7 +158,7 @@ class Batch:
 
     def _start_again(self, game: int) -> None:
         if isinstance(self._engine, ArrayEngine):
-            self._engine.start(game, self._start(self.seeds[game]))
+            self._engine.start(game, self._starts([self.seeds[game]])[0])
         else:
             self._engine.start(game)
 
@@ -191,14 +191,12 @@ class Batch:
     @property
     def terminated(self) -> BoolArray:
         """Which games were ended by what happened in them, (games,)."""
-        return np.array(
-            [over is not None and not over["truncated"] for over in map(self._engine.over, range(len(self)))]
-        )
+        return np.array([over is not None and not over["truncated"] for over in self._engine.overs()])
 
     @property
     def truncated(self) -> BoolArray:
         """Which games were ended because the time was up, (games,)."""
-        return np.array([over is not None and over["truncated"] for over in map(self._engine.over, range(len(self)))])
+        return np.array([over is not None and over["truncated"] for over in self._engine.overs()])
 
     def result(self, game: int) -> Result:
         """Return the result of a game so far; its timings are 0."""
@@ -206,7 +204,7 @@ class Batch:
 
     def table(self) -> dict[str, Any]:
         """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score."""
-        overs = [self._engine.over(game) or {} for game in range(len(self))]
+        overs = [over or {} for over in self._engine.overs()]
         columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self.turn}
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
         columns["winner"] = np.array([over.get("winner") for over in overs], object)
@@ -256,15 +254,12 @@ class Batch:
         return game
 
     def _starts(self, seeds: Sequence[int]) -> IntArray:
-        if not self._source.draws_starts:
-            return np.tile(self._start(seeds[0]), (len(seeds), 1))
-        return np.stack([self._start(seed) for seed in seeds])
-
-    def _start(self, seed: int) -> IntArray:
-        """Return the ids of the nodes where agents begin with a seed, in the order of their names."""
-        if self._source.draws_starts:
-            self._source.game.reset(seed=seed)
-        return np.array([agent.current_node_id for agent in self._roster.agents], np.int64)
+        """Return the ids of the nodes where agents begin, (games, agents), in the order of their names."""
+        starts = self._source.starts
+        if starts is None:
+            return np.tile([agent.current_node_id for agent in self._roster.agents], (len(seeds), 1))
+        nodes = map(starts, seeds)
+        return np.array([[of_game[name] for name in self._roster.names] for of_game in nodes], np.int64)
 
 
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> tuple[int, ...]:

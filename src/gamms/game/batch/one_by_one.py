@@ -82,9 +82,9 @@ class OneByOneEngine:
             state.alive[number] = [agent.alive for agent in roster.agents]
         return ArrayView(state, np.arange(len(self.seeds)), agents)
 
-    def over(self, number: int) -> dict[str, Any] | None:
-        """Return how a game has ended; None while it goes on."""
-        return self._over[number]
+    def overs(self) -> list[dict[str, Any] | None]:
+        """Return how the games have ended; None of one that goes on."""
+        return self._over
 
     def scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""
