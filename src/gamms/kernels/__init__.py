@@ -23,8 +23,10 @@ from gamms.kernels.draws import (
     draw_bits_each,
     draw_bits_many,
     draw_bits_rows,
+    first_key_rows,
     fraction,
     fraction_many,
+    later_key_rows,
     name_key,
     name_keys,
     normals,
@@ -33,7 +35,6 @@ from gamms.kernels.draws import (
     stream,
     stream_key,
     turn_key,
-    turn_key_rows,
 )
 from gamms.kernels.fields_of_view import (
     Quaternion,

@@ -82,6 +82,7 @@ class GameArrays:
         self.events = EventLog(games)
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
+        self._draw_keys: BitArray | None = None
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -99,6 +100,7 @@ class GameArrays:
                 self.kept[key][name][games] = column
         for purpose, keys in self._purposes.items():
             keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
+        self._draw_keys = None
         self.events.forget(games)
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
@@ -116,6 +118,12 @@ class GameArrays:
             keys = np.array([kernels.purpose_key(seed, *purpose) for seed in self.seeds], np.uint64)
             self._purposes[purpose] = keys
         return keys
+
+    def draw_keys(self) -> BitArray:
+        """Return the keys of what agents draw, (games, agents); see `kernels.first_key_rows`."""
+        if self._draw_keys is None:
+            self._draw_keys = kernels.first_key_rows(self.purposes("agent")[:, None], self.roster.keys[None])
+        return self._draw_keys
 
     def add_score(self, key: Hashable, games: IntArray, points: float) -> None:
         """Add points to the score of a key, once for each of these games; one may be there several times."""

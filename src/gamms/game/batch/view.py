@@ -25,16 +25,16 @@ class ViewDraws:
     They are those that the agents get from `state["draw"]` in the same turn of the same game, call by call.
     """
 
-    def __init__(self, purposes: BitArray, names: BitArray, turns: IntArray) -> None:
-        self._of = purposes, names, turns
+    def __init__(self, first: BitArray, turns: IntArray) -> None:
+        self._of = first, turns
         self._keys: BitArray | None = None
         self._count = 0
 
     def bits(self) -> BitArray:
         """Return 64 random bits for each."""
         if self._keys is None:
-            purposes, names, turns = self._of
-            self._keys = kernels.turn_key_rows(purposes[:, None], names[None], turns[:, None])
+            first, turns = self._of
+            self._keys = kernels.later_key_rows(first, turns[:, None])
         self._count += 1
         return kernels.bits_at_rows(self._keys, self._count - 1)
 
@@ -75,12 +75,12 @@ class ArrayView(Mapping[str, Any]):
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state, self.games, self.agents = state, games, agents
         self.streets = state.streets
-        self.node: IntArray = state.node[games][:, agents]
-        self.mask: BoolArray = state.alive[games][:, agents]
+        rows = np.s_[:, agents] if len(games) == len(state) else np.ix_(games, agents)
+        self.node: IntArray = state.node[rows]
+        self.mask: BoolArray = state.alive[rows]
         self.turn = state.turn[games]
         self.counts: IntArray = self.streets.counts[self.node]
-        roster = state.roster
-        self.draw = ViewDraws(state.purposes("agent")[games], roster.keys[agents], self.turn)
+        self.draw = ViewDraws(state.draw_keys()[rows], self.turn)
 
     def __getitem__(self, key: str) -> Any:
         if key == "curr_pos":
@@ -139,9 +139,9 @@ class ArrayView(Mapping[str, Any]):
                 f"not one of the shape {actions.shape}."
             )
         chosen = np.where(self.mask, actions, 0)
-        wrong = np.argwhere((chosen < 0) | (chosen >= self.counts))
-        if len(wrong):
-            game, agent = wrong[0]
+        is_wrong = (chosen < 0) | (chosen >= self.counts)
+        if is_wrong.any():
+            game, agent = np.argwhere(is_wrong)[0]
             raise BadValue(
                 f"{by}: action {chosen[game, agent]} of agent {self._state.roster.name(self.agents[agent])} in game "
                 f"{self.games[game]}, turn {self.turn[game]}, is not the number of a legal node: it has "
