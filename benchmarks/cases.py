@@ -10,6 +10,7 @@ import sys
 from heapq import heappop, heappush
 from typing import NamedTuple
 
+import batches
 from pictures import film, first_frame, zoom
 from worlds import ST, Spent, context, fill, grid, paper_strategy
 
@@ -368,6 +369,8 @@ CASES = [
     Case("scenario: turns of 1,000 agents", "agent-step", turns()),
     Case("scenario: turns of 1,000 agents, capacity 1", "agent-step", turns(capacity=1)),
     Case("scenario: messages of 100 agents to all", "delivery", messages(100)),
+    Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki),
+    Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
     Case("scenario: film Helsinki, 1280 x 720", "frame", film),
     Case("scenario: window, first of 100,000 edges", "frame", first_frame),

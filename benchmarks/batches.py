@@ -1,0 +1,74 @@
+"""Many games at once, against the same games one by one, and against a NumPy kernel that only walks."""
+
+import numpy as np
+
+WALK = "gamms.strategies:random_walk"
+TEAMS = {"red": {"count": 5, "strategy": WALK}, "blue": {"count": 5, "strategy": WALK}}
+TAG = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}, {"rule": "time_limit", "with": {"turns": 200}}]
+
+
+def of_helsinki(games=1024):
+    """Games of 5 against 5 that tag each other on Helsinki, 200 turns, against the same by `reset` and `run`."""
+    from gamms.scenario import Scenario
+
+    scenario = Scenario(map={"helsinki": {}}, teams=TEAMS, rules=TAG)
+    batch, alone = scenario.batch(games), scenario.build(seed=0)
+
+    def ours():
+        batch.reset()
+        while not batch.is_over.all():
+            batch.step()
+        return games * 10 * 200
+
+    def floor(few=4):
+        for seed in range(few):
+            alone.game.reset(seed=seed)
+            alone.game.run()
+        return few * 10 * 200
+
+    return ours, floor
+
+
+def walks(agents=102_400, side=300, turns=10):
+    """Agents that walk at random, ten in each game, against an int32 kernel of NumPy with keyed draws."""
+    from gamms.scenario import Scenario
+
+    scenario = Scenario(map={"grid": {"width": side, "height": side}}, teams=TEAMS, max_turns=10**9)
+    batch = scenario.batch(agents // 10)
+    offsets, targets, counts = neighbor_lists(side)
+    place = np.random.default_rng(1).integers(side**2, size=agents).astype(np.int32)
+    keys = np.random.default_rng(2).integers(2**63, size=agents).astype(np.uint64)
+
+    def ours():
+        for _ in range(turns):
+            batch.step()
+        return agents * turns
+
+    def floor():
+        node = place
+        for turn in range(turns):
+            bits = mixed(mixed(keys + np.uint64(turn)) + np.uint64(1))
+            chosen = ((bits >> np.uint64(32)) * counts[node] >> np.uint64(32)).astype(np.int32)
+            node = targets[offsets[node] + chosen]
+        return agents * turns
+
+    return ours, floor
+
+
+def neighbor_lists(side):
+    """Return offsets, targets and counts of a square grid, each node among its own neighbours."""
+    rows = []
+    for node in range(side * side):
+        x, y = node % side, node // side
+        near = [(x, y), (x - 1, y), (x + 1, y), (x, y - 1), (x, y + 1)]
+        rows.append([b * side + a for a, b in near if 0 <= a < side and 0 <= b < side])
+    counts = np.array([len(row) for row in rows])
+    offsets = np.concatenate(([0], np.cumsum(counts)[:-1])).astype(np.int32)
+    return offsets, np.concatenate(rows).astype(np.int32), counts.astype(np.uint64)
+
+
+def mixed(bits):
+    """The finalizer of SplitMix64."""
+    bits = (bits ^ bits >> np.uint64(30)) * np.uint64(0xBF58476D1CE4E5B9)
+    bits = (bits ^ bits >> np.uint64(27)) * np.uint64(0x94D049BB133111EB)
+    return bits ^ bits >> np.uint64(31)
