@@ -246,3 +246,17 @@ def test_columns_that_are_arrays_come_out_as_lists_do(verbs, kept):
         block.keep(kept)
     for name, column in lists.arrays().items():
         np.testing.assert_array_equal(column, arrays.arrays()[name])
+
+
+@given(verbs=st.lists(VERBS | st.just(("keep", [5, 0, 2, 1, 4, 3])) | st.just(("look",)), max_size=12))
+def test_agents_are_found_by_name_in_the_order_of_their_creation(verbs):
+    block = AgentBlock()
+    for row in range(6):
+        block.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
+    positions = Positions(block)
+    for verb, *given_to_it in [*verbs, ("look",)]:
+        if verb == "look":
+            living = [row for row in range(6) if row not in block.inactive]
+            assert list(positions.by_name.items()) == [(block.names[row], block.node[row]) for row in living]
+        else:
+            getattr(block, verb)(*given_to_it)

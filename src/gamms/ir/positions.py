@@ -33,11 +33,12 @@ class Positions:
         block: the agents.
     """
 
-    __slots__ = ("_block", "_by_node", "_flyer_xyz", "_flyers", "_log", "_node_ids", "_node_of", "_stale")
+    __slots__ = ("_block", "_by_name", "_by_node", "_flyer_xyz", "_flyers", "_log", "_node_ids", "_node_of", "_stale")
 
     def __init__(self, block: AgentBlock) -> None:
         self._block, self._log = block, block.subscribe()
         self._by_node: dict[int, set[int]] | None = None
+        self._by_name: dict[str, int] | None = None
         self._node_of: list[int | None] = []  # row -> the node on which it is in `_by_node`
         self._forget()
 
@@ -135,6 +136,15 @@ class Positions:
             self._follow(range(len(self._block)))
         return self._by_node
 
+    @property
+    def by_name(self) -> Mapping[str, int]:
+        """Name -> node id of the living agents, in the order of their creation; those on edges have passed it last."""
+        self._catch_up()
+        if self._by_name is None:
+            names, nodes = self._block.names, self._block.node
+            self._by_name = {names[row]: nodes[row] for row in self.living.tolist()}
+        return self._by_name
+
     def rows_on(self, node_ids: Iterable[int]) -> list[int]:
         """Return the rows of the living agents on some nodes, ascending."""
         by_node = self.by_node
@@ -152,12 +162,28 @@ class Positions:
             self._stale |= rows
             if self._by_node is not None:
                 self._follow(rows)
+            if self._by_name is not None:
+                self._rename(rows)
 
     def _forget(self) -> None:
-        self._by_node, self._node_of = None, []
+        self._by_node, self._by_name, self._node_of = None, None, []
         self._node_ids = self._flyers = _NO_ROWS
         self._flyer_xyz = _NO_XYZ
         self._stale: set[int] = set(range(len(self._block)))  # rows that the arrays do not show yet
+
+    def _rename(self, rows: Iterable[int]) -> None:
+        """Enter the nodes of some rows by name; all are entered again where one is new, or lives again."""
+        names, node, inactive = self._block.names, self._block.node, self._block.inactive
+        by_name: dict[str, int] = self._by_name  # type: ignore[assignment] # asked where it is known
+        for row in rows:
+            name = names[row]
+            if row in inactive:
+                by_name.pop(name, None)
+            elif name in by_name:
+                by_name[name] = node[row]
+            else:
+                self._by_name = None
+                return
 
     def _follow(self, rows: Iterable[int]) -> None:
         """Move some rows, new ones among them, to their nodes."""

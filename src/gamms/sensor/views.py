@@ -256,7 +256,7 @@ class NearbyAgents:
         self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
         self._coordinates: Coordinates | None = None
         self._travellers = Travellers(ctx)
-        self._nodes_by_name: tuple[Any, dict[str, int]] = (None, {})
+        self._checked: tuple[Positions | None, int | None] = (None, None)  # that no agent is on a removed node
         self._revision: int | None = None  # of the graph that the discs are of
         self._discs: dict[float, dict[Place, tuple[int, ...] | None]] = {}
         self._ids: dict[int, int] = {}  # one object per id
@@ -296,13 +296,13 @@ class NearbyAgents:
     def nodes_by_name(self) -> dict[str, int]:
         """Return a fresh dict of all living agents: name -> id of the node."""
         positions, revision = self._ctx.agent.positions, self._ctx.graph.graph.revision
-        key = (positions, positions.version, revision)
-        if key != self._nodes_by_name[0] or revision is None:
+        if (positions, revision) != self._checked or revision is None:
             self._xy_of(positions)  # which finds agents on removed nodes
-            names, nodes = positions.names, positions.nodes
-            self._nodes_by_name = key, {names[row]: nodes[row] for row in positions.living.tolist()}
-            self._nodes_by_name[1].update(self.on_edges(positions, positions.living.tolist()))
-        return self._nodes_by_name[1].copy()
+            self._checked = positions, revision
+        nodes = dict(positions.by_name)
+        if positions.travellers:
+            nodes.update(self.on_edges(positions, sorted(set(positions.travellers) - set(positions.inactive))))
+        return nodes
 
     def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
         """Return what is reported of those agents that are on edges, by their names."""
