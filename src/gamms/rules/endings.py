@@ -9,8 +9,9 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.turn import ArrayTurn, GameArrays
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, NodeId, Rule
@@ -48,6 +49,8 @@ class Hooks(TypedDict, total=False):
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[[ArrayTurn], None] | None
     """The same for many games at once; None: a batch plays them one by one."""
+    prepare_arrays: Callable[[GameArrays], object]
+    """Called when a batch begins: publishes facts in the form that they have in arrays."""
     check: Callable[[Context], object]
     """Called when all have decided, to refuse moves and deeds."""
     rank: int
@@ -129,10 +132,18 @@ def reach(
         for one in there if score else ():
             ctx.game.scores[one] += score
         if there:
-            won = (there[0] if winner is ITS_TEAM else winner) if len(there) == 1 else None
-            ctx.game.end(f"{' and '.join(map(str, there))} reached the goal", winner=won)
+            reason, won = _end_of(there, winner)
+            ctx.game.end(reason, winner=won)
 
-    return with_hooks(reach, prepare=prepare, drawer=render_goals, teams=list(goals))
+    def in_arrays(turn: ArrayTurn) -> None:
+        there = _arrive_in_arrays(turn, goals, passing=passing)
+        for one, at in there.items() if score else ():
+            turn.add_score(one, at, score)
+        ended = np.unique(np.concatenate(list(there.values())))
+        ends = [_end_of([one for one, at in there.items() if game in at], winner) for game in ended.tolist()]
+        turn.end(ended, [reason for reason, _ in ends], [won for _, won in ends])
+
+    return with_hooks(reach, prepare=prepare, drawer=render_goals, teams=list(goals), array_form=in_arrays)
 
 
 @shown_as_called
@@ -235,6 +246,51 @@ def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing:
     for _, node, name, _ in first:
         ctx.game.emit("reach", agent=name, node=node)
     return list(dict.fromkeys(team for *_, team in first))
+
+
+def _end_of(there: list[Hashable], winner: Team) -> tuple[str, Hashable]:
+    """Return the reason of the end when these teams have reached their goals, and the winner."""
+    won = there[0] if winner is ITS_TEAM else winner
+    return f"{' and '.join(map(str, there))} reached the goal", won if len(there) == 1 else None
+
+
+def _arrive_in_arrays(
+    turn: ArrayTurn, goals: Mapping[Any, frozenset[int] | str], *, passing: bool
+) -> dict[Hashable, IntArray]:
+    """Do what `_arrive` does for many games; return team -> the games in which its agents are first at a goal."""
+    arrived, earliest = [], np.full(len(turn.games), 2)  # the moment, 0 or 1; 2: never
+    for team, goal in goals.items():
+        members = np.flatnonzero(turn.roster.plays_for([team]))
+        if isinstance(goal, str):
+            is_there = _are_on_starts(turn, members, goal)
+        else:
+            is_there = _are_nodes(turn, goal)[turn.node[:, members]]
+        at, which = np.nonzero(is_there & turn.alive[:, members])
+        agents = members[which]
+        times = np.where(turn.stayed(at, agents), 0, 1) if passing else np.ones(len(at), np.int64)
+        np.minimum.at(earliest, at, times)
+        arrived.append((team, at, agents, times))
+    first: dict[Hashable, IntArray] = {}
+    for team, at, agents, times in arrived:
+        is_first = times == earliest[at]
+        games, winners = at[is_first], agents[is_first]
+        turn.emit("reach", games, agents={"agent": winners}, nodes={"node": turn.node[games, winners]})
+        first[team] = np.unique(games)
+    return first
+
+
+def _are_nodes(turn: ArrayTurn, ids: frozenset[int]) -> BoolArray:
+    """Return which nodes are among those of these ids, (nodes,)."""
+    return turn.shared(("nodes", ids), lambda: np.isin(turn.streets.columns.node_ids, sorted(ids)))
+
+
+def _are_on_starts(turn: ArrayTurn, members: IntArray, team: str) -> BoolArray:
+    """Return which agents are where those of the team of that text began, (games, members)."""
+    starts = turn.start_of(
+        np.flatnonzero(turn.roster.plays_for([one for one in turn.roster.teams if str(one) == team]))
+    )
+    is_there: BoolArray = (turn.node[:, members][:, :, None] == starts[:, None]).any(axis=2)
+    return is_there
 
 
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:

@@ -3,14 +3,20 @@
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+
 from gamms import kernels
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType
+from gamms.game.batch.columns import Roster
+from gamms.game.batch.turn import Arrays, ArrayTurn, GameArrays
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of
 from gamms.rules.endings import refuse_unknown, with_hooks
 from gamms.rules.meetings import Visit
-from gamms.rules.territory import Colors, Territory, as_territory
+from gamms.rules.territory import Colors, Ground, Territory, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import OWNERS
@@ -74,14 +80,24 @@ def capture_flag(
     def capture_flag(ctx: Context) -> None:
         game.play(ctx)
 
-    return with_hooks(capture_flag, prepare=game.prepare, drawer=FlagsDrawer(game.key, colors), key=game.key)
+    def in_arrays(turn: ArrayTurn) -> None:
+        _FlagsInArrays(game, turn).play()
+
+    return with_hooks(
+        capture_flag,
+        prepare=game.prepare,
+        drawer=FlagsDrawer(game.key, colors),
+        key=game.key,
+        array_form=in_arrays,
+        prepare_arrays=game.prepare_arrays,
+    )
 
 
 class _Flags(NamedTuple):
     """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
 
     bases: dict[Hashable, int]
-    ground: Callable[[Context], Territory] | None
+    ground: Ground | None
     goal: int | None
     score: float
     announce: bool
@@ -92,6 +108,23 @@ class _Flags(NamedTuple):
         """Check the bases against the map, and publish where the flags are."""
         refuse_unknown(ctx, self.bases.values())
         self._publish(ctx, self._state(ctx)["carriers"])
+
+    def prepare_arrays(self, state: GameArrays) -> None:
+        """Publish where the flags of many games are: the carriers as numbers of agents, (games,)."""
+        kept = state.keep(self.key, self.start_of(state.roster))
+        if self.announce:
+            columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
+            state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
+
+    def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
+        """Return what makes the state of the rule in many games; see `_FlagsInArrays`."""
+
+        def make(games: int) -> Arrays:
+            carriers = np.full((games, len(self.bases)), -1)
+            captures = np.zeros((games, len(roster.teams)), np.int64)
+            return {"carriers": carriers, "stops": np.zeros_like(carriers), "captures": captures}
+
+        return make
 
     def _state(self, ctx: Context) -> dict[str, Any]:
         """Return the state of the rule in this game."""
@@ -141,7 +174,7 @@ class _Flags(NamedTuple):
     def _is_home(self, ctx: Context, carrier: IAgent, node: int) -> bool:
         team = carrier.team
         if self.ground is not None:
-            owners = self.ground(ctx)
+            owners = self.ground.of(ctx.game.facts)
             return node in owners and owners[node] == team
         if team in self.bases:
             return bool(node == self.bases[team])
@@ -202,6 +235,128 @@ class _Turn:
     def agents_at(self, base: int) -> list[IAgent]:
         """Return the agents that are on a base now."""
         return [agent for agent, begin, end in self._at[base] if begin <= self.now <= end]
+
+
+class _FlagsInArrays:
+    """A turn of the rule in many games.
+
+    The agents of such games go one edge a turn at most, so the moments are 0, for those that stay, and 1; and a flag
+    that is taken in a turn is not captured in it.
+
+    Attributes:
+        flags: the arguments.
+        names: of the flags: the teams that own them.
+        turn: of the games.
+        kept: what the rule remembers of all games of the batch: `carriers` and `stops` (games, flags), the numbers of
+            the agents that carry flags, -1 for none, and how often these had been tagged or put back before;
+            `captures` (games, teams).
+        carriers: those of the games of this turn.
+        going: in which of them the rule goes on, (games,).
+    """
+
+    def __init__(self, flags: _Flags, turn: ArrayTurn) -> None:
+        self.flags, self.names, self.turn = flags, list(flags.bases), turn
+        self.kept = turn.keep(flags.key, flags.start_of(turn.roster))
+        self.carriers = self.kept["carriers"][turn.games]
+        self.going = np.ones(len(turn.games), np.bool_)
+
+    def play(self) -> None:
+        """Play the turn."""
+        turn, (at, which) = self.turn, np.nonzero(self.carriers >= 0)
+        if len(at):
+            at, which = self._drop(at, which)
+            is_home = self._are_home(at, self.carriers[at, which])
+            at, which = at[is_home], which[is_home]
+        is_base = turn.shared(("bases", self.flags.key), self._bases)
+        there, agents = np.nonzero(is_base[turn.node] & turn.alive)
+        if len(at) or len(there):
+            late, came_late = (self._came_late(*ones) for ones in ((at, self.carriers[at, which]), (there, agents)))
+            for now in (False, True):
+                is_now = (late == now) & self.going[at]
+                self._capture(at[is_now], which[is_now])
+                is_there = (came_late <= now) & self.going[there]
+                self._take(there[is_there], agents[is_there])
+                if is_now.any() and self.flags.goal is not None:
+                    self._end(self.flags.goal)
+        self.kept["carriers"][turn.games] = self.carriers
+        at, which = np.nonzero(self.carriers >= 0)
+        self.kept["stops"][turn.games[at], which] = turn.stops(at, self.carriers[at, which])
+
+    def _bases(self) -> BoolArray:
+        """Return which nodes are bases, (nodes,)."""
+        return np.isin(self.turn.streets.columns.node_ids, list(self.flags.bases.values()))
+
+    def _homes(self) -> IntArray:
+        """Return the row of the base of each team that plays, (teams,); -1 where it has none."""
+        bases, rows = self.flags.bases, self.turn.streets.rows
+        return np.array([rows([bases[team]])[0] if team in bases else -1 for team in self.turn.roster.teams])
+
+    def _came_late(self, at: IntArray, agents: IntArray) -> BoolArray:
+        """Return which agents are where they are only at the end of the turn."""
+        return ~self.turn.stayed(at, agents) if self.flags.passing else np.ones(len(at), np.bool_)
+
+    def _drop(self, at: IntArray, which: IntArray) -> tuple[IntArray, IntArray]:
+        """Let carriers drop these flags if they were stopped; return the others."""
+        turn, agents = self.turn, self.carriers[at, which]
+        is_lost = ~turn.alive[at, agents] | (turn.stops(at, agents) != self.kept["stops"][turn.games[at], which])
+        self._emit("drop", at[is_lost], which[is_lost])
+        self.carriers[at[is_lost], which[is_lost]] = -1
+        return at[~is_lost], which[~is_lost]
+
+    def _emit(self, kind: str, at: IntArray, which: IntArray) -> None:
+        """Note what became of flags, where their carriers are."""
+        if len(at):
+            agents, flags = self.carriers[at, which], [self.names[number] for number in which.tolist()]
+            nodes = {"node": self.turn.node[at, agents]}
+            self.turn.emit(kind, at, agents={"agent": agents}, values={"flag": flags}, nodes=nodes)
+
+    def _are_home(self, at: IntArray, agents: IntArray) -> BoolArray:
+        turn, node, team_of = self.turn, self.turn.node[at, agents], self.turn.roster.team_of[agents]
+        if self.flags.ground is not None:
+            owned: BoolArray = self.flags.ground.in_arrays(turn)[node] == team_of
+            return owned
+        teams = turn.roster.teams
+        bases = turn.shared(("homes", self.flags.key), self._homes)
+        is_home: BoolArray = bases[team_of] == node
+        for number in np.flatnonzero(bases < 0).tolist():
+            of_team = np.flatnonzero(team_of == number)
+            if len(of_team):
+                starts = turn.start_of(turn.roster.members(teams[number]))[at[of_team]]
+                is_home[of_team] = (starts == node[of_team][:, None]).any(axis=1)
+        return is_home
+
+    def _capture(self, at: IntArray, which: IntArray) -> None:
+        """Let carriers capture these flags."""
+        if len(at):
+            turn, agents = self.turn, self.carriers[at, which]
+            self._emit("capture", at, which)
+            turn.add_scores(at, agents, self.flags.score)
+            np.add.at(self.kept["captures"], (turn.games[at], turn.roster.team_of[agents]), 1)
+            self.carriers[at, which] = -1
+
+    def _take(self, at: IntArray, agents: IntArray) -> None:
+        """Let these agents, which are on bases, take flags."""
+        turn, roster, carriers = self.turn, self.turn.roster, self.carriers
+        for number, (flag, base) in enumerate(self.flags.bases.items() if len(at) else ()):
+            may_take = (turn.streets.ids(turn.node[at, agents]) == base) & (carriers[at, number] < 0)
+            may_take &= ~roster.plays_for([flag, None])[agents] & ~(carriers[at] == agents[:, None]).any(axis=1)
+            those = np.flatnonzero(may_take)
+            if len(those):
+                purpose = "capture_flag", self.flags.key, str(flag)
+                draws = turn.draw_bits(at[those], roster.keys[agents[those]], *purpose)
+                those = those[np.lexsort((draws, at[those]))]
+                those = those[np.unique(at[those], return_index=True)[1]]
+                carriers[at[those], number] = agents[those]
+                self._emit("take", at[those], np.full(len(those), number))
+
+    def _end(self, goal: int) -> None:
+        """End the games in which a team has captured as many flags as it needs."""
+        turn = self.turn
+        is_full = self.kept["captures"][turn.games] >= goal
+        at = np.flatnonzero(is_full.any(axis=1) & self.going)
+        winners = [turn.roster.teams[row.argmax()] if row.sum() == 1 else None for row in is_full[at]]
+        turn.end(at, "flags captured", winners)
+        self.going[at] = False
 
 
 def _stopped(events: list[dict[str, Any]]) -> set[str]:

@@ -10,8 +10,8 @@ from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.turn import ArrayTurn
-from gamms.ir.graph import IntArray
 from gamms.rules.contacts import (
+    ArrayContacts,
     Contact,
     Side,
     as_nearness,
@@ -85,7 +85,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     both = as_flag(mutual, "mutual")
 
     def tag(ctx: Context) -> None:
-        owners = None if ground is None else ground(ctx)
+        owners = None if ground is None else ground.of(ctx.game.facts)
 
         def tags_of(contact: Contact) -> list[_Tag]:
             a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
@@ -102,19 +102,28 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
             follow(ctx, tagger, other)
 
     def in_arrays(turn: ArrayTurn) -> None:
-        ours, theirs = (_members(turn, side) for side in (taggers, tagged))
+        ours, theirs = (np.flatnonzero(turn.roster.plays_for([side])) for side in (taggers, tagged))
         met = found_in_arrays(turn, ours, theirs, crossing=nearness.crossing, passing=nearness.passing)
+        tags = np.ones((len(met.at), 1 + both), np.bool_)  # by the agents of the one side, and of the other
+        if ground is not None:
+            owners, team_of = ground.in_arrays(turn), turn.roster.team_of
+            pairs = [(met.b_node, met.a), (met.a_node, met.b)][: 1 + both]
+            tags = np.stack([owners[node] == team_of[agent] for node, agent in pairs], axis=1)
+            is_tag = tags.any(axis=1)
+            met, tags = ArrayContacts(*(column[is_tag] for column in met)), tags[is_tag]
         made = np.flatnonzero(one_to_one_in_arrays(met, len(turn.roster.names)))
         at, tagger, other, node = met.at[made], met.a[made], met.b[made], met.b_node[made]
         if both:
             at, node = np.repeat(at, 2), np.column_stack((node, met.a_node[made])).ravel()
             tagger, other = np.column_stack((tagger, other)).ravel(), np.column_stack((other, tagger)).ravel()
+            done = tags[made].ravel()
+            at, tagger, other, node = at[done], tagger[done], other[done], node[done]
         turn.emit("tag", at, agents={"agent": tagger, "other": other}, nodes={"node": node})
         if points:
             turn.add_scores(at, tagger, score)
         (turn.respawn if then == "respawn" else turn.eliminate)(at, other)
 
-    has_form = nearness.unit is None and ground is None and isinstance(then, str)
+    has_form = nearness.unit is None and isinstance(then, str)
     has_form = has_form and not (callable(taggers) or callable(tagged))
     return with_hooks(
         tag,
@@ -122,11 +131,6 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         teams=[side for side in (taggers, tagged) if not callable(side)],
         array_form=in_arrays if has_form else None,
     )
-
-
-def _members(turn: ArrayTurn, team: Hashable) -> IntArray:
-    """Return the numbers of the agents of a team; none if no agent plays for it."""
-    return turn.roster.members(team) if team in turn.roster.teams else np.zeros(0, np.int64)
 
 
 def _as_then(then: object) -> Then:
@@ -173,4 +177,19 @@ def respawn(
                 del out[name]
                 ctx.game.respawn(agent)
 
-    return with_hooks(respawn, teams=named, rank=Rank.RESPAWNS, key=key)
+    def in_arrays(turn: ArrayTurn) -> None:
+        shape = turn.alive.shape[1:]
+        kept = turn.keep(key, lambda n: {"out": np.full((n, *shape), -1), "times": np.zeros((n, *shape), np.int64)})
+        is_out = ~turn.alive & turn.roster.plays_for(those)
+        out = np.where(is_out, kept["out"][turn.games], -1)
+        out = np.where(is_out & (out < 0), turn.turn[:, None], out)
+        is_back = is_out & (out + wait <= turn.turn[:, None])
+        if most is not None:
+            is_back &= kept["times"][turn.games] != most
+        at, agents = np.nonzero(is_back)
+        out[at, agents] = -1
+        kept["times"][turn.games[at], agents] += 1
+        kept["out"][turn.games] = out
+        turn.respawn(at, agents)
+
+    return with_hooks(respawn, teams=named, rank=Rank.RESPAWNS, key=key, array_form=in_arrays)

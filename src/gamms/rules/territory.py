@@ -1,14 +1,16 @@
 """Territories: which team owns a node. They are data, a mapping from nodes to teams that a game publishes as a fact."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Hashable, Iterable, Mapping
 from math import inf
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms.arguments import as_choice, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.turn import ArrayTurn
+from gamms.ir.graph import IntArray
 from gamms.rules.endings import with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import ColorType, NodeId, Rule
@@ -103,28 +105,53 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         if fact not in ctx.game.facts:  # it was not added, but is called by another rule
             prepare(ctx)
 
-    return with_hooks(published, prepare=prepare, drawer=TerritoryDrawer(fact, colors))
+    def in_arrays(turn: ArrayTurn) -> None:
+        if fact not in turn.facts:
+            turn.publish(fact, territory)
+
+    return with_hooks(published, prepare=prepare, drawer=TerritoryDrawer(fact, colors), array_form=in_arrays)
 
 
-def as_territory(territory: object) -> Callable[[Context], Territory] | None:
-    """Return what a rule was given as a function of the context; None for none.
+class Ground(NamedTuple):
+    """A territory that a rule was given: the mapping, or the name of the fact that has it."""
+
+    given: Territory | str
+
+    def of(self, facts: Mapping[str, Any]) -> Territory:
+        """Return node -> team.
+
+        Raises:
+            UnknownName (KeyError): there is no such fact.
+        """
+        if not isinstance(self.given, str):
+            return self.given
+        if self.given not in facts:
+            raise UnknownName("fact", self.given, facts)
+        return cast("Territory", facts[self.given])
+
+    def in_arrays(self, turn: ArrayTurn) -> IntArray:
+        """Return the numbers of the teams that own nodes, (nodes,); -1 for a node of no team that plays."""
+        owners, teams = self.of(turn.facts), turn.roster.teams
+
+        def make() -> tuple[Territory, IntArray]:
+            numbers = np.full(len(turn.streets.counts), -1)
+            for row, node in enumerate(turn.streets.columns.node_ids.tolist()):
+                if node in owners and owners[node] in teams:
+                    numbers[row] = teams.index(owners[node])
+            return owners, numbers
+
+        return turn.shared(("territory", id(owners)), make)[1]
+
+
+def as_territory(territory: object) -> Ground | None:
+    """Return what a rule was given; None for none.
 
     Raises:
         BadType: it is neither a mapping from nodes to teams nor the name of a fact.
     """
     if territory is None:
         return None
-    if not isinstance(territory, str):
-        known = _checked(territory)
-        return lambda _: known
-
-    def published_as(ctx: Context) -> Territory:
-        facts = ctx.game.facts
-        if territory not in facts:
-            raise UnknownName("fact", territory, facts)
-        return cast("Territory", facts[territory])
-
-    return published_as
+    return Ground(territory if isinstance(territory, str) else _checked(territory))
 
 
 def _checked(territory: object) -> dict[int, Hashable]:

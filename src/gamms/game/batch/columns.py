@@ -1,6 +1,6 @@
 """Who plays in a batch, and where: the agents of each game, and the streets that all games share."""
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -169,6 +169,12 @@ class Roster(NamedTuple):
         if team not in self.teams:
             raise UnknownName("team", team, self.teams)
         return np.flatnonzero(self.team_of == self.teams.index(team))
+
+    def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
+        """Return which agents are of one of these teams, which need not have agents, (agents,); None: all."""
+        is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
+        found: BoolArray = is_in[self.team_of]
+        return found
 
     def name(self, number: int) -> str:
         """Return the name of an agent; for messages."""

@@ -1,7 +1,7 @@
 """What a batch remembers of its games, and what array forms of rules get of one turn of all that are played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.kernels.draws import BitArray
 
+T = TypeVar("T")
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 ArrayRule = Callable[["ArrayTurn"], None]
 """The array form of a rule, in its attribute `array_form`; see docs/batches.md."""
@@ -80,6 +81,7 @@ class GameArrays:
         self.kept: dict[Hashable, Arrays] = {}
         self.facts: dict[str, Any] = {}
         self.events = EventLog(games)
+        self.shared: dict[Hashable, Any] = {}  # what rules have worked out once for all games
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None
@@ -192,6 +194,13 @@ class ArrayTurn:
         by_move: BoolArray = self.took_part & (self.node == self.ends)
         return by_move
 
+    def stayed(self, at: IntArray, agents: IntArray) -> BoolArray:
+        """Return which agents are where they were when the turn began, rather than come or put there since."""
+        which = at, agents
+        node = self.node[which]
+        has_stayed: BoolArray = self.took_part[which] & (self.starts[which] == node) & (self.ends[which] == node)
+        return has_stayed
+
     # -- what rules do ------------------------------------------------------------------------------------------
 
     def emit(
@@ -274,9 +283,9 @@ class ArrayTurn:
         """Return where agents began, (games, agents)."""
         return self._state.start[np.ix_(self.games, agents)]
 
-    def stops(self) -> IntArray:
-        """Return how often each agent was tagged, put back or eliminated so far, (games, agents)."""
-        return self._state.stops[self.games]
+    def stops(self, at: IntArray, agents: IntArray) -> IntArray:
+        """Return how often agents were tagged, put back or eliminated so far."""
+        return self._state.stops[self.games[at], agents]
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a rule remembers of all games of the batch, at first what `make(games)` gives.
@@ -284,6 +293,19 @@ class ArrayTurn:
         Index its arrays with `games`.
         """
         return self._state.keep(key, make)
+
+    def shared(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what is the same in all games and turns of the batch: what `make()` gives at the first call."""
+        known = self._state.shared
+        if key not in known:
+            known[key] = make()
+        found: T = known[key]
+        return found
+
+    @property
+    def facts(self) -> Mapping[str, Any]:
+        """What was published to all, in the form that each rule says."""
+        return self._state.facts
 
     def publish(self, name: str, value: object) -> None:
         """Publish a fact of all games of the batch, which strategies find in `view["facts"]`."""
