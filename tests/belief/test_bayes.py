@@ -126,7 +126,7 @@ def observe(filter, look, names):
     return 1.0
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(case=cases())
 def test_it_equals_the_sum_over_all_paths(case):
     with context(case["nodes"], case["edges"]) as ctx:
@@ -146,7 +146,7 @@ def test_it_equals_the_sum_over_all_paths(case):
         assert (filter.probabilities()[0] == filter.probabilities()[1]).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(case=cases(), order=st.permutations(range(3)))
 def test_several_targets_at_once_are_those_one_by_one(case, order):
     with context(case["nodes"], case["edges"]) as ctx:
@@ -170,7 +170,7 @@ def test_several_targets_at_once_are_those_one_by_one(case, order):
         assert (together.probabilities() == np.vstack([filter.probabilities() for filter in alone])).all()
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     seed=st.integers(0, 10_000), sights=st.lists(st.integers(0, 25), min_size=2, max_size=3), detection=PROBABILITIES
 )

@@ -233,7 +233,7 @@ print(known.last_seen, sorted(known.reachable("p0")), known.probability("p1", be
 
 def test_beliefs_are_the_same_with_any_hash_seed():
     printed = set()
-    for seed in ("0", "1", "77"):
+    for seed in ("0", "77"):
         paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
         environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": paths}
         run = subprocess.run(

@@ -154,3 +154,5 @@ def test_an_example_prints_exactly_what_is_pinned(example, tmp_path):
     if IS_REFRESHING:
         pinned.write_text(run.stdout, encoding="utf-8")
     assert run.stdout == pinned.read_text(encoding="utf-8")
+    for figure in sorted(tmp_path.glob("figures/*")):
+        assert_same_figure(DOCS / "figures" / figure.name, figure)

@@ -661,7 +661,7 @@ def model(kind, places, to, graph):
     }
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(st.integers(0, 10**9))
 def test_range_hops_and_relays_agree_with_their_definitions(seed):
     draw = Random(seed)

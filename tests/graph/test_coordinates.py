@@ -12,7 +12,7 @@ from gamms.errors import BadType, BadValue, MissingExtra
 from gamms.graph import Graph
 from gamms.ir import projection
 
-LAWS = settings(max_examples=60, deadline=None, derandomize=True)
+LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 ZONES = {
     "EPSG:32635": (60.17, 24.94),  # Helsinki
     "EPSG:32632": (43.73, 7.42),  # Monaco
@@ -208,7 +208,7 @@ POINT = st.tuples(NUMBER, NUMBER)
 
 
 @given(points=st.lists(POINT, min_size=1, max_size=30), place=POINT, gone=st.sets(st.integers(0, 29), max_size=5))
-@settings(max_examples=300, deadline=None, derandomize=True)
+@settings(max_examples=100, deadline=None, derandomize=True)
 def test_the_nearest_node_equals_brute_force(points, place, gone):
     graph = cloud(points)
     graph.nearest_node(0.0, 0.0)  # an index is there before the edits

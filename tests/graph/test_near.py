@@ -117,7 +117,7 @@ def test_queries_equal_brute_force_after_edits(name):
     x=st.floats(allow_nan=False),
     y=st.floats(allow_nan=False),
 )
-@settings(max_examples=200, deadline=None, derandomize=True)
+@settings(max_examples=80, deadline=None, derandomize=True)
 def test_any_finite_coordinates_have_their_euclidean_distance(points, d, x, y):
     graph = Graph()
     graph.add_nodes(range(len(points)), *zip(*points, strict=True))

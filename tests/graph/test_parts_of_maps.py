@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadFile, BadType, BadValue, DuplicateId, IllegalMutation, UnknownName
 
-LAWS = settings(max_examples=100, deadline=None, derandomize=True)
+LAWS = settings(max_examples=40, deadline=None, derandomize=True)
 
 
 @pytest.fixture

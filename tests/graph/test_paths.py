@@ -27,7 +27,7 @@ with gamms.create_context() as ctx:
             ctx.graph.distance(node, 5)
             ctx.graph.shortest_path(node, 3)
 """
-LAWS = settings(max_examples=100, deadline=None, derandomize=True)
+LAWS = settings(max_examples=40, deadline=None, derandomize=True)
 IDS = (4, -2, 9, 0, 31, 7)
 EDGES = st.lists(
     st.tuples(st.sampled_from(IDS), st.sampled_from(IDS), st.integers(0, 9), st.none() | st.integers(0, 5)), max_size=20

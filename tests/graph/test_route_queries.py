@@ -15,7 +15,7 @@ import gamms
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.graph import Graph, routes
 
-LAWS = settings(max_examples=100, deadline=None, derandomize=True)
+LAWS = settings(max_examples=40, deadline=None, derandomize=True)
 NODES = 8
 ROW = st.integers(0, NODES - 1)
 EDGES = st.lists(st.tuples(ROW, ROW, st.integers(0, 9)), max_size=24)

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from gamms import kernels
 
-LAWS = settings(max_examples=100, deadline=None, derandomize=True)
+LAWS = settings(max_examples=40, deadline=None, derandomize=True)
 
 
 @given(groups=st.integers(1, 6), keys=st.lists(st.integers(0, 5), max_size=30))

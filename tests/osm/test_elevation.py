@@ -52,7 +52,7 @@ def test_heights_lie_bilinearly_between_posts(tmp_path):
     elevation, plain = Elevation(tmp_path), posts.astype(float).tolist()
 
     @given(st.floats(0.0, 0.9999), st.floats(0.0, 0.9999))
-    @settings(max_examples=200, deadline=None, derandomize=True)
+    @settings(max_examples=80, deadline=None, derandomize=True)
     def check(lon, lat):
         (found,) = elevation.heights(np.array([[lon - 1.0, lat - 1.0]]))
         assert found == pytest.approx(plain_bilinear(plain, lon - 1.0 + 1.0, lat - 1.0 + 1.0), abs=1e-6)

@@ -83,7 +83,7 @@ def play(turns, also=lambda ctx, turn: None):
     return stream.getvalue(), states
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(TURNS)
 def test_every_state_and_every_replay_has_the_sensors_of_then(turns):
     data, states = play(turns)

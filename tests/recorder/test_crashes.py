@@ -113,7 +113,7 @@ def test_flushing_saves_all_turns_and_leaves_the_finished_bytes_as_they_are(flus
 
 
 @given(st.integers(0, 10**6), st.integers(0, 255))
-@settings(max_examples=200)
+@settings(max_examples=80)
 def test_one_wrong_byte_is_noticed(place, byte):
     data = bytearray(written(MIXED, turns=5))
     place %= len(data)

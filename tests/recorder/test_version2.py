@@ -364,7 +364,7 @@ def test_numpy_values_are_recorded_as_plain_ones():
     assert read(written([record, END]))[0]["data"]["kwargs"] == {"n": 3, "x": 0.5, "yes": True, "many": [0, 1, 2]}
 
 
-@settings(max_examples=50)
+@settings(max_examples=30)
 @given(st.sets(st.text(), max_size=8))
 def test_a_set_gives_the_same_bytes_whatever_order_python_keeps(values):
     def record_of(one):

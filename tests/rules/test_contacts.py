@@ -10,7 +10,7 @@ import gamms
 from gamms.agent import AgentType
 from gamms.rules import contacts, one_to_one
 
-LAWS = settings(max_examples=60, deadline=None, derandomize=True)
+LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 
 
 def pairs(ctx, **nearness):

@@ -54,7 +54,7 @@ def step_along_the_whole_path(graph, here, target, legal):
 
 
 @given(streets=STREETS, closed=st.sets(st.integers(0, 23)), target=st.integers(0, 7), reach=st.integers(1, 3))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 def test_next_nodes_lead_as_the_whole_path_does_on_one_way_streets_and_after_closures(
     open_world, streets, closed, target, reach
 ):
