@@ -6,7 +6,7 @@ import random
 import numpy as np
 import pytest
 
-from gamms.graph import indexes
+from gamms.graph import indexes, store
 
 NODES, EDGES = 150, 600
 
@@ -173,4 +173,15 @@ def test_a_table_too_large_for_eager_values_gives_the_same(graph, model, monkeyp
     for _ in range(200):
         programme.step(PROGRAMMES["everything"])
         programme.look()
+    programme.look_at_all()
+
+
+@pytest.mark.parametrize("most", [0, 10])
+def test_neighbours_in_a_graph_too_large_to_keep_them_all_are_the_same(graph, model, monkeypatch, most):
+    monkeypatch.setattr(store, "_MOST_NEIGHBORHOODS", most)
+    monkeypatch.setattr(store, "_MANY", 5)
+    programme = LongProgramme(graph, model(), seed=most)
+    for _ in range(300):
+        programme.step(PROGRAMMES["everything"] | {"look": 10})
+    assert len(graph.neighborhoods) <= most
     programme.look_at_all()

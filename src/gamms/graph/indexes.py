@@ -208,9 +208,9 @@ def edge_values(
 class Indexes:
     """The indexes of one graph's tables."""
 
-    def __init__(self, nodes: NodeTable, edges: EdgeTable, neighborhoods: dict[int, tuple[int, ...]]) -> None:
+    def __init__(self, nodes: NodeTable, edges: EdgeTable, forget: Callable[[int], None]) -> None:
         self.is_built = False  # whether there is anything to note a change in
-        self.neighborhoods = neighborhoods  # of both, which are dropped as they change
+        self.forget = forget  # called with the id of a node whose neighbours have changed
         self._nodes, self._edges = nodes, edges
         self._grid: NodeGrid | None = None
         self._by_end: dict[str, Adjacency] = {}
@@ -285,6 +285,13 @@ class Indexes:
         for id, start, end in zip(ids[nodes].tolist(), starts, ends, strict=True):
             yield id, tuple(dict.fromkeys((id, *targets[start:end])))
 
+    def targets_by_row(self) -> tuple[memoryview, memoryview]:
+        """Return where the targets of the edges leaving each node row begin in a list of ids, and that list."""
+        edges = self._edges.living()
+        offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
+        ids = self._nodes.array("ids")[self._edges.array("targets")[edges][order]]
+        return offsets.data, ids.data
+
     # -- notes --------------------------------------------------------------------------------------------------
 
     def node_added(self, row: int) -> None:
@@ -303,14 +310,14 @@ class Indexes:
 
     def node_removed(self, row: int) -> None:
         """Note that a node and its edges are dead."""
-        self.neighborhoods.pop(self._nodes.ids[row], None)
+        self.forget(self._nodes.ids[row])
 
     def edge_added(self, row: int, source: int, target: int) -> None:
         """Note that an edge was appended, or has these ends now."""
         for end, node in (("sources", source), ("targets", target)):
             if end in self._by_end:
                 self._by_end[end].note_added(node, row)
-        self.neighborhoods.pop(self._nodes.ids[source], None)
+        self.forget(self._nodes.ids[source])
 
     def edge_changed(self, row: int, old_ends: tuple[int, int], ends: tuple[int, int]) -> None:
         """Note that an edge has another length, shape or ends."""
@@ -325,7 +332,7 @@ class Indexes:
         """Note that an edge is dead, or has left these ends."""
         for adjacency in self._by_end.values():
             adjacency.note_changed()
-        self.neighborhoods.pop(self._nodes.ids[ends[0]], None)
+        self.forget(self._nodes.ids[ends[0]])
 
     def _node_grid(self) -> NodeGrid:
         if self._grid is None or self._grid.is_outdated:

@@ -21,7 +21,7 @@ from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
-_FEW = 32
+_FEW, _MANY = 32, 4096  # neighbourhoods that are asked for before those of all nodes are made, and of large graphs
 _GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
 
 ClosedEdges = Mapping[int, Mapping[str, Any]]
@@ -29,13 +29,18 @@ Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...]
 
 
 class Neighborhoods(dict[int, tuple[int, ...]]):
-    """Node id -> the node itself, then its neighbours; filled when asked: one by one, after a few all at once."""
+    """Node id -> the node itself, then its neighbours; filled when asked: one by one, after a few all at once.
+
+    Of a large graph as many as fit are kept, and the others are read from arrays of all edges.
+    """
 
     # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
 
     def __init__(self, store: "GraphStore", source: "Neighborhoods | None" = None) -> None:
         self._store = store
         self._misses = 0
+        self._runs: tuple[memoryview, memoryview] | None = None  # see `targets_by_row`
+        self._changed: set[int] = set()  # ids of nodes whose neighbours have changed since
         self.source = source  # of a store with the same graph, which is asked instead
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Neighborhoods":
@@ -44,20 +49,38 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
     def clear(self) -> None:
         """Forget everything."""
         super().clear()
-        self._misses = 0
+        self._misses, self._runs = 0, None
+        self._changed.clear()
+
+    def forget(self, id: int) -> None:
+        """Forget the neighbours of a node, which have changed."""
+        self.pop(id, None)
+        if self._runs is not None:
+            self._changed.add(id)
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         if self.source is not None:
-            made = self[id] = self.source[id]
+            made = self.source[id]
+            if len(self) < _MOST_NEIGHBORHOODS:
+                self[id] = made
             return made
+        if self._runs is not None and id not in self._changed and type(id) is int:
+            (offsets, ids), row = self._runs, self._store.nodes.index.row(id)
+            if 0 <= row < len(offsets) - 1:
+                made = tuple(dict.fromkeys((id, *ids[offsets[row] : offsets[row + 1]])))
+                if len(self) < _MOST_NEIGHBORHOODS:
+                    self[id] = made
+                return made
         id = records.as_id(id, "a node")
         made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
         self._misses += 1
-        if len(self) >= _MOST_NEIGHBORHOODS:
-            self.clear()
-        elif self._misses == _FEW:
+        if self._misses == _FEW:
             self.update(self._store.indexes.all_neighborhoods(_MOST_NEIGHBORHOODS))
-        self[id] = made
+        elif self._misses >= _MANY and len(self._store.nodes) > _MOST_NEIGHBORHOODS and self._runs is None:
+            self._runs = self._store.indexes.targets_by_row()
+            self._changed.clear()
+        if len(self) < _MOST_NEIGHBORHOODS:
+            self[id] = made
         return made
 
 
@@ -218,7 +241,7 @@ class GraphStore:
             columns, revision = self.columns(), self.revision
             self.replace(columns, self.attribution, self.scenery, self.closed)
             self.revision, self._columns = revision, columns
-        self.indexes.neighborhoods = self.neighborhoods
+        self.indexes.forget = self.neighborhoods.forget
 
     def _stop_sharing(self) -> bool:
         """Leave the tables to the other stores that have them; return whether there are such."""
@@ -242,7 +265,7 @@ class GraphStore:
 
     def _discard_indexes(self) -> None:
         self.neighborhoods.clear()
-        self.indexes = Indexes(self.nodes, self.edges, self.neighborhoods)
+        self.indexes = Indexes(self.nodes, self.edges, self.neighborhoods.forget)
 
     def _drop_edge(self, row: int) -> None:
         ends = (self.edges.sources[row], self.edges.targets[row])
