@@ -412,6 +412,17 @@ def test_at_an_arrival_others_are_seen_where_they_are_at_that_time():
     assert seen == [(0.0, []), (0.5, ["bert"])]  # bert has come 80 m by then
 
 
+def test_an_agent_without_a_speed_goes_one_edge_a_turn_also_where_agents_decide_at_arrivals():
+    ctx = road(0, 1.9, 4.2, 7.1, decide="arrival")
+    anna = agent(ctx, "anna", 0, 1, 2, 3)
+    nodes = []
+    for _ in range(3):
+        ctx.game.step()
+        nodes.append(anna.current_node_id)
+    assert nodes == [1, 2, 3]
+    assert [one["time"] for one in anna.seen] == [0.0, 0.0, 0.0]
+
+
 def test_edges_of_no_length_end_in_a_wait():
     ctx = road(0, 0, decide="arrival", on_illegal="stay")
 

@@ -17,6 +17,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg
 
+_ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end is not asked again in it
 SLACK = 1e-9  # of a turn: a way that takes exactly as long must not fail by rounding
 
 
@@ -275,7 +276,7 @@ class Travel:
                 if 0.0 < step.begin < 1.0:  # it is on the edge, and stays there
                     return self._ended(path, times, legs, place)
                 break
-            until = min(1.0, now + takes)
+            until = now + takes if now + takes < 1.0 - _ROUNDED else 1.0
             legs.append(self._leg(step.road, step.begin, step.end, now, until))
             now = until
             if step.node != path[-1]:
