@@ -55,6 +55,43 @@ def test_who_was_seen_last_where_when_and_by_whom(make_ctx, add):
     assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(5, 5, "b")}
 
 
+def test_it_is_known_where_on_an_edge_an_agent_was_seen(make_ctx, add):
+    ctx = make_ctx(3, game={"speed_unit": "metres"})
+    add(ctx, "a", 0, "red", sight=50.0)
+    add(ctx, "prey", 0, "blue", strategy=lambda state: state.update(action=1)).speed = 3.0
+    sightings = []
+
+    def watch(state):
+        sightings.append(belief.observe(ctx, state).last_seen["prey"])
+        state["action"] = state["curr_pos"]
+
+    ctx.agent.get_agent("a").strategy = watch
+    ctx.game.run(3)
+    prey = ctx.agent.get_agent("prey")
+    assert sightings[0] == Sighting(0, 0, "a")
+    assert sightings[2] == Sighting(0, 2, "a", prey.edge, pytest.approx(6.0))
+    assert belief.belief_of(ctx, "a").reachable("prey") == {0}  # it is at 9 m of 10
+    assert belief.belief_of(ctx, "a").reachable("prey", speed=4.1) == {0, 1}
+
+
+def test_of_an_agent_between_nodes_that_is_seen_from_the_air_it_is_not_known_which_node_it_has_passed(make_ctx, add):
+    ctx = make_ctx(3, game={"speed_unit": "metres"})
+    eyes = ctx.sensor.create_sensor("sky", SensorType.AERIAL_AGENT, sensor_range=100.0, quat=(0.7071, 0.0, 0.7071, 0.0))
+    position = {"type": AgentType.AERIAL, "position": (10.0, 0.0, 50.0), "speed": 1.0}
+    found = []
+
+    def watch(state):
+        found.append((state["sensor"]["eyes"][1].get("prey"), belief.observe(ctx, state).last_seen.get("prey")))
+        state["action"] = (0.0, 0.0, 0.0)
+
+    ctx.agent.create_agent("drone", start_node_id=0, team="red", sensors={"eyes": eyes}, strategy=watch, **position)
+    add(ctx, "prey", 0, "blue", strategy=lambda state: state.update(action=1)).speed = 7.0
+    ctx.game.run(2)
+    assert [seen is not None for seen, _ in found] == [True, True]
+    assert [known for _, known in found] == [Sighting(0, 0, "drone")] * 2
+    assert 0 in belief.belief_of(ctx, "drone").reachable("prey")
+
+
 def test_mates_and_flyers_are_no_targets_and_an_agent_without_a_team_has_no_mates(make_ctx, add):
     ctx = make_ctx(3)
     add(ctx, "a", 0, "red", sight=50.0, strategy=noting(ctx))

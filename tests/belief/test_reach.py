@@ -24,6 +24,8 @@ def worlds(draw):
         "starts": draw(st.lists(node, min_size=3, max_size=3)),
         "speed": draw(SPEEDS),
         "unit": draw(st.sampled_from(["edges", "metres"])),
+        "decide": draw(st.sampled_from(["turn", "arrival"])),
+        "paces": draw(st.lists(SPEEDS, min_size=2, max_size=2)),
         "sights": draw(st.lists(st.floats(0, 25), min_size=2, max_size=2)),
         "detection": draw(st.sampled_from([None, 0.5, ((0.0, 1.0), (12.0, 0.0))])),
         "fov": draw(st.sampled_from([None, 0.8, 2.0])),
@@ -45,7 +47,8 @@ def rover(state):
     memory, draw = state["memory"], state["draw"]
     if memory.get("goal") in (None, state["curr_pos"]) or draw.random() < 0.3:
         memory["goal"] = draw.choice(state["legal"])
-    state["action"] = memory["goal"]
+    stops = state.get("edge") is not None and draw.random() < 0.1
+    state["action"] = None if stops else memory["goal"]
 
 
 def changing(world):
@@ -78,6 +81,7 @@ def test_the_truth_is_always_in_the_set(world):
         for id, (source, target, length) in enumerate(world["edges"]):
             ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": length})
         ctx.game.speed_unit, ctx.game.on_illegal = world["unit"], "stay"
+        ctx.game.decide = world["decide"] if world["unit"] == "metres" else "turn"
         checked = []
 
         def watch(state):
@@ -101,7 +105,8 @@ def test_the_truth_is_always_in_the_set(world):
             if i == 0 or not world["is_one_sensor"]:
                 eyes = ctx.sensor.create_sensor(f"eyes {i}", kind, **options)
             start = world["starts"][i + 1]
-            ctx.agent.create_agent(f"w{i}", start_node_id=start, team="b", sensors={"eyes": eyes}, strategy=watch)
+            watcher = {"team": "b", "sensors": {"eyes": eyes}, "strategy": watch, "speed": world["paces"][i]}
+            ctx.agent.create_agent(f"w{i}", start_node_id=start, **watcher)
         ctx.game.order = world["order"]
         ctx.game.run(9)
         for turn, reachable, where in checked:

@@ -10,7 +10,16 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.arguments import as_range
-from gamms.belief.evidence import Observation, Sighting, Turn, agent_on_ground, last_sightings, note_senses, turns_in
+from gamms.belief.evidence import (
+    Observation,
+    Sighting,
+    Turn,
+    agent_on_ground,
+    is_by_metres,
+    last_sightings,
+    note_senses,
+    turns_in,
+)
 from gamms.belief.filter import Filter, by_node
 from gamms.belief.ground import Ground, ground_of
 from gamms.belief.motion import Motion, as_motion, random_walk
@@ -57,7 +66,7 @@ def observe(ctx: Context, state: State | AerialState, *, share: bool = True, hor
 def believed(ctx: Context, state: State | AerialState) -> "Belief":
     """Return what follows from what an agent and its team remember, without looking."""
     memories = state["memory"], state.get("team_memory", {})
-    return Belief(ctx, turns_in(*memories), state["turn"])
+    return Belief(ctx, turns_in(*memories), state["turn"], state.get("time", 0.0))
 
 
 def belief_of(ctx: Context, observer: str) -> "Belief":
@@ -78,13 +87,14 @@ class Belief:
         ctx: the context.
         turns: what was observed, by turn.
         turn: the present one.
+        time: how much of it is over, where agents decide at arrivals.
 
     Attributes:
         turn: the turn.
     """
 
-    def __init__(self, ctx: Context, turns: Mapping[int, Turn], turn: int) -> None:
-        self._ctx, self.turn = ctx, turn
+    def __init__(self, ctx: Context, turns: Mapping[int, Turn], turn: int, time: float = 0.0) -> None:
+        self._ctx, self.turn, self._time = ctx, turn, time
         self._turns = {then: seen for then, seen in turns.items() if then <= turn}
         self._now: dict[bytes, FloatArray] = {}  # what was worked out already
 
@@ -118,7 +128,7 @@ class Belief:
         agents = [agent_on_ground(self._ctx, name) for name in targets]
         paces = [getattr(agent, "speed", None) if speed is None else as_range(speed, "speed") for agent in agents]
         game = None if self._ctx.current_game is None else self._ctx.game
-        in_metres = game is not None and game.speed_unit != "edges"
+        in_metres = is_by_metres(self._ctx)
         turns = game.turn_seconds if game is not None and game.speed_unit == "metres_per_second" else 1.0
         found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size), bool)
         # An agent without a speed goes along one edge of any length, also where others have metres.
@@ -136,14 +146,19 @@ class Belief:
         ground = ground_of(self._ctx.graph.columns())
         closed = tuple((turn, arc) for turn, seen in self._turns.items() for arc in seen.closed)
         is_free = self._ctx.current_game is not None and self._ctx.game.legal == "any"
-        reach = Reach(ground, np.array(speeds), in_metres=in_metres, is_free=is_free, closed=closed)
+        # One without a speed goes along a whole edge in a turn, and is between nodes only within a turn.
+        are_on_edges = in_metres or (is_by_metres(self._ctx) and self._ctx.game.decide == "arrival")
+        reach = Reach(
+            ground, np.array(speeds), in_metres=in_metres, are_on_edges=are_on_edges, is_free=is_free, closed=closed
+        )
 
         def advance(labels: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
             moved = reach.advance(labels, turn) if turn else labels
             return reach.observe(moved, turn, seen, targets) if seen else moved
 
-        key = ("reach", ground.digest, targets, speeds, in_metres, is_free, closed)
-        return self._folded(key, reach.anywhere(0), advance)
+        key = ("reach", ground.digest, targets, speeds, in_metres, are_on_edges, is_free, closed)
+        labels = self._folded(key, reach.anywhere(0), advance)
+        return reach.advance(labels, self.turn + 1, self._time) if self._time else labels
 
     # -- where they probably are ------------------------------------------------------------------------------------
 

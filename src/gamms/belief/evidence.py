@@ -1,10 +1,12 @@
 """What agents have observed of others, as one short text for each agent and turn in their memories.
 
-An entry of a memory is `("belief", turn, observer)` -> JSON: `found` (agent -> node), `looks` (where agents that were
-not found were not noticed) and `closed` (edges that were open until then). Ascending ids of nodes are written as
-differences. An entry never changes, but for what `note` adds, so that a recording gets each once. In the memory of a
-team, what all have observed in a turn is joined, once all know it, to one entry of the observer "": a JSON object from
-observers to their entries. So the memory of a large team, which each member copies in each turn, stays small.
+An entry of a memory is `("belief", turn, observer)` -> JSON: `found` (agent -> node; in games by metres a list of the
+node, the time of the turn, and of an agent on an edge the end of that, its id and how far the agent is from the node),
+`looks` (where agents that were not found were not noticed) and `closed` (edges that were open until then). Ascending
+ids of nodes are written as differences. An entry never changes, but for what `note` adds, so that a recording gets each
+once. In the memory of a team, what all have observed in a turn is joined, once all know it, to one entry of the
+observer "": a JSON object from observers to their entries. So the memory of a large team, which each member copies in
+each turn, stays small.
 
 What is reported of an earlier turn is in an entry of its own, because the team may have joined that turn already:
 `("belief reports", turn, observer)` -> JSON, a list of (agent, node, turn when it was there, whether it was put there).
@@ -14,6 +16,7 @@ import json
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from functools import cached_property, lru_cache
 from hashlib import blake2b
+from math import hypot
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -29,9 +32,12 @@ from gamms.ir.sensed import Coverage
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, SensorType
 from gamms.typing.game import AerialState, NodeId, State
+from gamms.typing.on_edges import PassedNode
 
 Memory = dict[Any, Any]
 Key = tuple[str, int, str]
+
+EdgeIds = tuple[int, int, int]  # of the nodes that an edge leads from and to, and its own
 
 ENTRY = "belief"  # the first part of a key
 _REPORTS = "belief reports"  # likewise, of what was reported of earlier turns
@@ -41,6 +47,7 @@ _EVENTS = "belief events"  # the key of how many events of the game were read
 _ON_GROUND = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _IN_AIR = {SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT}
 _NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
+_NEAR = 1e-6  # map units: an agent that is seen so near a node is on it
 _ALMOST = 0.999999  # the highest probability that is written of those below 1
 
 _grounds: WeakKeyDictionary[Context, dict[str, Ground]] = WeakKeyDictionary()  # the last maps, by their digests
@@ -55,12 +62,24 @@ class Look(NamedTuple):
     not_shown: frozenset[str]  # names of the agents of which it says nothing
 
 
+class Place(NamedTuple):
+    """Where an agent was exactly, in a game by metres."""
+
+    time: float  # of the turn, from 0 to 1
+    edge: EdgeIds | None = None  # None: on its node
+    offset_m: float = 0.0
+
+
+_ON_NODE = Place(0.0)
+
+
 class Observation(NamedTuple):
     """What one agent observed in one turn."""
 
-    found: Mapping[str, int]  # agent -> node
+    found: Mapping[str, int]  # agent -> node that it was on, or had passed last
     looks: tuple[Look, ...]
     closed: tuple[Arc, ...] | None  # edges that were open until this turn; None: it is not known which
+    places: Mapping[str, Place]  # agent -> where exactly, for those of which that is known
 
 
 class Report(NamedTuple):
@@ -73,11 +92,13 @@ class Report(NamedTuple):
 
 
 class Sighting(NamedTuple):
-    """Where an agent was, in which turn, and which agent saw it."""
+    """Where an agent was, in which turn, and which agent saw it; in games by metres on which edge, too."""
 
-    node: int
+    node: int  # that it was on, or had passed last
     turn: int
     by: str
+    edge: EdgeIds | None = None  # ids of the nodes that it leads from and to, and its own
+    offset_m: float = 0.0  # how far from the source of that
 
 
 class Turn:
@@ -107,7 +128,8 @@ class Turn:
         found: dict[str, Sighting] = {}
         for by, seen in zip(self.texts, self.observations, strict=True):
             for name, node in seen.found.items():
-                found.setdefault(name, Sighting(node, self._turn, by))
+                place = seen.places.get(name, _ON_NODE)
+                found.setdefault(name, Sighting(node, self._turn, by, place.edge, place.offset_m))
         return found
 
     @cached_property
@@ -145,7 +167,7 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
 def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[str, Report]]) -> Turn:
     """Return a turn with what observers learnt of it later."""
     entries = {by: json.loads(text) for by, text in texts.items()}
-    found: dict[str, dict[str, int]] = {by: entry.pop("found", {}) for by, entry in entries.items()}
+    found: dict[str, dict[str, Any]] = {by: entry.pop("found", {}) for by, entry in entries.items()}
     for by, report in sorted(reports):
         if report.is_put:
             for places in found.values():
@@ -206,18 +228,25 @@ def last_sightings(turns: Mapping[int, Turn]) -> dict[str, Sighting]:
 def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
     """Write into memory what the sensors of an agent show in this turn of agents that are not of its team."""
     agent = ctx.agent.get_agent(_required(state, "name"))
-    found, looks = _respawned(ctx, state, share=share), []
+    is_between = state.get("edge") is not None
+    found: dict[str, Any] = dict(_respawned(ctx, state, share=share))
+    looks = []
     for name, (kind, data) in state["sensor"].items():
         if kind not in _ON_GROUND | _IN_AIR:
             continue
         try:
-            covered = agent.sensors[name].coverage(agent.current_node_id, agent.name)
+            sensor = agent.sensors[name]
+            looks_from: Any = agent.current_node_id
+            if is_between and getattr(sensor, "looks_from_points", False):
+                looks_from = state.get("xy")
+            covered = sensor.coverage(looks_from, agent.name)
         except (KeyError, NotOffered):  # a sensor of another class may notice anything
             covered = _NO_COVERAGE
         not_shown = set(covered.not_shown)
         if covered.is_exact:
             places = data if kind in _ON_GROUND else _nodes_under(ctx, data)
-            found |= {one: int(node) for one, node in places.items() if _is_other(ctx, state, one)}
+            found |= {one: _as_found(ctx, state, node) for one, node in places.items() if _is_other(ctx, state, one)}
+            not_shown |= data.keys() - places.keys()
         else:  # nothing sharp follows from where agents are reported
             not_shown |= data.keys() & ctx.agent.agents.keys()
         others = sorted(one for one in not_shown if _is_other(ctx, state, one))
@@ -299,12 +328,42 @@ def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:
 
 
 def _nodes_under(ctx: Context, data: Mapping[str, tuple[AgentType, tuple[float, ...]]]) -> dict[str, int]:
-    graph = ctx.graph.graph
-    return {
-        name: graph.nearest_node(place[0], place[1])
-        for name, (kind, place) in data.items()
-        if kind is not AgentType.AERIAL
-    }
+    """Return on which nodes agents are that were seen from the air; those between nodes are left out.
+
+    Which node such an agent has passed last cannot be seen.
+    """
+    graph, by_metres, found = ctx.graph.graph, is_by_metres(ctx), dict[str, int]()
+    for name, (kind, place) in data.items():
+        if kind is not AgentType.AERIAL:
+            node = graph.get_node(graph.nearest_node(place[0], place[1]))
+            if not by_metres or hypot(node.x - place[0], node.y - place[1]) <= _NEAR:
+                found[name] = node.id
+    return found
+
+
+def is_by_metres(ctx: Context) -> bool:
+    """Whether agents may be anywhere on an edge."""
+    return ctx.current_game is not None and ctx.game.speed_unit != "edges"
+
+
+def _as_found(ctx: Context, state: State | AerialState, node: int) -> int | list[float]:
+    """Return where an agent was found as it is written."""
+    if not is_by_metres(ctx):
+        return int(node)
+    place = [*node.edge[1:], node.offset_m] if isinstance(node, PassedNode) else []
+    # Where teams move one after another, others may still have their whole turn before them.
+    return [int(node), 0.0 if ctx.game.order else state.get("time", 0.0), *place]
+
+
+def _read_found(value: int | list[Any]) -> tuple[int, Place | None]:
+    """Return the node, and the exact place if it is known."""
+    if isinstance(value, int):
+        return value, None
+    node, time, *place = value
+    if not place:
+        return int(node), Place(float(time))
+    target, edge, offset = place
+    return int(node), Place(float(time), (int(node), int(target), int(edge)), float(offset))
 
 
 def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict[str, int]:
@@ -364,7 +423,9 @@ def _read(turn: int, by: str, text: str) -> Observation:
         looks = tuple(_read_look(*look) for look in entry.get("looks", ()))
         closed = entry.get("closed", ())
         arcs = None if closed is None else tuple((int(s), int(t), float(length)) for s, t, length in closed)
-        return Observation(entry.get("found", {}), looks, arcs)
+        found = {name: _read_found(value) for name, value in entry.get("found", {}).items()}
+        places = {name: place for name, (_, place) in found.items() if place is not None}
+        return Observation({name: node for name, (node, _) in found.items()}, looks, arcs, places)
     except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise _nonsense(turn, by, text) from error
 
@@ -425,7 +486,8 @@ def _prune(memory: Memory, turn: int, horizon: int) -> None:
     for then in (one for one in turns if one < turn - horizon):
         memory.pop((ENTRY, then, _ALL), None)
         for by, seen in zip(turns[then].texts, turns[then].observations, strict=True):
-            found = {name: node for name, node in seen.found.items() if last[name] == (node, then, by)}
+            written = json.loads(turns[then].texts[by]).get("found", {})
+            found = {name: written[name] for name, node in seen.found.items() if last[name][:3] == (node, then, by)}
             closed = {"closed": seen.closed} if seen.closed != () and oldest < then else {}
             memory.pop((ENTRY, then, by), None)
             if found or closed:

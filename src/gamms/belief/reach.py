@@ -3,7 +3,8 @@
 For each node, a label says more than how far an agent that is there can still go in this turn; -inf says that it cannot
 be there. Labels are strict bounds: an agent that needs as much as the label says does not get there. A turn adds the
 speed to the label, each edge takes its cost away, and what an agent may have covered of an edge, less than the whole of
-it, stays for the next turn.
+it, stays for the next turn. Of an agent that was seen on an edge it is known how much that is, and of one that was seen
+within a turn how much of the turn was over: its label is less by what it covers until then, and may be less than 0.
 """
 
 from functools import lru_cache
@@ -12,10 +13,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gamms.belief.evidence import Look, Observation
+from gamms.belief.evidence import Look, Observation, Place
 from gamms.belief.ground import Arc, Arrivals, Ground
 from gamms.ir.graph import FloatArray, IntArray
 
+_ROUNDED = 1e-6  # of metres: by so much more than it was seen to, an agent may have gone
 _LITTLE = 1e-9  # metres: more than nothing, so that edges without a length can be gone along without a speed
 
 
@@ -34,26 +36,35 @@ class Reach:
         ground: the map.
         speeds: (targets,) edges or metres in a turn.
         in_metres: which of both.
+        are_on_edges: whether they may be on edges, so that an empty node in view rules nothing out.
         is_free: whether agents may go anywhere in a turn.
         closed: edges that are gone, with the turn in which that was seen first.
     """
 
     def __init__(
-        self, ground: Ground, speeds: FloatArray, *, in_metres: bool, is_free: bool, closed: tuple[tuple[int, Arc], ...]
+        self,
+        ground: Ground,
+        speeds: FloatArray,
+        *,
+        in_metres: bool,
+        are_on_edges: bool,
+        is_free: bool,
+        closed: tuple[tuple[int, Arc], ...],
     ) -> None:
         self._ground, self._in_metres, self._is_free, self._closed = ground, in_metres, is_free, closed
-        self._speeds = speeds
+        self._speeds, self._are_on_edges = speeds, are_on_edges
 
     def anywhere(self, turn: int) -> FloatArray:
         """Return labels of targets that can be on any node."""
         return np.repeat(self._edges(turn).most_covered, len(self._speeds), axis=1)
 
-    def advance(self, labels: FloatArray, turn: int) -> FloatArray:
-        """Return the labels after the moves that lead to a turn."""
+    def advance(self, labels: FloatArray, turn: int, share: float = 1.0) -> FloatArray:
+        """Return the labels after the moves that lead to a turn, or after a share of these."""
         if self._is_free:
             return self.anywhere(turn)
         arrivals, most_covered, enough = self._edges(turn)
-        left = labels + np.minimum(self._speeds, enough)
+        parts = np.where(np.isfinite(self._speeds), share, 1.0) if self._in_metres else 1.0
+        left = labels + np.minimum(self._speeds, enough) * parts
         while True:
             offers = arrivals.largest(left)
             is_more = (offers > left) & (offers > 0.0)
@@ -66,8 +77,9 @@ class Reach:
         anywhere = self.anywhere(turn)
         labels = anywhere.copy() if any(one.closed is None for one in seen) else labels.copy()
         found = {name: self._ground.row(node) for one in seen for name, node in one.found.items()}
+        places = {name: one.places.get(name) for one in seen for name in one.found}
         is_clear = np.zeros(labels.shape, bool)
-        for look in (look for one in seen for look in one.looks if not self._in_metres):
+        for look in (look for one in seen for look in one.looks if not self._are_on_edges):
             rows = _certain_rows(self._ground, look)
             is_shown = [name not in look.not_shown and name not in found for name in targets]
             is_clear[rows] |= is_shown
@@ -79,7 +91,15 @@ class Reach:
             if row is not None:
                 labels[:, column] = anywhere[:, column] if row < 0 else -inf
                 labels[row, column] = anywhere[row, column]
+                place = places.get(name)
+                if row >= 0 and place is not None and self._in_metres:
+                    labels[row, column] = min(anywhere[row, column], self._covered(place, self._speeds[column]))
         return labels
+
+    def _covered(self, place: Place, speed: float) -> float:
+        """Return the label of an agent that was seen at a place, for the beginning of that turn."""
+        gone = place.time * speed if np.isfinite(speed) else 0.0
+        return place.offset_m - gone + _ROUNDED * (1.0 + place.offset_m + gone)
 
     def _edges(self, turn: int) -> _Edges:
         """Return the edges that may have been open in the moves that lead to a turn."""

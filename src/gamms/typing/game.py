@@ -194,6 +194,8 @@ class AerialState(_GameKeys):
     """`(x, y, z)`, map units."""
     quat: Quat
     """How the agent is turned: `(w, x, y, z)` of length 1."""
+    time: NotRequired[float]
+    """Where agents decide at each arrival: how much of the turn is over, from 0 to 1."""
     sensor: dict[str, tuple[SensorType, Any]]
     """Name -> kind of sensor, and what it has sensed."""
     legal: NotRequired[Sequence[int]]
