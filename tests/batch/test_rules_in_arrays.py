@@ -1,7 +1,10 @@
 """Rules in batches: each game is the one that is played alone, whatever the rules do in it."""
 
 import pytest
-from batch_scenes import scene
+from batch_scenes import plain, scene
+
+from gamms.errors import MissingKey, UnknownName
+from gamms.rules import Conflicts, by_priority
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
 SEEDS = [1, 2, 3, 2**40]
@@ -50,3 +53,44 @@ def test_carriers_of_flags_are_known_as_numbers_of_agents():
                 for team, flag in ctx.game.facts["flags"].items():
                     assert known[team]["node"] == flag["node"]
                     assert names[known[team]["carrier"][number]] == flag["carrier"]
+
+
+@pytest.mark.parametrize("resolve", ["at_random", "nobody", {"by_priority": ["blue", "red"]}])
+@pytest.mark.parametrize("capacity", [1, 2, {6: 0, 7: 1, 8: 2}])
+@pytest.mark.parametrize(("among", "allow_swaps"), [("all", False), ("team", False), ("all", True)])
+def test_the_same_agents_have_to_stay(resolve, capacity, among, allow_swaps, same_as_one_by_one):
+    conflicts = {"capacity": capacity, "among": among, "allow_swaps": allow_swaps, "resolve": resolve}
+    same_as_one_by_one(scene([], red=5, blue=6, side=4, max_turns=10, conflicts=conflicts), SEEDS[:2])
+
+
+def first_by_name(contest, ctx):
+    return [contest.movers[0]]
+
+
+def crowded(capacity, resolve=None):
+    ctx = scene([], red=6, blue=6, side=4, max_turns=8).build(seed=1)
+    for node in range(16):
+        ctx.graph.graph.update_node({"id": node, "room": node % 3})
+    ctx.game.conflicts = Conflicts(capacity, resolve=resolve)
+    return ctx
+
+
+def test_capacities_may_be_attributes_of_nodes():
+    with crowded("room") as ctx, ctx.game.batch(seeds=[3]) as games:
+        assert games.slow is None
+        games.run()
+        with ctx.game.fork(0).ctx as alone:
+            alone.game.reset(seed=3)
+            assert plain(games.result(0)) == plain(alone.game.run())
+    with crowded("rooms") as ctx, ctx.game.batch(1) as games, pytest.raises(UnknownName, match="rooms"):
+        games.step()
+
+
+def test_a_resolver_without_an_array_form_is_asked_game_by_game():
+    with crowded(1, first_by_name) as ctx, ctx.game.batch(1) as games:
+        assert "Conflicts" in games.slow
+
+
+def test_a_team_that_is_not_in_the_list_is_named():
+    with crowded(1, by_priority(["red"])) as ctx, ctx.game.batch(4) as games, pytest.raises(MissingKey, match="blue"):
+        games.run()

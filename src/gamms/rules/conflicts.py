@@ -2,21 +2,26 @@
 
 from collections import Counter, defaultdict
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import partial
 from itertools import compress
 from operator import attrgetter
-from sys import maxsize
 from typing import Any, NamedTuple, cast
+
+import numpy as np
 
 from gamms import kernels
 from gamms.agent import BaseAgent
 from gamms.arguments import as_choice, as_flag, as_int, as_key, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
+from gamms.game.batch.turn import ArrayTurn
 from gamms.graph import Graph
+from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays
 from gamms.text import as_code, shown, shown_as_called
 from gamms.typing.game import EdgePlace, Move
-
-UNLIMITED = maxsize  # no graph has so many agents
 
 Capacity = int | Mapping[int, int | None] | str | None  # as a caller gives it
 
@@ -77,7 +82,7 @@ class Conflicts:
             given["edge_capacity"] = edge_capacity
         self._given = {name: as_code(value) for name, value in given.items()}
         self._allow_swaps = as_flag(allow_swaps, "allow_swaps")
-        per_team = among == "team"
+        self._per_team = per_team = among == "team"
         self._place_of = attrgetter("end", "team") if per_team else attrgetter("end")  # where it counts if it moves
         self._home_of = attrgetter("start", "team") if per_team else attrgetter("start")  # and where if it stays
         self._way_of = attrgetter("start", "end", "team") if per_team else attrgetter("start", "end")
@@ -108,6 +113,21 @@ class Conflicts:
         if self._limits is not None:
             self._stop_overflow(moves.values(), stopped, self._limits, ctx)
         return stopped
+
+    @property
+    def array_form(self) -> Callable[[ArrayTurn, IntArray], BoolArray] | None:
+        """The same for many games at once: which agents have to stay; None: the resolver has no array form."""
+        rank: ArrayResolver | None = getattr(self._resolve, "array_form", None)
+        return None if rank is None else partial(self._resolve_in_arrays, rank)
+
+    def _resolve_in_arrays(self, rank: ArrayResolver, turn: ArrayTurn, ends: IntArray) -> BoolArray:
+        moves, known = MovesInArrays(turn, ends, rank, per_team=self._per_team), self._limits
+        if not self._allow_swaps:
+            moves.stop_swaps()
+        if known is not None:
+            limits = turn.shared(("capacity", id(known)), lambda: (known, known.rows(turn.streets.columns)))[1]
+            moves.stop_overflow(limits)
+        return moves.stays
 
     def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Return which moves, by index, can decide which agents stay; `resolve` answers the same for these alone.
@@ -245,7 +265,7 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
         MissingKey (KeyError): while resolving, an agent of a team that is not in the list.
     """
     if callable(teams_or_key):
-        rank_of = _by_key(teams_or_key)
+        rank_of, in_arrays = _by_key(teams_or_key), None
     elif isinstance(teams_or_key, (str, bytes)) or not isinstance(teams_or_key, Sequence):
         raise BadType(
             "by_priority needs a list of teams, the first to win first, or a function of an agent, "
@@ -253,6 +273,7 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
         )
     else:
         rank_of = _by_team(list(teams_or_key))
+        in_arrays = _by_team_in_arrays(list(teams_or_key))
 
     def by_priority(contest: Contest, ctx: Context) -> list[Move]:
         ranks = [rank_of(mover, ctx) for mover in contest.movers]
@@ -263,7 +284,7 @@ def by_priority(teams_or_key: Sequence[Hashable] | Callable[[BaseAgent], Any]) -
             raise BadType(f"by_priority cannot compare what its key gave for {ranked}.") from None
         return [contest.movers[number] for number in order[: contest.places]]
 
-    return by_priority
+    return _with_form(by_priority, in_arrays)
 
 
 @shown_as_called
@@ -281,7 +302,10 @@ def at_random() -> Resolver:
         order = sorted(range(len(movers)), key=draws.__getitem__)
         return [movers[number] for number in order[: contest.places]]
 
-    return at_random
+    def in_arrays(turn: ArrayTurn, at: IntArray, agents: IntArray) -> BitArray:
+        return turn.draw_bits(at, turn.roster.keys[agents], "conflicts")
+
+    return _with_form(at_random, in_arrays)
 
 
 @shown_as_called
@@ -291,7 +315,12 @@ def nobody() -> Resolver:
     def nobody(_contest: Contest, _ctx: Context) -> tuple[Move, ...]:
         return ()
 
-    return nobody
+    return _with_form(nobody, lambda *_: None)
+
+
+def _with_form(resolver: Resolver, form: ArrayResolver | None) -> Resolver:
+    resolver.__dict__["array_form"] = form
+    return resolver
 
 
 _FACTORIES = (by_priority, at_random, nobody)
@@ -358,13 +387,28 @@ def _by_team(teams: list[Hashable]) -> Callable[[Move, Context], Any]:
 
     def rank_of(mover: Move, _: Context) -> int:
         if mover.team not in ranks:
-            raise MissingKey(
-                f"by_priority has no place for team {shown(mover.team)} of agent {mover.agent!r}. "
-                f"Put it into the list {shown(teams)}."
-            )
+            raise _no_place_for(mover.agent, mover.team, teams)
         return ranks[mover.team]
 
     return rank_of
+
+
+def _by_team_in_arrays(teams: list[Hashable]) -> ArrayResolver:
+    def rank(turn: ArrayTurn, _: IntArray, agents: IntArray) -> IntArray:
+        roster = turn.roster
+        ranks = np.array([teams.index(team) if team in teams else -1 for team in roster.teams])
+        found: IntArray = ranks[roster.team_of[agents]]
+        for agent in agents[found < 0].tolist():
+            raise _no_place_for(roster.names[agent], roster.teams[roster.team_of[agent]], teams)
+        return found
+
+    return rank
+
+
+def _no_place_for(agent: str, team: Hashable, teams: list[Hashable]) -> MissingKey:
+    return MissingKey(
+        f"by_priority has no place for team {shown(team)} of agent {agent!r}. Put it into the list {shown(teams)}."
+    )
 
 
 # -- the capacity of nodes ---------------------------------------------------------------------------------------------
@@ -376,24 +420,26 @@ class _Limits(NamedTuple):
     Attributes:
         least: none has a smaller one, so that for fewer agents none is looked at.
         on: gives the function from an id to its capacity in this turn; `UNLIMITED` where there is none.
+        rows: gives the capacities of all nodes of a graph that stays as it is, (nodes,).
     """
 
     least: int
     on: Callable[[Graph], Callable[[Any], int]]
+    rows: Callable[[GraphColumns], IntArray]
 
 
 def _both(nodes: _Limits | None, edges: _Limits | None) -> _Limits | None:
     """Return the limits of nodes by their ids, and of edges by their `EdgePlace`."""
     if nodes is None and edges is None:
         return None
-    unlimited = _Limits(UNLIMITED, lambda _: lambda _: UNLIMITED)
+    unlimited = _Limits(UNLIMITED, lambda _: lambda _: UNLIMITED, lambda graph: _rows_of(graph, {}))
     of_nodes, of_edges = nodes or unlimited, edges or unlimited
 
     def on(graph: Graph) -> Callable[[Any], int]:
         of_node, of_edge = of_nodes.on(graph), of_edges.on(graph)
         return lambda place: of_edge(place.edge) if isinstance(place, EdgePlace) else of_node(place)
 
-    return _Limits(min(of_nodes.least, of_edges.least), on)
+    return _Limits(min(of_nodes.least, of_edges.least), on, of_nodes.rows)
 
 
 def _in_attribute(name: str, kind: str) -> _Limits:
@@ -410,7 +456,13 @@ def _in_attribute(name: str, kind: str) -> _Limits:
         is_known = True
         return lambda one: _as_limit(attributes(one).get(name), f"Attribute {name!r} of {kind} {one}")
 
-    return _Limits(0, on)
+    def rows(graph: GraphColumns) -> IntArray:
+        if name not in graph.node_attributes:
+            raise UnknownName("node attribute", name, graph.node_attributes)
+        ids, values = graph.node_ids, graph.node_attributes[name].items()
+        return _rows_of(graph, {row: _as_limit(of, f"Attribute {name!r} of node {ids[row]}") for row, of in values})
+
+    return _Limits(0, on, rows)
 
 
 def _as_limits(capacity: object, kind: str) -> _Limits | None:
@@ -430,7 +482,8 @@ def _as_limits(capacity: object, kind: str) -> _Limits | None:
     if isinstance(capacity, Mapping):
         pairs = ((as_int(node, f"The id of a {kind} in {what}"), value) for node, value in capacity.items())
         known = {node: _as_limit(value, f"{what} of {kind} {node}") for node, value in pairs}
-        return _Limits(min(known.values(), default=UNLIMITED), lambda _: lambda node: known.get(node, UNLIMITED))
+        least = min(known.values(), default=UNLIMITED)
+        return _Limits(least, lambda _: lambda node: known.get(node, UNLIMITED), partial(_rows_of_ids, known))
     try:
         number = as_int(capacity, what)
     except BadType:
@@ -440,7 +493,19 @@ def _as_limits(capacity: object, kind: str) -> _Limits | None:
         ) from None
     if number < 1:
         raise BadValue(f"{what} must be at least 1, not {number}: no agent could move. Use None for no limit.")
-    return _Limits(number, lambda _: lambda _: number)
+    return _Limits(number, lambda _: lambda _: number, lambda graph: np.full(len(graph.node_ids), number))
+
+
+def _rows_of(graph: GraphColumns, known: Mapping[int, int]) -> IntArray:
+    """Return the capacities of all nodes, of which those of some rows are known."""
+    limits = np.full(len(graph.node_ids), UNLIMITED)
+    for row, limit in known.items():
+        limits[row] = limit
+    return limits
+
+
+def _rows_of_ids(known: Mapping[int, int], graph: GraphColumns) -> IntArray:
+    return np.array([known.get(node, UNLIMITED) for node in graph.node_ids.tolist()], np.int64)
 
 
 def _as_limit(value: object, name: str) -> int:
