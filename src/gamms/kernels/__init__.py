@@ -56,6 +56,7 @@ from gamms.kernels.paths import (
     lacks_scipy,
     least_matching,
     make_arcs,
+    route_tables,
     shortest_distances,
     simple_paths,
     tight_arcs,

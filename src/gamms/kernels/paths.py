@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.kernels.csr import chosen_runs
 
 _FEW = 1000  # arcs: below, a heap in Python is done before SciPy has checked its arguments
 
@@ -121,6 +122,46 @@ def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
     return steps
 
 
+def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> tuple[FloatArray, IntArray]:
+    """Return what `heap_distances` and `first_steps` say of several starts, all at once.
+
+    On reversed arcs these are the distances to the roots, and the next nodes on the ways there.
+
+    Args:
+        arcs: the ways.
+        roots: (roots,) rows, each once.
+        ids: (nodes,) different numbers.
+        cutoff: what is farther away than this counts as out of reach.
+
+    Returns:
+        Distances (roots, nodes), infinite where there is no path, and rows of nodes (roots, nodes), -1 for the roots
+        themselves and where there is no path.
+    """
+    nodes = len(ids)
+    if len(arcs.ends) < _FEW or not len(roots) or not has_scipy():
+        distances = np.array([heap_distances(arcs, root, cutoff) for root in roots[:, None]]).reshape(-1, nodes)
+    else:
+        distances = _sparse().csgraph.dijkstra(_matrix(arcs), indices=roots, limit=cutoff)
+    lines, rows = np.nonzero(np.isfinite(distances))
+    used, runs = chosen_runs(arcs.offsets, rows)
+    counts = np.diff(runs)
+    # The arcs of all roots side by side, as if each had a graph of its own, in which rows are `before` and `after`.
+    before, base = np.repeat(lines * nodes + rows, counts), np.repeat(lines * nodes, counts)
+    after, flat = base + arcs.ends[used], distances.reshape(-1)
+    is_tight = flat[before] + arcs.weights[used] == flat[after]
+    before, after = before[is_tight], after[is_tight]
+    steps: IntArray = np.full(distances.shape, -1, np.int32)  # half the memory
+    steps.reshape(-1)[after] = before % max(nodes, 1)
+    is_tied = (np.bincount(after, minlength=steps.size).reshape(-1, nodes) > 1).any(axis=1)
+    for line in np.flatnonzero(is_tied).tolist():
+        first, last = np.searchsorted(before, (line * nodes, (line + 1) * nodes))
+        ones, own = np.ones(int(last - first)), line * nodes
+        tight = make_arcs(before[first:last] - own, after[first:last] - own, ones, nodes)
+        steps[line] = first_steps(tight, shortest_distances(tight, roots[line : line + 1]), ids)
+    steps[np.arange(len(roots)), roots] = -1
+    return distances, steps
+
+
 def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
     """Return what `heap_distances` returns; by SciPy where it is installed and faster."""
     if len(arcs.ends) < _FEW or len(rows) == 0 or not has_scipy():
@@ -130,11 +171,7 @@ def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> Float
 
 def scipy_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:
     """Return what `heap_distances` returns: Dijkstra with a Fibonacci heap, in C; `rows` must not be empty."""
-    sparse = _sparse()
-    nodes = len(arcs.offsets) - 1
-    # Given as rows, not as a list of triples: so explicit zeros stay edges, and nothing is added up.
-    matrix = sparse.csr_array((arcs.weights, arcs.ends.astype(np.int32), arcs.offsets.astype(np.int32)), (nodes, nodes))
-    found: FloatArray = sparse.csgraph.dijkstra(matrix, indices=np.unique(rows), min_only=True, limit=cutoff)
+    found: FloatArray = _sparse().csgraph.dijkstra(_matrix(arcs), indices=np.unique(rows), min_only=True, limit=cutoff)
     return found
 
 
@@ -427,6 +464,14 @@ def has_scipy() -> bool:
     except ImportError:
         return False
     return True
+
+
+def _matrix(arcs: Arcs) -> Any:
+    """Return arcs as a sparse matrix."""
+    nodes = len(arcs.offsets) - 1
+    # Given as rows, not as a list of triples: so explicit zeros stay edges, and nothing is added up.
+    parts = arcs.weights, arcs.ends.astype(np.int32), arcs.offsets.astype(np.int32)
+    return _sparse().csr_array(parts, (nodes, nodes))
 
 
 def _sparse() -> Any:
