@@ -1,7 +1,8 @@
 """What sensors saw, as columns: of many looks at once, and of the last look as a drawer needs it."""
 
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -42,6 +43,32 @@ class Coverage:
     detection: FloatArray  # (nodes,)  how probable it is that an agent on the node is noticed
     not_shown: tuple[str, ...]  # names of the agents that it does not show wherever they are: of other teams, dead
     is_exact: bool = True  # whether the agents that it shows are where it shows them at this moment
+
+
+class AgentLook(NamedTuple):
+    """How a sensor shows agents, in a form that is computed for many games at once; equal if two show the same.
+
+    Attributes:
+        radius: map units; may be infinite.
+        place: (x, y) to look from, or None: from the node of the agent that carries it.
+        cone: heading (cos, sin) and full opening angle; None: all around.
+        teams: the teams whose agents alone it shows; None: all.
+        others: the teams whose agents it does not show.
+        chances: pairs (distance, probability) of noticing an agent; None: always.
+        draws: the names of the sensor and of its owner, which what is drawn follows from; None: nothing is drawn.
+        height: of its sight lines above the ground; None: obstacles hide nothing.
+        hides: returns which nodes (ids of nodes,) obstacles hide from a node, or from `place`.
+    """
+
+    radius: float
+    place: tuple[float, float] | None
+    cone: tuple[tuple[float, float], float] | None
+    teams: tuple[Hashable, ...] | None
+    others: tuple[Hashable, ...]
+    chances: tuple[tuple[float, float], ...] | None
+    draws: tuple[str, str] | None
+    height: float | None
+    hides: "Callable[[int, IntArray], np.ndarray[Any, np.dtype[np.bool_]]] | None"
 
 
 def _no_points() -> FloatArray:

@@ -86,9 +86,11 @@ def later_key_rows(first: BitArray, turns: IntArray) -> BitArray:
     return _mix_many(first + np.asarray(turns).astype(np.uint64) * np.array([_GAMMA], np.uint64))
 
 
-def bits_at_rows(keys: BitArray, k: int) -> BitArray:
-    """Return draw number `k`, from 0, of each `turn_key`."""
-    return _mix_many(keys + np.uint64((k + 1) * _GAMMA & _MASK))
+def bits_at_rows(keys: BitArray, k: IntArray | int) -> BitArray:
+    """Return draw number `k`, from 0, of each `turn_key`; `k` is one number, or one for each."""
+    if isinstance(k, int):
+        return _mix_many(keys + np.uint64((k + 1) * _GAMMA & _MASK))
+    return _mix_many(keys + (k + 1).astype(np.uint64) * np.array([_GAMMA], np.uint64))
 
 
 def draw_bits_each(purpose: int, names: Iterable[str], turn: int) -> list[int]:

@@ -149,8 +149,8 @@ class DetectionModel(Guarded):
         """Return those rows whose agents are of a team that is reported; `teams` by row."""
         if self.team is None and self.exclude is None:
             return rows
-        others = () if self.exclude is None else _teams(self.exclude)
-        known = None if self.team is None else _teams(self.team)
+        others = () if self.exclude is None else teams_in(self.exclude)
+        known = None if self.team is None else teams_in(self.team)
         return [row for row in rows if (known is None or teams[row] in known) and teams[row] not in others]
 
     @refused_while_deciding
@@ -303,7 +303,8 @@ class DetectingSensor(Sensor):
         return twin
 
 
-def _teams(given: object) -> Collection[Any]:
+def teams_in(given: object) -> Collection[Any]:
+    """Return the teams that a keyword names: one, or several in a list, tuple or set."""
     return given if isinstance(given, list | tuple | set | frozenset) else (given,)
 
 

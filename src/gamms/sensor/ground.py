@@ -10,11 +10,13 @@ from gamms import kernels
 from gamms.arguments import as_float, as_ids, as_int, as_numbers, as_range
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType, UnknownName
+from gamms.ir.chances import as_chances
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensed import Sensed, SensorView, ragged
+from gamms.ir.sensed import AgentLook, Sensed, SensorView, ragged
 from gamms.sensor import fov_geometry
-from gamms.sensor.detection import DetectingSensor
+from gamms.sensor.detection import DetectingSensor, teams_in
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, is_unhidden, memory_of, nodes_ahead
@@ -322,6 +324,38 @@ class AgentSensor(DetectingSensor, GroundSensor):
             is_seen = in_sight(self.ctx, place, nodes, self.range, self._observer_height, self._tunnel(place))
             nodes = NodeColumns(nodes.ids[is_seen], nodes.xy[is_seen])
         return nodes.ids, np.hypot(*(nodes.xy - coordinates(self.ctx, place)).T)
+
+    def in_arrays(self, owner: str) -> AgentLook | str:
+        """Return how it shows agents to its owner, to be computed for many games at once; else in words why it cannot.
+
+        What follows from that must be what `sense` shows.
+        """
+        notice, detection = self._notice, None if self._notice is None else self._notice.detection
+        reasons = {
+            "is of a class of its own": not self._is_ours,
+            "has position noise, false alarms or a delay": notice is not None and notice.has_errors,
+            "has a function of detection": callable(detection),
+            "turns with its agent": self.fov != FULL_CIRCLE and self._at is None,
+        }
+        for reason, is_there in reasons.items():
+            if is_there:
+                return reason
+        chances = None if detection is None else as_chances(detection, "detection")
+        return AgentLook(
+            self.range,
+            None if self._at is None else coordinates(self.ctx, self._at),
+            None if self.fov == FULL_CIRCLE else (self.orientation, self.fov),
+            None if notice is None or notice.team is None else tuple(teams_in(notice.team)),
+            () if notice is None or notice.exclude is None else tuple(teams_in(notice.exclude)),
+            None if chances is None else tuple((far, chance) for far, chance in chances.tolist()),
+            None if chances is None else (self.sensor_id, owner if self._at is None else ""),
+            self._observer_height if self._is_occluded else None,
+            self._hidden_from if self._is_occluded else None,
+        )
+
+    def _hidden_from(self, node_id: int, others: IntArray) -> BoolArray:
+        nodes = NodeColumns(others, self.ctx.graph.graph.positions(others))
+        return ~in_sight(self.ctx, self.place(node_id), nodes, self.range, self._observer_height)
 
     @of_data
     def last_view(self) -> SensorView:

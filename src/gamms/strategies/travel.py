@@ -10,6 +10,7 @@ import numpy as np
 from gamms.arguments import as_context, as_count, as_flag, as_float, as_int
 from gamms.context import Context
 from gamms.errors import BadValue
+from gamms.game.batch.sight import blind
 from gamms.game.batch.view import ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
@@ -60,10 +61,12 @@ def random_walk(state: State | AerialState) -> None:
         state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
 
 
+@blind
 def _stay_in_arrays(view: ArrayView) -> IntArray:
     return np.zeros_like(view.node)
 
 
+@blind
 def _walk_in_arrays(view: ArrayView) -> IntArray:
     return view.draw.below(view.counts)
 

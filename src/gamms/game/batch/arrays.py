@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import BoolArray, PlayedGame, Roster, Streets
+from gamms.game.batch.sight import is_blind, why_not_seen
 from gamms.game.batch.turn import ArrayTurn, GameArrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.order import COUNTED
@@ -43,7 +44,7 @@ class ArrayEngine:
 
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray) -> None:
         self._game = game
-        roster, streets = Roster.of(game.agents), Streets(game.ctx.graph.columns())
+        roster, streets = Roster.of(game.agents), Streets(game.ctx.graph.columns(), game.ctx.graph.routes)
         self.state = GameArrays(roster, streets, seeds, streets.rows(start))
         settings = game.settings()
         self._last: int | None = settings["max_turns"]
@@ -201,6 +202,12 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     reasons += [
         (agent.strategy is not None and _form_of(agent.strategy) is None, f"the strategy {as_code(agent.strategy)}")
         for agent in game.agents
+    ]
+    reasons += [
+        (why is not None, why or "")
+        for agent in game.agents
+        if agent.strategy is not None and not is_blind(_form_of(agent.strategy))
+        for why in (why_not_seen(agent, name) for name in getattr(agent, "sensors", ()))
     ]
     reasons += [(_rule_lacks_form(one), f"the rule {one.name!r}") for one in game.rules]
     if conflicts is not None:

@@ -14,6 +14,7 @@ from gamms.ir.graph import GraphColumns, IntArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
+from gamms.typing.routes import RouteQueries
 
 BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
@@ -76,13 +77,14 @@ class Streets:
 
     Attributes:
         columns: of the graph.
+        queries: `ctx.graph.routes`.
         counts: (nodes,) how many nodes are legal from each, its own included.
         offsets: (nodes,) where those of each node begin in `targets`.
         targets: rows of nodes; of each node its own first, then its neighbours in the order of `state["legal"]`.
     """
 
-    def __init__(self, columns: GraphColumns) -> None:
-        self.columns = columns
+    def __init__(self, columns: GraphColumns, queries: RouteQueries) -> None:
+        self.columns, self.queries = columns, queries
         self.offsets, self.targets = kernels.neighborhoods(columns.sources, columns.targets, len(columns.node_ids))
         self.counts: IntArray = np.diff(self.offsets)
         self.offsets = self.offsets[:-1]

@@ -72,7 +72,8 @@ class OneByOneEngine:
     def view(self, team: Hashable) -> ArrayView:
         """Return what the agents of a team observe, in all games."""
         roster = Roster.of(self._game.ctx.agent.agents.values())
-        agents, streets = roster.members(team), Streets(self._game.ctx.graph.columns())
+        graph = self._game.ctx.graph
+        agents, streets = roster.members(team), Streets(graph.columns(), graph.routes)
         shape = len(self.seeds), len(roster.names)
         state = GameArrays(roster, streets, self.seeds, np.zeros(shape, np.int64))
         for number in range(len(self.seeds)):

@@ -63,6 +63,7 @@ class GameArrays:
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         facts: what rules have published, by name, in a form that each says.
         events: of all games.
+        shared: what was worked out once for all games, from what does not change, by what it is.
     """
 
     def __init__(self, roster: Roster, streets: Streets, seeds: Sequence[int], start: IntArray) -> None:
@@ -81,7 +82,7 @@ class GameArrays:
         self.kept: dict[Hashable, Arrays] = {}
         self.facts: dict[str, Any] = {}
         self.events = EventLog(games)
-        self.shared: dict[Hashable, Any] = {}  # what rules have worked out once for all games
+        self.shared: dict[Hashable, Any] = {}
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None

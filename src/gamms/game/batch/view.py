@@ -1,6 +1,7 @@
 """What array forms of strategies get, and what a learner observes: the agents of a strategy in all games at once."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,8 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import BoolArray
+from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.sight import Seen, lookouts, names_of, seen
 from gamms.game.batch.turn import Arrays, GameArrays
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.kernels.draws import BitArray
@@ -15,8 +18,6 @@ from gamms.text import shown
 
 ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
-
-_KEYS = ("curr_pos", "legal", "mask", "name", "team", "turn", "draw", "facts")
 
 
 class ViewDraws:
@@ -28,15 +29,30 @@ class ViewDraws:
     def __init__(self, first: BitArray, turns: IntArray) -> None:
         self._of = first, turns
         self._keys: BitArray | None = None
-        self._count = 0
+        self._count: IntArray | int = 0
+        self._among: tuple[ViewDraws, BoolArray] | None = None
+
+    def only(self, asked: BoolArray) -> "ViewDraws":
+        """Return draws that count for some agents alone, (games, agents): for the others it is as if nothing drew."""
+        narrowed = ViewDraws(*self._of)
+        narrowed._among = self, asked
+        return narrowed
 
     def bits(self) -> BitArray:
         """Return 64 random bits for each."""
+        if self._among is not None:
+            return self._among[0].bits_of(self._among[1])
+        return self.bits_of(1)
+
+    def bits_of(self, counted: BoolArray | int) -> BitArray:
+        """Return 64 random bits for each; the next ones are others for those that are counted."""
+        if self._among is not None:
+            return self._among[0].bits_of(counted)
         if self._keys is None:
             first, turns = self._of
             self._keys = kernels.later_key_rows(first, turns[:, None])
-        self._count += 1
-        return kernels.bits_at_rows(self._keys, self._count - 1)
+        count, self._count = self._count, self._count + counted
+        return kernels.bits_at_rows(self._keys, count)
 
     def random(self) -> FloatArray:
         """Return a number in [0, 1) for each."""
@@ -65,7 +81,7 @@ class ArrayView(Mapping[str, Any]):
         games: (games,) numbers in the batch.
         agents: (agents,) numbers in the roster: the names in their order.
         node: rows of nodes.
-        mask: which agents are alive.
+        mask: which agents are asked: those that are alive; of a part of a strategy, those that it decides for.
         counts: how many nodes are legal for each agent, its own included.
         turn: (games,) how many turns were played.
         draw: random numbers, one for each agent.
@@ -81,28 +97,18 @@ class ArrayView(Mapping[str, Any]):
         self.turn = state.turn[games]
         self.counts: IntArray = self.streets.counts[self.node]
         self.draw = ViewDraws(state.draw_keys()[rows], self.turn)
+        self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
 
     def __getitem__(self, key: str) -> Any:
-        if key == "curr_pos":
-            return self.streets.ids(self.node)
-        if key == "legal":
-            return self._legal()
-        if key in ("mask", "turn", "draw"):
-            return getattr(self, key)
-        roster = self._state.roster
-        if key == "name":
-            return tuple(roster.names[number] for number in self.agents.tolist())
-        if key == "team":
-            return tuple(roster.teams[roster.team_of[number]] for number in self.agents.tolist())
-        if key == "facts":
-            return self._state.facts
-        raise UnknownName("key of a view", key, _KEYS)
+        if key not in _VALUES:
+            raise UnknownName("key of a view", key, tuple(_VALUES))
+        return _VALUES[key](self)
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_KEYS)
+        return iter(_VALUES)
 
     def __len__(self) -> int:
-        return len(_KEYS)
+        return len(_VALUES)
 
     def _legal(self) -> IntArray:
         padded = self.streets.legal[self.node]
@@ -116,6 +122,50 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): one is not on the map.
         """
         return self.streets.action_to(self.node, self.streets.rows(np.broadcast_to(nodes, self.node.shape)))
+
+    def only(self, asked: BoolArray) -> "ArrayView":
+        """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.
+
+        Its arrays are those of all agents; what it draws counts for those in its mask.
+        """
+        narrowed = copy(self)
+        narrowed.mask = self.mask & asked
+        narrowed.draw = self.draw.only(narrowed.mask)
+        return narrowed
+
+    def seen(self, *names: str) -> Seen:
+        """Return which agents the sensors show, of kinds that show agents, to those in the mask; no agent sees itself.
+
+        Args:
+            names: of the sensors; none: all. A sensor that is named, and looks from a fixed place, shows its own agent.
+
+        Raises:
+            UnknownName (KeyError): no agent carries such a sensor that shows agents.
+            BadValue: a sensor has no array form.
+        """
+        if names not in self._sights:
+            state, key = self._state, ("lookouts", self.agents.tobytes(), names)
+            if key not in state.shared:
+                state.shared[key] = lookouts(state.roster.agents, self.agents, names)
+            found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
+            self._sights[names] = found
+        found = self._sights[names]
+        return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
+
+    def enemies(self) -> Seen:
+        """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
+        found, roster = self.seen(), self._state.roster
+        own, other = roster.team_of[self.agents[found.viewers]], roster.team_of[found.others]
+        is_free = np.array([team is None for team in roster.teams], np.bool_)
+        return found.of((own != other) | is_free[own])
+
+    def routes(self, weight: str | None = "length") -> RouteTable:
+        """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`."""
+        shared, key = self._state.shared, ("routes", weight)
+        if key not in shared:
+            shared[key] = RouteTable(self.streets, weight)
+        table: RouteTable = shared[key]
+        return table
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a strategy remembers of all games of the batch, at first what `make(games)` gives.
@@ -148,3 +198,26 @@ class ArrayView(Mapping[str, Any]):
                 f"{self.counts[game, agent]}, numbered from 0."
             )
         return chosen
+
+    def _names(self) -> tuple[str, ...]:
+        return tuple(self._state.roster.names[number] for number in self.agents.tolist())
+
+    def _teams(self) -> tuple[Hashable, ...]:
+        roster = self._state.roster
+        return tuple(roster.teams[number] for number in roster.team_of[self.agents].tolist())
+
+    def _sensors(self) -> dict[str, Seen]:
+        return {name: self.seen(name) for name in names_of(self._state.roster.agents, self.agents)}
+
+
+_VALUES: dict[str, Callable[[ArrayView], Any]] = {
+    "curr_pos": lambda view: view.streets.ids(view.node),
+    "legal": ArrayView._legal,
+    "mask": lambda view: view.mask,
+    "name": ArrayView._names,
+    "team": ArrayView._teams,
+    "turn": lambda view: view.turn,
+    "draw": lambda view: view.draw,
+    "facts": lambda view: view._state.facts,
+    "sensor": ArrayView._sensors,
+}

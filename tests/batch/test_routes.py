@@ -1,0 +1,75 @@
+"""Distances and steps of many agents at once are those that the graph gives one by one."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadValue, UnknownName
+from gamms.game.batch import routes
+from gamms.game.batch.columns import Streets
+from gamms.game.batch.routes import RouteTable
+from gamms.strategies.knowledge import step_towards
+
+EDGES = st.lists(
+    st.tuples(st.integers(0, 6), st.integers(0, 6), st.sampled_from([0.0, 1.0, 1.0, 2.0, 3.5])), max_size=20
+)
+
+
+def small_map(ctx, edges):
+    """Seven nodes, whose ids are not their rows, with these edges."""
+    for node in range(7):
+        ctx.graph.graph.add_node({"id": (node * 3) % 7, "x": float(node), "y": float(node % 3)})
+    for number, (source, target, length) in enumerate(edges):
+        ctx.graph.graph.add_edge({"id": number, "source": source, "target": target, "length": length})
+
+
+@settings(max_examples=40, deadline=None)
+@given(edges=EDGES, first=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=3), most=st.integers(1, 7))
+def test_steps_and_distances_are_those_of_strategies(edges, first, most):
+    with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+        small_map(ctx, edges)
+        patch.setattr(routes, "_MOST_BYTES", most * 9 * 7)
+        streets, graph = Streets(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph
+        table, ids = RouteTable(streets, "length"), ctx.graph.columns().node_ids
+        for one, other in first:  # tables of what is near, which later questions extend
+            table.distances(np.array([one]), np.array([other]))
+        sources, targets = (part.reshape(-1) for part in np.indices((7, 7)))
+        far, actions = table.distances(sources, targets), table.actions(sources, targets)
+        allowed = ids != 4
+        careful = table.actions(sources, targets, allowed)
+        for source, target, distance, action, other in zip(sources, targets, far, actions, careful, strict=True):
+            here, goal = int(ids[source]), int(ids[target])
+            legal = graph.neighborhoods[here]
+            state = {"curr_pos": here, "legal": legal}
+            assert graph.distance(here, goal) == distance
+            assert step_towards(ctx, state, goal, "test") == (None if action < 0 else legal[action])
+            if allowed[target] and action >= 0:
+                expected = step_towards(ctx, state, goal, "test", lambda node: node != 4)
+                assert expected == legal[other]
+
+
+def test_tables_of_targets_say_what_distances_and_paths_say(grid_of_streets):
+    ctx = grid_of_streets
+    ids = ctx.graph.columns().node_ids
+    found = ctx.graph.routes.tables([3, 17])
+    for line, target in enumerate((3, 17)):
+        for row, node in enumerate(ids.tolist()):
+            assert found.distances[line, row] == ctx.graph.distance(node, target)
+            path = ctx.graph.graph.shortest_path(node, target)
+            assert found.next_rows[line, row] == (-1 if len(path) == 1 else int(np.flatnonzero(ids == path[1])[0]))
+    near = ctx.graph.routes.tables([3], cutoff=20.0)
+    assert np.isfinite(near.distances).sum() == (found.distances[0] <= 20.0).sum()
+    with pytest.raises(UnknownName):
+        ctx.graph.routes.tables([99])
+    with pytest.raises(BadValue, match="cutoff"):
+        ctx.graph.routes.tables([3], cutoff=-1.0)
+
+
+@pytest.fixture
+def grid_of_streets():
+    from batch_scenes import scene
+
+    with scene().build(seed=1) as ctx:
+        yield ctx

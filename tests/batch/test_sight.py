@@ -1,0 +1,116 @@
+"""What agents of a batch see is what the sensors show them in a game that is played alone."""
+
+import numpy as np
+import pytest
+from batch_scenes import scene
+
+from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.game.batch import sight
+
+FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
+
+
+def agents_seen(games, number, viewer, sensor):
+    """Name -> node of those that an agent sees, in a game of a batch."""
+    view = games.observe("red")
+    names = [*games.observe("blue")["name"], *view["name"]]
+    seen = view.seen(sensor)
+    here = (seen.at == number) & (seen.viewers == view["name"].index(viewer))
+    nodes = view.streets.ids(seen.nodes[here]).tolist()
+    return dict(zip([sorted(names)[other] for other in seen.others[here].tolist()], nodes, strict=True))
+
+
+@pytest.mark.parametrize(
+    ("kind", "keywords"),
+    [
+        ("AGENT", {}),
+        ("AGENT", {"team": "blue"}),
+        ("AGENT_RANGE", {"sensor_range": 20.0}),
+        ("AGENT_RANGE", {"sensor_range": 0.0}),
+        ("AGENT_RANGE", {"sensor_range": 28.3, "exclude": ["blue"]}),
+        ("AGENT_RANGE", {"sensor_range": 25.0, "at": 12}),
+        ("AGENT_RANGE", {"sensor_range": 25.0, "at": (13.0, 22.0), "detection": 0.6}),
+        ("AGENT_RANGE", {"sensor_range": 40.0, "detection": [(0.0, 1.0), (30.0, 0.2)]}),
+        ("AGENT_ARC", {"sensor_range": 30.0, "at": 12, **FIELD}),
+        ("OCCLUDED_AGENT", {"sensor_range": 35.0}),
+        ("OCCLUDED_AGENT", {"sensor_range": 35.0, "at": 7, "team": ["red"], **FIELD}),
+    ],
+)
+def test_agents_see_whom_their_sensors_show(kind, keywords):
+    with scene(max_turns=4).build(seed=1) as ctx:
+        ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
+        for name, agent in ctx.agent.agents.items():
+            if agent.team == "red":
+                agent.register_sensor("eye", ctx.sensor.create_sensor(f"{name}/eye", kind, **keywords))
+        with ctx.game.batch(seeds=[2, 1]) as games:
+            for _ in range(4):
+                for viewer in ("red_0", "red_2"):
+                    expected = ctx.game.observation(viewer)["sensor"]["eye"][1]
+                    assert agents_seen(games, 1, viewer, "eye") == expected
+                games.step()
+                ctx.game.step()
+
+
+def test_all_sensors_together_show_each_agent_once_and_none_itself():
+    with scene().build(seed=1) as ctx:
+        agent = ctx.agent.get_agent("red_1")
+        for name, keywords in {"far": {"at": 12, "sensor_range": 1e9}, "near": {"sensor_range": 20.0}}.items():
+            agent.register_sensor(name, ctx.sensor.create_sensor(name, "AGENT_RANGE", **keywords))
+        with ctx.game.batch(2) as games:
+            view = games.observe("red")
+            assert view.seen().mask[:, 1].tolist() == [[True, True, True, True, False, True]] * 2
+            assert view.seen("far").mask[:, 1].all()
+            assert not view.seen().mask[:, [0, 2]].any()
+            assert view.enemies().mask[:, 1].tolist() == [[True, True, True, False, False, False]] * 2
+            assert set(view["sensor"]) == {"far", "near"}
+            some = view.only(np.array([[False, False, True], [False, True, True]]))
+            assert some.seen().mask[:, 1].any(axis=1).tolist() == [False, True]
+            with pytest.raises(UnknownName, match="'fra'"):
+                view.seen("fra")
+
+
+def test_dead_agents_see_none_and_are_not_seen():
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+    sensors = {"eye": {"type": "AGENT"}}
+    teams = {
+        team: {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["eye"]} for team in ("red", "blue")
+    }
+    with scene([tag], teams=teams, sensors=sensors).batch(20, seed=1) as games:
+        games.run()
+        for team in ("red", "blue"):
+            view = games.observe(team)
+            alive = np.concatenate([games.observe("blue").mask, games.observe("red").mask], axis=1)
+            expected = view.mask[:, :, None] & alive[:, None]
+            expected[:, np.arange(3), view.agents] = False
+            assert (view.seen().mask == expected).all()
+
+
+@pytest.mark.parametrize("keywords", [{"position_noise_m": 1.0}, {"delay_turns": 1}, {"detection": np.sqrt}])
+def test_a_sensor_that_has_no_array_form_is_named(keywords):
+    with scene().build(seed=1) as ctx:
+        ctx.agent.get_agent("red_1").register_sensor("eye", ctx.sensor.create_sensor("e", "AGENT_RANGE", **keywords))
+        with ctx.game.batch(2) as games:
+            assert games.slow is None  # random walks see nothing
+            with pytest.raises(BadValue, match="sensor 'eye' of agent 'red_1', which has"):
+                games.observe("red").seen()
+
+
+def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(monkeypatch):
+    with scene(red=4).build(seed=1) as ctx:
+        for name in ctx.agent.agents:
+            eye = ctx.sensor.create_sensor(f"{name}/eye", "AGENT_RANGE", sensor_range=15.0 if "1" in name else 25.0)
+            ctx.agent.get_agent(name).register_sensor("eye", eye)
+        with ctx.game.batch(5) as games:
+            for _ in range(3):
+                games.step()
+            expected = games.observe("red").seen()
+            monkeypatch.setattr(sight, "_AT_ONCE", 21)
+            found = games.observe("red").seen()
+            assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
+            assert found.mask.any()
+
+
+def test_a_mask_that_takes_too_much_memory_is_refused():
+    none = np.zeros(0, np.int64)
+    with pytest.raises(TooLarge, match="Use the pairs"):
+        _ = sight.Seen((3000, 300, 302), none, none, none, none).mask
