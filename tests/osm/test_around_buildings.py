@@ -177,6 +177,15 @@ def test_a_merge_that_would_lead_a_road_through_a_building_is_not_done(make_map)
     assert shapely.LineString([(3, 0), (0, 60)]).crosses(outline)
 
 
+def test_a_road_that_grazes_a_building_on_the_map_is_not_led_through_it(make_map):
+    """The street cuts a corner by 5 cm; after the merge it would run through metres of the house."""
+    corner = [(-0.05, 30), (6, 15), (6, 45)]
+    graph = graph_from_file(alley(make_map, corner), NO_CUT, tolerance=5.0)
+    assert graph.graph["merged_nodes"] == 0
+    sliver = graph_from_file(alley(make_map, block(-5, 58, 5, 59)), NO_CUT, tolerance=5.0)
+    assert sliver.graph["merged_nodes"] == 1
+
+
 def test_junctions_inside_one_building_may_merge(make_map):
     assert graph_from_file(alley(make_map, block(-80, -80, 80, 80)), NO_CUT, tolerance=5.0).graph["merged_nodes"] == 1
 

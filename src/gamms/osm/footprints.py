@@ -4,6 +4,7 @@ import math
 import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -370,29 +371,40 @@ class Buildings:
 
     def __init__(self, read: "Callable[[], Shapes]") -> None:
         self._read = read
-        self._tree: STRtree | None = None
 
-    def lie_between(self, start: FloatArray, end: FloatArray, around: "BaseGeometry | None" = None) -> BoolArray:
-        """Return which straight lines between these places (lines, 2), in degrees, lead through a building.
+    @cached_property
+    def _tree(self) -> "STRtree":
+        import shapely
 
-        One inside which a line begins and ends without leaving it is not in its way. Nor is one that covers half of the
-        area `around`: that is a hall, and the lines run in it.
+        return shapely.STRtree(repaired(self._read()))
+
+    def lie_between(self, start: FloatArray, end: FloatArray, around: "BaseGeometry") -> BoolArray:
+        """Return which straight lines between places (lines, 2) in an area, in degrees, lead through a building.
+
+        A building that covers half of the area is not in the way: that is a hall, and the lines run in it.
         """
         import shapely
 
-        if self._tree is None:
-            self._tree = shapely.STRtree(repaired(self._read()))
+        line, row, _ = self.crossings(start, end)
+        covered = shapely.area(shapely.intersection(self._tree.geometries[row], around))
+        return np.isin(np.arange(len(start)), line[covered < around.area / 2.0])
+
+    def crossings(self, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return the rows of straight lines between places (lines, 2) and of buildings they lead through, and how far.
+
+        Places and lengths are in degrees. A building inside which a line begins and ends without leaving it is not in
+        its way.
+        """
+        import shapely
+
         lines = shapely.linestrings(np.stack((start, end), axis=1))
-        line, building = self._tree.query(lines, predicate="intersects")
-        shapes: Shapes = self._tree.geometries[building]
-        through = shapely.relate_pattern(lines[line], shapes, _ENTERS) & ~shapely.contains_properly(shapes, lines[line])
+        line, row = self._tree.query(lines, predicate="intersects")
+        lines, shapes = lines[line], self._tree.geometries[row]
+        through = shapely.relate_pattern(lines, shapes, _ENTERS) & ~shapely.contains_properly(shapes, lines)
         inside = shapely.buffer(shapes[through], -_ROUNDING, join_style="mitre")
-        through[through] = shapely.relate_pattern(lines[line[through]], inside, _ENTERS)
-        if around is not None:
-            through[through] = shapely.area(shapely.intersection(shapes[through], around)) < around.area / 2.0
-        found = np.zeros(len(lines), np.bool_)
-        found[line[through]] = True
-        return found
+        enters = shapely.relate_pattern(lines[through], inside, _ENTERS)
+        far = shapely.length(shapely.intersection(lines[through], inside))
+        return line[through][enters], row[through][enters], far[enters]
 
 
 def area_of(geojson: Sequence[dict[str, Any]]) -> "BaseGeometry":

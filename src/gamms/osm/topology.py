@@ -29,6 +29,7 @@ _BELOW = re.compile(r"-[0-9]{1,3}")  # layers
 _REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
 _VERTICAL = ("steps", "escalator", "elevator")
 _MOST_FLOORS = 62  # pairs of layer and level that are distinguished on one map
+_FURTHER = 5e-6  # degrees, half a metre: by which a road that cuts a building on the map may cut it further
 _ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual carriageways cross, and no wider
 
 
@@ -215,9 +216,12 @@ def _led_into_buildings(network: RoadNetwork, merged: RoadNetwork, inner: BoolAr
     first = segment_starts(rest.offsets)
     moved = (rest.points[first] != merged.points[first]) | (rest.points[first + 1] != merged.points[first + 1])
     first = first[moved.any(axis=1)]
-    first = first[_in_buildings(network, merged.points[first], merged.points[first + 1])]
-    first = first[~_in_buildings(network, rest.points[first], rest.points[first + 1])]
-    roads = np.searchsorted(rest.offsets, first, side="right") - 1
+    before, after = (_crossings(network, points[first], points[first + 1]) for points in (rest.points, merged.points))
+    known = {(line, building): far for line, building, far in zip(*(one.tolist() for one in before), strict=True)}
+    found = zip(*(one.tolist() for one in after), strict=True)
+    worse = {line for line, building, far in found if far > known.get((line, building), -np.inf) + _FURTHER}
+    rows = first[sorted(worse)]
+    roads = np.searchsorted(rest.offsets, rows, side="right") - 1
     return np.concatenate((rest.sources[roads], rest.targets[roads]))
 
 
@@ -227,15 +231,14 @@ def _behind_buildings(network: RoadNetwork, label: IntArray) -> IntArray:
     large = np.flatnonzero(np.diff(offsets) > 2)
     members = (nodes[offsets[one] : offsets[one + 1]].tolist() for one in large.tolist())
     pairs = np.array([pair for some in members for pair in combinations(some, 2)], np.int64).reshape(-1, 2)
-    blocked = _in_buildings(network, *network.xy[pairs.T])
-    return np.unique(pairs[blocked])
+    return np.unique(pairs[_crossings(network, *network.xy[pairs.T])[0]])
 
 
-def _in_buildings(network: RoadNetwork, start: FloatArray, end: FloatArray) -> BoolArray:
-    """Return which straight lines between these places (lines, 2) lead through a known building."""
+def _crossings(network: RoadNetwork, start: FloatArray, end: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return the rows of straight lines between places (lines, 2) and of buildings they lead through, and how far."""
     if network.buildings is None or network.crs is None or not len(start):
-        return np.zeros(len(start), np.bool_)
-    return network.buildings.lie_between(*(project(xy, network.crs, WGS84) for xy in (start, end)))
+        return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
+    return network.buildings.crossings(*(project(xy, network.crs, WGS84) for xy in (start, end)))
 
 
 def chains_of(network: RoadNetwork, joints: BoolArray | None = None) -> Chains:
@@ -317,7 +320,7 @@ def _junctions(network: RoadNetwork, chains: Chains, is_flat: BoolArray, toleran
         is_flat & (a != b) & (chains.lengths <= _REACH * tolerance) & (np.minimum(degree[a], degree[b]) > 2) & (a >= 0)
     )
     rows = np.flatnonzero(short)
-    rows = rows[~_in_buildings(network, *network.xy[chains.ends[rows].T])]
+    rows = np.delete(rows, _crossings(network, *network.xy[chains.ends[rows].T])[0])
     places = np.sort(network.xy[chains.ends[rows]] @ (1.0, 1.0j), axis=1)  # the numbers of nodes play no part
     rows = rows[np.lexsort((places[:, 1], places[:, 0], chains.lengths[rows]))]
     label = np.arange(len(network.xy))
