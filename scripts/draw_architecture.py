@@ -9,6 +9,7 @@ import ast
 import sys
 import tomllib
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 from xml.sax.saxutils import escape
 
@@ -50,6 +51,7 @@ def layers() -> list[list[str]]:
     return [[name.strip().removeprefix("gamms.") for name in row.split("|")] for row in rows]
 
 
+@cache
 def imports_of_modules() -> Imports:
     """Return the modules of GAMMS that each of its modules imports, also for type checkers and in functions."""
     paths = {
@@ -58,10 +60,9 @@ def imports_of_modules() -> Imports:
     }
     found: Imports = {}
     for module, path in paths.items():
-        found[module] = set()
-        for node in ast.walk(ast.parse(path.read_text())):
-            known = {module_of(name, paths) for name in names_imported(node)}
-            found[module] |= known - {"", module}
+        nodes = ast.walk(ast.parse(path.read_text()))
+        names = {name for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom)) for name in names_of(node)}
+        found[module] = {module_of(name, paths) for name in names} - {"", module}
     return found
 
 
@@ -70,14 +71,10 @@ def module_of(name: str, paths: dict[str, Path]) -> str:
     return name if not name or name in paths else module_of(name.rpartition(".")[0], paths)
 
 
-def names_imported(node: ast.AST) -> Iterator[str]:
+def names_of(node: ast.Import | ast.ImportFrom) -> Iterator[str]:
     """Yield the dotted names below `gamms` that a statement imports."""
-    if isinstance(node, ast.Import):
-        names = [alias.name for alias in node.names]
-    elif isinstance(node, ast.ImportFrom):
-        names = [f"{node.module}.{alias.name}" for alias in node.names]
-    else:
-        names = []
+    above = "" if isinstance(node, ast.Import) else f"{node.module}."
+    names = [f"{above}{alias.name}" for alias in node.names]
     yield from (name.removeprefix("gamms.") for name in names if name.startswith("gamms."))
 
 

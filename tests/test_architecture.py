@@ -215,12 +215,9 @@ def test_commands_print_by_way_of_one_file(path):
     )
 
 
-imports_of_modules = cache(draw_architecture.imports_of_modules)
-
-
 def test_no_files_import_each_other_in_a_circle():
     """Imports for type checkers and those in functions count; the package root, which names everything, does not."""
-    modules = imports_of_modules()
+    modules = draw_architecture.imports_of_modules()
     modules = {name: others - OUTSIDE for name, others in modules.items() if name not in OUTSIDE}
     draw_architecture.levels(modules)  # which names the files of a circle
 
@@ -269,7 +266,7 @@ def is_plain_method(node):
 
 def classes():
     """Yield all classes of GAMMS."""
-    for module in imports_of_modules():
+    for module in draw_architecture.imports_of_modules():
         if module not in OUTSIDE:
             loaded = import_module(f"gamms.{module}")
             yield from (one for one in vars(loaded).values() if inspect.isclass(one) and is_of(one, loaded.__name__))

@@ -263,6 +263,6 @@ def test_the_hash_seed_changes_nothing(make_map, cross):
             text=True,
             check=True,
         ).stdout
-        for seed in ("0", "1", "2")
+        for seed in ("0", "1")
     }
     assert len(digests) == 1

@@ -223,7 +223,7 @@ def test_d16_two_processes_with_other_hashes_give_the_same_bytes(tmp_path):
         subprocess.check_output(
             [sys.executable, "-c", program, str(Path(__file__).parent)], env={**os.environ, "PYTHONHASHSEED": seed}
         )
-        for seed in ("1", "2", "random")
+        for seed in ("1", "2")
     }
     assert len(found) == 1
 
