@@ -26,9 +26,9 @@ def heights(tmp_path):
     """Write the heights of N60E024, given from south to north as a function of column and row, and give the path."""
 
     def heights(of, name="N60E024.hgt", posts=POSTS):
-        row, column = np.mgrid[0:posts, 0:posts]
+        column = np.broadcast_to(np.arange(posts, dtype=np.int32), (posts, posts))
         path = tmp_path / name
-        np.asarray(of(column, row), ">i2")[::-1].tofile(path)
+        np.asarray(of(column, column.T), ">i2")[::-1].tofile(path)
         return path
 
     return heights
@@ -72,6 +72,58 @@ def test_both_sizes_are_read_and_a_folder_has_many_files(heights, tmp_path):
 def test_a_file_reaches_to_its_last_row_and_column(heights):
     path = heights(lambda column, row: column + row)
     assert Elevation(path).heights(np.array([(25.0, 61.0), (24.0, 60.0), (25.0, 60.5)])).tolist() == [2400, 0, 1800]
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_a_folder_reaches_to_the_last_row_and_column_of_its_files(heights, tmp_path, alone):
+    """Where the next file is there it counts, and where it is not the same posts of this one do."""
+    heights(lambda column, row: column + row, "N00W001.hgt")
+    if not alone:
+        heights(lambda column, row: row * 0 + 7, "N00E000.hgt")
+    found = Elevation(tmp_path).heights(np.array([(0.0, 0.5), (-0.5, 1.0), (-1.0, 0.0), (0.0, 1.0)]))
+    assert found.tolist() == [1800 if alone else 7, 1800, 0, 2400]
+
+
+@pytest.mark.parametrize(
+    ("west", "south", "posts"),
+    [("W071", "S34", 3601), ("E151", "S34", 1201), ("W123", "N37", 1201), ("W001", "S01", 1201)],
+)
+def test_files_on_each_side_of_the_equator_and_of_greenwich(heights, tmp_path, west, south, posts):
+    """The ground rises to the north and to the east everywhere, by one metre per post of the coarse files."""
+    step = (posts - 1) // 1200
+    heights(lambda column, row: (column + row) // step, f"{south}{west}.hgt", posts)
+    lon, lat = int(west[1:]) * (-1 if west[0] == "W" else 1), int(south[1:]) * (-1 if south[0] == "S" else 1)
+    found = Elevation(tmp_path).heights(
+        np.array([(lon, lat), (lon + 0.25, lat), (lon, lat + 0.5), (lon + 0.5, lat + 0.5)])
+    )
+    assert found.tolist() == [0, 300, 600, 1200]
+
+
+def test_heights_are_continuous_across_files_of_both_sizes(heights, tmp_path):
+    heights(lambda column, row: column + row, "N60E024.hgt")
+    heights(lambda column, row: 1200 + (column + row) // 3, "N60E025.hgt", 3601)
+    heights(lambda column, row: 1200 + column + row, "N61E024.hgt")
+    lonlat = np.array([(25 - 1e-9, 60.5), (25.0, 60.5), (25 + 1e-9, 60.5), (24.5, 61 - 1e-9), (24.5, 61 + 1e-9)])
+    assert Elevation(tmp_path).heights(lonlat).tolist() == pytest.approx([1800.0] * 5, abs=0.5)
+    with pytest.raises(BadValue, match=r"no heights at \[25.5, 61.5\]: N61E025.hgt is needed"):
+        Elevation(tmp_path).heights(np.array([(24.5, 60.5), (25.5, 61.5)]))
+
+
+def test_voids_at_the_rim_of_a_file_are_filled_from_inside(heights):
+    def of(column, row):
+        posts = column + row * 0
+        posts[:, -3:] = VOID  # the last three columns
+        posts[600, :] = VOID
+        return posts
+
+    elevation = Elevation(heights(of))
+    places = np.array([(25.0, 60.25), (25 - 0.5 / 1200, 60.25), (24.25, 60.5), (24.25, 60.5 + 0.5 / 1200)])
+    assert elevation.heights(places).tolist() == pytest.approx([1197.0, 1197.0, 300.0, 300.0], abs=1.0)
+
+
+def test_a_file_of_voids_only_is_refused(heights):
+    with pytest.raises(BadValue, match="void around column 600, row 600 from the south"):
+        Elevation(heights(lambda column, row: column * 0 + VOID)).heights(np.array([(24.5, 60.5)]))
 
 
 def test_a_small_void_is_filled_from_its_rim_and_a_large_one_is_refused(heights):

@@ -65,26 +65,32 @@ class Elevation:
             BadValue: a place is in none, or in the middle of a void.
         """
         south_west = np.floor(lonlat).astype(np.int64)
-        if self._corner is not None:  # the last row and column are the first ones of the next file
-            is_rim = (lonlat == self._corner + 1) & (south_west == self._corner + 1)
-            south_west[is_rim] -= 1
+        for row, axis in np.argwhere(lonlat == south_west).tolist():  # in the last column or row of another file, too
+            if self._find(*south_west[row].tolist()) is None:
+                south_west[row, axis] -= 1
         heights = np.empty(len(lonlat))
         for corner in np.unique(south_west, axis=0):
             inside = (south_west == corner).all(axis=1)
-            file = self._file_at(int(corner[0]), int(corner[1]), lonlat[inside][0])
+            file = self._find(*corner.tolist())
+            if file is None:
+                name, place = (
+                    _name_of(*np.floor(lonlat[inside][0]).astype(np.int64).tolist()),
+                    lonlat[inside][0].tolist(),
+                )
+                raise BadValue(f"{str(self._path)!r} has no heights at {place}: {name}.hgt is needed. {_WAY_OUT}")
             heights[inside] = _interpolated(_read(file), lonlat[inside] - corner, file)
         return heights
 
-    def _file_at(self, west: int, south: int, place: FloatArray) -> Path:
-        name = f"{'NS'[south < 0]}{abs(south):02d}{'EW'[west < 0]}{abs(west):03d}"
+    def _find(self, west: int, south: int) -> Path | None:
+        """Return the file with this south-western corner; None if there is none."""
         if self._corner is not None:
-            if (self._corner == (west, south)).all():
-                return self._path
-        else:
-            for ending in _ENDINGS:
-                if (file := self._path / (name + ending)).is_file():
-                    return file
-        raise BadValue(f"{str(self._path)!r} has no heights at {place.tolist()}: {name}.hgt is needed. {_WAY_OUT}")
+            return self._path if self._corner.tolist() == [west, south] else None
+        files = (self._path / (_name_of(west, south) + ending) for ending in _ENDINGS)
+        return next((file for file in files if file.is_file()), None)
+
+
+def _name_of(west: int, south: int) -> str:
+    return f"{'NS'[south < 0]}{abs(south):02d}{'EW'[west < 0]}{abs(west):03d}"
 
 
 def as_elevation(value: object) -> Elevation | None:
