@@ -1,6 +1,8 @@
 """The filter gives exactly what Bayes' rule gives over all paths that a target can have taken."""
 
 from collections import defaultdict
+from itertools import pairwise
+from math import ceil, dist
 
 import numpy as np
 import pytest
@@ -271,3 +273,116 @@ def test_a_goal_that_is_not_on_the_map_is_named():
 def test_a_map_without_nodes_is_refused():
     with gamms.create_context() as ctx, pytest.raises(BadValue, match="no nodes"):
         belief.Filter(ctx, belief.random_walk(), ["a"])
+
+
+# -- by metres: targets are on edges, too -----------------------------------------------------------------------------
+
+NODES, TURNS = 5, 5
+
+
+def street(speed_unit="metres", bends=()):
+    """A context with nodes 0, 1, … ten metres apart on a line; some of its edges are bent."""
+    ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game={"speed_unit": speed_unit})
+    ctx.graph.add_nodes(range(NODES), [10.0 * i for i in range(NODES)], [0.0] * NODES)
+    for id, (a, b) in enumerate(pair for i in range(NODES - 1) for pair in ((i, i + 1), (i + 1, i))):
+        line = [(10.0 * a, 0.0), (5.0 * (a + b), 3.0), (10.0 * b, 0.0)] if {a, b} in bends else None
+        length = 2 * dist(line[0], line[1]) if line else 10.0
+        shape = {"linestring": line} if line else {}
+        ctx.graph.graph.add_edge({"id": id, "source": a, "target": b, "length": length, **shape})
+    return ctx
+
+
+def walk_by_metres(ctx, speed):
+    """Transitions of a random walk by metres: a node, or (from, to, turns on the way) -> [(the same, probability)]."""
+    graph, found = ctx.graph.graph, {}
+    for node in graph.get_nodes():
+        others = [other for other in graph.get_neighbors(node) if other != node]
+        found[node] = [(node, 1 / (1 + len(others)))]
+        for other in others:
+            turns = ceil(graph.distance(node, other) / speed - 1e-9)
+            way = [*((node, other, k) for k in range(1, turns)), other]
+            found[node].append((way[0], 1 / (1 + len(others))))
+            found.update((one, [(then, 1.0)]) for one, then in pairwise(way))
+    return found
+
+
+def noticed(state, data, chances, speed, bends):
+    """How probable what a look shows is for a state; `chances` has that of each node."""
+    node = state if isinstance(state, int) else state[0]
+    if "prey" in data:
+        place = data["prey"]
+        edge = getattr(place, "edge", None)
+        seen = int(place) if edge is None else (*edge[:2], round(place.offset_m / speed))
+        return float(seen == state)
+    if state == node:
+        return 1.0 - chances[node]
+    covers = min(chances[node], chances[state[1]]) if {node, state[1]} not in bends else 0.0
+    return 1.0 - covers
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    seed=st.integers(0, 10_000),
+    speed=st.sampled_from([3.4, 4.0, 7.0, 10.0]),
+    sights=st.lists(st.integers(0, 25), min_size=2, max_size=2),
+    detection=st.sampled_from([0.0, 0.4, 1.0]),
+    bends=st.sampled_from([(), ({1, 2},), ({0, 1}, {3, 4})]),
+)
+def test_agents_believe_what_bayes_rule_gives_over_nodes_and_parts_of_edges(seed, speed, sights, detection, bends):
+    with street(bends=bends) as ctx:
+        walk = walk_by_metres(ctx, speed)
+        evidence = [dict.fromkeys(walk, 1.0) for _ in range(TURNS + 1)]
+
+        def watch(state):
+            here, [(_, data)] = state["curr_pos"], state["sensor"].values()
+            reach = sights[int(state["name"][1:])]
+            chances = {
+                node: (detection if node != here else 1.0) * (10 * abs(node - here) <= reach) for node in walk_nodes
+            }
+            now = evidence[state["turn"]]
+            for one in now:
+                now[one] *= noticed(one, data, chances, speed, bends)
+            truth = ctx.agent.get_agent("prey").current_node_id
+            assert belief.observe(ctx, state).probability("prey").get(truth, 0.0) > 0.0
+            state["action"] = state["draw"].choice(state["legal"])
+
+        walk_nodes = list(ctx.graph.graph.get_nodes())
+        for i, sight in enumerate(sights):
+            steps = [(0.0, 1.0), (1e-6, detection)]
+            eyes = ctx.sensor.create_sensor(f"eyes {i}", SensorType.AGENT_RANGE, sensor_range=sight, detection=steps)
+            start = (seed // NODES**i) % NODES
+            ctx.agent.create_agent(f"w{i}", start_node_id=start, team="red", sensors={"e": eyes}, strategy=watch)
+        prey = {"team": "blue", "speed": speed, "strategy": gamms.strategies.random_walk}
+        ctx.agent.create_agent("prey", start_node_id=seed % NODES, **prey)
+        ctx.game.reset(seed)
+        ctx.game.run(TURNS)
+        by_state, _ = by_enumeration([(1.0, walk)], walk_nodes, evidence)
+        expected = dict.fromkeys(walk_nodes, 0.0)
+        for state, mass in by_state.items():
+            expected[state if isinstance(state, int) else state[0]] += mass
+        expected = {node: mass for node, mass in expected.items() if mass > 1e-12}
+        found = belief.belief_of(ctx, "w0").probability("prey")
+        assert found == pytest.approx(expected, abs=1e-9)
+
+
+def test_an_empty_node_in_view_does_not_rule_out_the_edges_behind_it():
+    with street() as ctx:
+        of_nodes = belief.Filter(ctx, belief.random_walk(), ["a"])
+        by_metres = belief.Filter(ctx, belief.random_walk(), ["a"], metres=4.0)
+        for filter in (of_nodes, by_metres):
+            filter.update(found={"a": 2})
+            filter.predict()
+            filter.update([2])
+        assert of_nodes.probability("a") == {1: 0.5, 3: 0.5}
+        assert by_metres.probability("a") == {2: 1.0}  # 4 m on its way
+        by_metres.predict(2)
+        assert by_metres.probability("a") == {1: 0.5, 3: 0.5}
+
+
+def test_a_target_of_speed_0_stays_and_an_endless_one_is_on_nodes():
+    with street() as ctx:
+        for metres, expected in ((0.0, {2: 1.0}), (float("inf"), {1: 1 / 3, 2: 1 / 3, 3: 1 / 3})):
+            filter = belief.Filter(ctx, belief.random_walk(), ["a"], metres=metres)
+            filter.update(found={"a": 2})
+            filter.predict()
+            assert filter.probability("a") == pytest.approx(expected)

@@ -12,6 +12,7 @@ import numpy as np
 from gamms.arguments import as_range
 from gamms.belief.evidence import (
     Observation,
+    Place,
     Sighting,
     Turn,
     agent_on_ground,
@@ -22,11 +23,12 @@ from gamms.belief.evidence import (
 )
 from gamms.belief.filter import Filter, by_node
 from gamms.belief.ground import Ground, ground_of
-from gamms.belief.motion import Motion, as_motion, random_walk
+from gamms.belief.motion import Chain, Motion, as_motion, random_walk
 from gamms.belief.reach import Reach
 from gamms.context import Context
 from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import BoolArray
+from gamms.typing import IAgent
 from gamms.typing.game import AerialState, State
 from gamms.visual.appearance import Rgb, table
 from gamms.visual.constants import Layer
@@ -181,23 +183,38 @@ class Belief:
     def probabilities(self, targets: Sequence[str], motion: Motion | None = None) -> FloatArray:
         """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
         agents = [agent_on_ground(self._ctx, name) for name in targets]
-        names, ground = tuple(targets), ground_of(self._ctx.graph.columns())
         model = random_walk() if motion is None else as_motion(motion, "motion")
-        filter = Filter(self._ctx, model, names)
+        found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size))
+        paces = [self._metres_of(agent) for agent in agents]
+        for pace in dict.fromkeys(paces):
+            lines = [line for line, one in enumerate(paces) if one == pace]
+            found[lines] = self._filtered(tuple(targets[line] for line in lines), model, pace)
+        found[[not getattr(agent, "alive", True) for agent in agents]] = 0.0
+        return found
+
+    def _metres_of(self, agent: IAgent) -> float | None:
+        """Return how far an agent goes in a turn; None: it goes from node to node."""
+        speed = getattr(agent, "speed", None)
+        if speed is None or not is_by_metres(self._ctx):
+            return None
+        return float(speed) * (self._ctx.game.turn_seconds if self._ctx.game.speed_unit == "metres_per_second" else 1.0)
+
+    def _filtered(self, names: tuple[str, ...], model: Motion, metres: float | None) -> FloatArray:
+        """Return how probable each node is (targets, nodes), of targets that go equally far in a turn."""
+        ground = ground_of(self._ctx.graph.columns())
+        filter = Filter(self._ctx, model, names, metres=metres)
 
         def advance(masses: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
             filter.masses = masses
             if turn:
                 filter.predict()
             if seen:
-                filter.weigh(likelihoods(ground, names, seen))
+                filter.weigh_states(likelihoods(ground, filter.chain, names, seen, metres or 0.0))
             return filter.masses
 
-        key = ("probable", ground.digest, names, model.name, model.steps)
+        key = ("probable", ground.digest, names, model.name, model.steps, metres)
         filter.masses = self._folded(key, filter.masses, advance)
-        found = filter.probabilities()
-        found[[not getattr(agent, "alive", True) for agent in agents]] = 0.0
-        return found
+        return filter.probabilities()
 
     def _folded(self, key: object, start: FloatArray, advance: Step) -> FloatArray:
         """Return what turns and observations make of a start, from the last turn of which that is known.
@@ -225,10 +242,18 @@ class Belief:
         return value
 
 
-def likelihoods(ground: Ground, targets: Sequence[str], seen: list[Observation]) -> FloatArray:
-    """Return how probable the observations of a turn are, (nodes, targets) for each node on which a target may be."""
-    found = {name: ground.row(node) for one in seen for name, node in one.found.items()}
-    values = np.ones((ground.size, len(targets)))
+def likelihoods(
+    ground: Ground, chain: Chain, targets: Sequence[str], seen: list[Observation], metres: float
+) -> FloatArray:
+    """Return how probable the observations of a turn are, (states, targets), for each state that a target may be in.
+
+    A look rules out a part of an edge only where it covers what lies between both ends of it, and the edge is straight.
+    `metres` is how far the targets go in a turn: those that were seen within it were not so far when it began.
+    """
+    values, columns = np.ones((len(chain.rows), len(targets))), ground.columns
+    between = np.flatnonzero(chain.edges >= 0)
+    edges = chain.edges[between]
+    is_bent = np.isin(edges, np.fromiter(columns.polylines, np.int64, len(columns.polylines)))
     for look in (look for one in seen for look in one.looks):
         missed = np.ones(ground.size)
         if look.node_ids is None:
@@ -236,11 +261,32 @@ def likelihoods(ground: Ground, targets: Sequence[str], seen: list[Observation])
         else:
             rows = ground.rows(look.node_ids)
             missed[rows[rows >= 0]] -= np.broadcast_to(look.detection, rows.shape)[rows >= 0]
-        values *= np.where([name in look.not_shown for name in targets], 1.0, missed[:, None])
+        of_states = missed[chain.rows]
+        covered = np.maximum(of_states[between], missed[columns.targets[edges]])
+        is_open = is_bent & (look.node_ids is not None)
+        of_states[between] = np.where(is_open, 1.0, covered) if look.is_convex else 1.0
+        values *= np.where([name in look.not_shown for name in targets], 1.0, of_states[:, None])
+    found = {name: (ground.row(node), one.places.get(name)) for one in seen for name, node in one.found.items()}
     for column, name in enumerate(targets):
+        row, place = found.get(name, (-1, None))
         if name in found:  # on a node that is gone it says nothing
-            values[:, column] = np.arange(ground.size) == found[name] if found[name] >= 0 else 1.0
+            values[:, column] = _is_at(ground, chain, row, place, metres) if row >= 0 else 1.0
     return values
+
+
+def _is_at(ground: Ground, chain: Chain, row: int, place: Place | None, metres: float) -> BoolArray:
+    """Return which states (states,) are those of a target that was seen; of parts of an edge, the nearest."""
+    is_there: BoolArray = chain.rows == row
+    if place is None:
+        return is_there
+    is_there &= chain.edges < 0
+    if place.edge is not None:
+        end = ground.row(place.edge[1])
+        is_there |= (chain.rows == row) & (chain.edges >= 0) & (ground.columns.targets[chain.edges] == end)
+    gone = place.time * metres if np.isfinite(metres) else 0.0
+    far = np.where(is_there, np.abs(chain.offsets_m - (place.offset_m - gone)), np.inf)
+    nearest: BoolArray = far == far.min()
+    return nearest
 
 
 def artist(observer: str, target: str, motion: Motion | None = None, *, can_be: bool = False) -> dict[str, Any]:

@@ -60,6 +60,7 @@ class Look(NamedTuple):
     node_ids: IntArray | None  # (nodes,) ascending; None: all nodes
     detection: float | FloatArray  # of all, or (nodes,)
     not_shown: frozenset[str]  # names of the agents of which it says nothing
+    is_convex: bool = False  # whether straight edges between these nodes are in view, too
 
 
 class Place(NamedTuple):
@@ -250,7 +251,9 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
         else:  # nothing sharp follows from where agents are reported
             not_shown |= data.keys() & ctx.agent.agents.keys()
         others = sorted(one for one in not_shown if _is_other(ctx, state, one))
-        looks.append(_look(ctx, covered.node_ids, covered.detection, others))
+        looks.append(_look(ctx, covered, others))
+    if state.get("time", 0.0):  # beliefs are of the beginning of the turn, when agents were elsewhere
+        looks = []
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
     shared = state.get("team_memory", {})
     for memory in (_required(state, "memory"), shared):
@@ -402,8 +405,9 @@ def _may_have_moved(ctx: Context, state: State | AerialState, name: str) -> bool
     return is_earlier or any(rule.phase == "deeds" for rule in ctx.game.rules)
 
 
-def _look(ctx: Context, node_ids: IntArray, detection: FloatArray, not_shown: list[str]) -> list[Any]:
+def _look(ctx: Context, covered: Coverage, not_shown: list[str]) -> list[Any]:
     """Return a look as it is written; [] if nothing follows from it."""
+    node_ids, detection = covered.node_ids, covered.detection
     order = np.argsort(node_ids)
     order = order[detection[order] > 0.0]
     if not len(order):
@@ -413,7 +417,10 @@ def _look(ctx: Context, node_ids: IntArray, detection: FloatArray, not_shown: li
     is_even = bool((chances == chances[0]).all())
     is_everywhere = len(ids) == len(ctx.graph.columns().node_ids)
     steps = None if is_everywhere and is_even else np.diff(ids, prepend=0).tolist()
-    return [steps, float(chances[0]) if is_even else chances.tolist(), *([not_shown] if not_shown else [])]
+    look = [steps, float(chances[0]) if is_even else chances.tolist()]
+    if covered.is_convex and is_by_metres(ctx):
+        return [*look, not_shown, 1]
+    return [*look, *([not_shown] if not_shown else [])]
 
 
 @lru_cache(maxsize=1 << 14)
@@ -449,10 +456,12 @@ def _as_text(entry: Mapping[str, Any] | Sequence[Any]) -> str:
     return json.dumps(entry, separators=(",", ":"))
 
 
-def _read_look(steps: list[int] | None, detection: float | list[float], not_shown: Iterable[str] = ()) -> Look:
+def _read_look(
+    steps: list[int] | None, detection: float | list[float], not_shown: Iterable[str] = (), is_convex: int = 0
+) -> Look:
     ids = None if steps is None else np.cumsum(np.array(steps, np.int64))
     chances = np.array(detection) if isinstance(detection, list) else float(detection)
-    return Look(ids, chances, frozenset(not_shown))
+    return Look(ids, chances, frozenset(not_shown), bool(is_convex))
 
 
 # -- what changes -----------------------------------------------------------------------------------------------------

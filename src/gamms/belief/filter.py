@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
-from gamms.arguments import as_count, as_ids, as_items
+from gamms.arguments import as_count, as_ids, as_items, as_range
 from gamms.belief.ground import Ground, column_blocks, ground_of
 from gamms.belief.motion import Chain, Motion, as_motion, chain_of
 from gamms.errors import BadValue, UnknownName
@@ -23,9 +23,12 @@ class Filter:
         ctx: the context, whose map is taken as it is now.
         motion: how the targets move.
         targets: their names.
+        metres: how far they go in a turn, in games by metres; None: they are on nodes only. What is on an edge counts
+            for the node that it has passed last.
 
     Attributes:
         targets: their names.
+        chain: of the model, with the states.
         masses: (states, targets) of the chain of the model; of each target they add up to 1. Settable, to go on from
             earlier ones.
 
@@ -33,19 +36,20 @@ class Filter:
         BadType, BadValue: the motion is no model, or the map has no nodes.
     """
 
-    def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str]) -> None:
+    def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str], *, metres: float | None = None) -> None:
         self.targets: Sequence[str] = tuple(as_items(targets, "targets", "names"))
         self._ground: Ground = ground_of(ctx.graph.columns())
-        self._chain: Chain = chain_of(as_motion(motion, "motion"), self._ground)
+        pace = None if metres is None else as_range(metres, "metres of a filter")
+        self.chain: Chain = chain_of(as_motion(motion, "motion"), self._ground, pace)
         self._motion = motion
         if not self._ground.size:
             raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")
-        self.masses: FloatArray = np.repeat(self._chain.shares[:, None] / self._ground.size, len(self.targets), axis=1)
+        self.masses: FloatArray = np.repeat(self.chain.shares[:, None] / self._ground.size, len(self.targets), axis=1)
 
     def predict(self, turns: int = 1) -> None:
         """Let turns pass, in which the targets move by the model."""
         for _ in range(as_count(turns, "turns", 0) * self._motion.steps):
-            self.masses = self._chain.transitions.sums(self.masses)
+            self.masses = self.chain.transitions.sums(self.masses)
 
     def update(
         self,
@@ -84,33 +88,45 @@ class Filter:
         )
         missed = np.ones(self._ground.size)
         np.multiply.at(missed, seen, 1.0 - chances)
-        likelihoods = np.repeat(missed[:, None], len(self.targets), axis=1)
+        of_states = np.where(self.chain.edges < 0, missed[self.chain.rows], 1.0)
+        likelihoods = np.repeat(of_states[:, None], len(self.targets), axis=1)
         for column, name in enumerate(self.targets):
             if name in rows:
-                likelihoods[:, column] = np.arange(self._ground.size) == rows[name]
+                likelihoods[:, column] = self.chain.rows == rows[name]
             elif name in left_out:
                 likelihoods[:, column] = 1.0
-        return self.weigh(likelihoods)
+        return self.weigh_states(likelihoods)
 
     def weigh(self, likelihoods: FloatArray) -> FloatArray:
         """Take in an observation by how probable it is for each node.
 
         Args:
-            likelihoods: (nodes, targets) of the observation, if the target is on the node.
+            likelihoods: (nodes, targets) of the observation, if the target is on the node; on an edge, the greater one
+                of its ends.
 
         Returns:
             As `update`.
         """
-        rows, masses, totals = self._chain.rows, self.masses.copy(), np.ones(len(self.targets))
+        chain, of_states = self.chain, likelihoods[self.chain.rows]
+        between = np.flatnonzero(chain.edges >= 0)
+        ends = self._ground.columns.targets[chain.edges[between]]
+        of_states[between] = np.maximum(of_states[between], likelihoods[ends])
+        return self.weigh_states(of_states)
+
+    def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
+        """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
+        masses, totals = self.masses.copy(), np.ones(len(self.targets))
         for columns in column_blocks(masses):
             changed = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
-            by_state = likelihoods[:, changed][rows]
+            by_state = likelihoods[:, changed]
             weighed = masses[:, changed] * by_state
             sums = _totals(weighed)
             totals[changed] = sums
             for column in np.flatnonzero(sums == 0.0).tolist():
-                prior = self._chain.shares * by_state[:, column]
-                weighed[:, column] = prior if prior.any() else self._chain.shares  # or no node is possible
+                shares, possible = self.chain.shares, by_state[:, column]
+                # At first no target is on an edge; and perhaps no state is possible.
+                prior = next(one for one in (shares * possible, possible, shares) if one.any())
+                weighed[:, column] = prior
                 sums[column] = _totals(weighed[:, column : column + 1])[0]
             masses[:, changed] = weighed / sums
         self.masses = masses
@@ -118,7 +134,7 @@ class Filter:
 
     def probabilities(self) -> FloatArray:
         """Return how probable each node is, (targets, nodes) with the nodes as in `ctx.graph.columns()`."""
-        return self._chain.by_node.sums(self.masses)[: self._ground.size].T.copy()
+        return self.chain.by_node.sums(self.masses)[: self._ground.size].T.copy()
 
     def probability(self, target: str) -> dict[int, float]:
         """Return node -> how probable it is that a target is there, without those where it cannot be.

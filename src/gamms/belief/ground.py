@@ -63,6 +63,18 @@ class Ground:
         pairs = np.unique((sources * self.size + targets)[sources != targets])
         return pairs // self.size, pairs % self.size
 
+    def shortest_edges(self, sources: IntArray, targets: IntArray) -> IntArray:
+        """Return the rows (pairs,) of the shortest edges between rows of nodes; -1 where none leads to another node."""
+        columns = self.columns
+        order = np.lexsort((columns.lengths, columns.sources * self.size + columns.targets))
+        known, first = np.unique((columns.sources * self.size + columns.targets)[order], return_index=True)
+        if not len(known):
+            return np.full(len(sources), -1)
+        wanted = sources * self.size + targets
+        places = np.minimum(np.searchsorted(known, wanted), len(known) - 1)
+        is_there = (known[places] == wanted) & (sources != targets)
+        return np.where(is_there, order[first[places]], -1)
+
     def arcs(self) -> set[Arc]:
         """Return all edges by the ids of their ends and by their lengths."""
         ids, columns = self.columns.node_ids, self.columns

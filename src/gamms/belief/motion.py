@@ -19,6 +19,9 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 from gamms.typing.game import NodeId
 
+_MOST_PARTS = 1000  # of an edge: slower targets are taken to go so much of it in a turn
+_ROUNDED = 1e-9
+
 
 class Transitions(NamedTuple):
     """Where a model leads, from states to states; each state is on a node."""
@@ -33,14 +36,23 @@ class Transitions(NamedTuple):
 class Chain:
     """A Markov chain on a map, as it is computed with.
 
+    Args:
+        found: the chain.
+        parts: by metres, the edges and offsets of its states; see below.
+
     Attributes:
         rows, shares: see `Transitions`.
+        edges: (states,) rows of the edges that the targets are on; -1: on the node.
+        offsets_m: (states,) how far from the node; 0.0 on it.
         transitions: the sums of what comes to each state.
         by_node: the sums of the states on each node, in the first rows.
     """
 
-    def __init__(self, found: Transitions) -> None:
+    def __init__(self, found: Transitions, parts: tuple[IntArray, FloatArray] | None = None) -> None:
         self.rows, self.shares, states = found.rows, found.shares, len(found.rows)
+        on_nodes = np.full(states, -1), np.zeros(states)
+        self.edges: IntArray = on_nodes[0] if parts is None else parts[0]
+        self.offsets_m: FloatArray = on_nodes[1] if parts is None else parts[1]
         self.transitions = Arrivals(found.sources, found.targets, found.chances, states)
         self.by_node = Arrivals(np.arange(states), found.rows, np.ones(states), states)
 
@@ -51,7 +63,7 @@ class Motion:
 
     Attributes:
         name: what it does and its numbers; models of one name are equal.
-        steps: how often the target moves in a turn.
+        steps: how often the target moves in a turn; by metres, how often it decides at most.
     """
 
     name: Hashable
@@ -132,9 +144,40 @@ def mixture(models: Mapping[Motion, float]) -> Motion:
 
 
 @lru_cache(maxsize=32)
-def chain_of(motion: Motion, ground: Ground) -> Chain:
-    """Return the chain of a model on a map, made once."""
-    return Chain(motion.make(ground))
+def chain_of(motion: Motion, ground: Ground, metres: float | None = None) -> Chain:
+    """Return the chain of a model on a map, made once; by metres in a turn, with the parts of edges."""
+    found = motion.make(ground)
+    return Chain(found) if metres is None else _by_metres(found, ground, metres / motion.steps)
+
+
+def _by_metres(found: Transitions, ground: Ground, step_m: float) -> Chain:
+    """Return a chain whose targets are on edges for as many steps as these take: each step leads to a node, or on.
+
+    A target that reaches a node within a step decides again in the next one.
+    """
+    here, number = np.arange(len(found.rows)), len(found.rows)
+    if step_m <= 0.0:
+        return Chain(found._replace(sources=here, targets=here, chances=np.ones(number)))
+    pairs, which = np.unique(found.sources * number + found.targets, return_inverse=True)
+    chances = np.bincount(which, found.chances)
+    sources, targets = pairs // number, pairs % number
+    edges = ground.shortest_edges(found.rows[sources], found.rows[targets])
+    lengths = np.where(edges >= 0, ground.columns.lengths[edges], 0.0)
+    between = np.clip(np.ceil(lengths / step_m - _ROUNDED) - 1.0, 0.0, _MOST_PARTS).astype(np.int64)
+    first = number + np.cumsum(between) - between  # the first state of each edge
+    parts = number + np.arange(between.sum())
+    edge_of = np.repeat(np.arange(len(pairs)), between)
+    is_last = parts == (first + between - 1)[edge_of]
+    longer = Transitions(
+        np.concatenate((sources, parts)),
+        np.concatenate((np.where(between, first, targets), np.where(is_last, targets[edge_of], parts + 1))),
+        np.concatenate((chances, np.ones(len(parts)))),
+        np.concatenate((found.rows, found.rows[sources[edge_of]])),
+        np.concatenate((found.shares, np.zeros(len(parts)))),
+    )
+    offsets = (parts - first[edge_of] + 1) * step_m
+    places = np.concatenate((np.full(number, -1), edges[edge_of])), np.concatenate((np.zeros(number), offsets))
+    return Chain(longer, places)
 
 
 def _walk(ground: Ground, stay: float | None) -> Transitions:

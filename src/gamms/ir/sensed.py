@@ -43,6 +43,7 @@ class Coverage:
     detection: FloatArray  # (nodes,)  how probable it is that an agent on the node is noticed
     not_shown: tuple[str, ...]  # names of the agents that it does not show wherever they are: of other teams, dead
     is_exact: bool = True  # whether the agents that it shows are where it shows them at this moment
+    is_convex: bool = False  # whether it covers all that lies in a straight line between nodes that it covers
 
 
 class AgentLook(NamedTuple):

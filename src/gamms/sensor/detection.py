@@ -224,11 +224,17 @@ class DetectingSensor(Sensor):
         shown_rows = set(living if self._notice is None else self._notice.wanted(living, positions.teams))
         not_shown = tuple(name for row, name in enumerate(positions.names) if row not in shown_rows)
         if self._notice is None:
-            return Coverage(node_ids, np.ones(len(distances)), not_shown)
+            return Coverage(node_ids, np.ones(len(distances)), not_shown, is_convex=self._is_convex)
         chances = self._notice.chances(distances)
         if self._notice.delay_turns:  # it shows nothing of this moment
             chances = np.zeros(len(distances))
-        return Coverage(node_ids, chances, not_shown, is_exact=not self._notice.has_errors)
+        is_exact = not self._notice.has_errors
+        return Coverage(node_ids, chances, not_shown, is_exact=is_exact, is_convex=self._is_convex)
+
+    @property
+    def _is_convex(self) -> bool:
+        """Whether it covers all that lies in a straight line between nodes that it covers."""
+        return False
 
     @abstractmethod
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:

@@ -1,7 +1,7 @@
 """The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
 
 from collections.abc import Sequence
-from math import inf
+from math import inf, pi
 from typing import Any, cast
 
 import numpy as np
@@ -356,6 +356,10 @@ class AgentSensor(DetectingSensor, GroundSensor):
     def _hidden_from(self, node_id: int, others: IntArray) -> BoolArray:
         nodes = NodeColumns(others, self.ctx.graph.graph.positions(others))
         return ~in_sight(self.ctx, self.place(node_id), nodes, self.range, self._observer_height)
+
+    @property
+    def _is_convex(self) -> bool:
+        return not self._is_occluded and (self.fov == FULL_CIRCLE or self.fov <= pi)
 
     @of_data
     def last_view(self) -> SensorView:
