@@ -15,7 +15,41 @@ def rule(name, **arguments):
 
 
 TAG = rule("tag", taggers="red", tagged="blue", mutual=True)
+OUT = rule("tag", taggers="red", tagged="blue", mutual=True, then="eliminate", score=0)
+PAY = {"tag": {"agent": 0.1, "other": -0.7}, "eliminated": {"agent": -1 / 3}, "hold": {"team": 2}}
 PUBLISHED = rule("gamms.rules.territory:published", nodes=OWNERS)
+
+
+@pytest.mark.parametrize(
+    "rules",
+    [
+        [rule("hold", nodes=[6, 7], turns=2)],
+        [OUT, rule("respawn"), rule("hold", nodes=[6, 7, 8], turns=2, ends=False, score=1.5)],
+        [rule("hold", nodes=[6, 7], turns=1, ends=False, score=1, every=True, teams="red"), rule("last_team")],
+        [
+            OUT,
+            rule("respawn"),
+            rule("payoff", table=PAY, zero_sum=True),
+            rule("hold", nodes=[6, 7], turns=1, ends=False),
+        ],
+        [rule("payoff", table=PAY), OUT, rule("reach", team="red", nodes=3)],
+    ],
+)
+def test_places_are_held_and_events_paid_as_in_games_that_are_played_alone(rules, same_as_one_by_one):
+    same_as_one_by_one(scene(rules, side=4), SEEDS)
+
+
+def test_games_that_are_reset_are_paid_for_what_happens_in_them_alone():
+    with scene([rule("hold", nodes=list(range(25)), turns=1, ends=False), TAG, rule("payoff", table=PAY)]).batch(
+        2
+    ) as games:
+        games.step()
+        games.reset([0])
+        games.run()
+        first = [plain(games.result(number)) for number in range(2)]
+        games.reset()
+        games.run()
+        assert [plain(games.result(number)) for number in range(2)] == first
 
 
 @pytest.mark.parametrize(

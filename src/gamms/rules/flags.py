@@ -111,7 +111,7 @@ class _Flags(NamedTuple):
 
     def prepare_arrays(self, state: GameArrays) -> None:
         """Publish where the flags of many games are: the carriers as numbers of agents, (games,)."""
-        kept = state.keep(self.key, self.start_of(state.roster))
+        kept = state.keep(("capture_flag", self.key), self.start_of(state.roster))
         if self.announce:
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
@@ -256,7 +256,7 @@ class _FlagsInArrays:
 
     def __init__(self, flags: _Flags, turn: ArrayTurn) -> None:
         self.flags, self.names, self.turn = flags, list(flags.bases), turn
-        self.kept = turn.keep(flags.key, flags.start_of(turn.roster))
+        self.kept = turn.keep(("capture_flag", flags.key), flags.start_of(turn.roster))
         self.carriers = self.kept["carriers"][turn.games]
         self.going = np.ones(len(turn.games), np.bool_)
 

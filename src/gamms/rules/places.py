@@ -8,7 +8,8 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered
-from gamms.ir.graph import FloatArray
+from gamms.game.batch.turn import Arrays, ArrayTurn
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import to_plain, why_not_plain
 from gamms.rules.contacts import nodes_within
 from gamms.rules.endings import Rank, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
@@ -51,37 +52,110 @@ def hold(
         BadType, BadValue: an argument is not one of these.
         UnknownName (KeyError): when it is added to a game, a node is not on the map.
     """
-    place, full, may_hold = as_nodes(nodes, "A node to hold"), as_count(turns, "turns"), as_teams(teams)
-    needs_all, wins, points = as_flag(every, "every"), as_flag(ends, "ends"), as_float(score, "score")
-    state_key = as_name(key, "the state of the rule")
-    start = {"nodes": as_text(np.array(sorted(place), np.int64)), "team": None, "turns": 0, "of": full}
-
-    def prepare(ctx: Context) -> None:
-        refuse_unknown(ctx, place)
-        state_of(ctx, HELD, state_key, dict(start))
+    place = _Place(
+        as_nodes(nodes, "A node to hold"),
+        as_count(turns, "turns"),
+        as_flag(every, "every"),
+        as_float(score, "score"),
+        as_flag(ends, "ends"),
+        as_teams(teams),
+        as_name(key, "the state of the rule"),
+    )
 
     def hold(ctx: Context) -> None:
-        state = state_of(ctx, HELD, state_key, dict(start))
-        there = _teams_on(ctx, place)
-        able = [team for team, on in there.items() if (on == place or not needs_all) and team in (may_hold or there)]
+        place.play(ctx)
+
+    return with_hooks(
+        hold,
+        prepare=place.prepare,
+        drawer=render_held,
+        teams=sorted(place.teams or (), key=str),
+        rank=Rank.PLACES,
+        key=place.key,
+        array_form=place.play_in_arrays,
+    )
+
+
+class _Place(NamedTuple):
+    """The arguments of the rule, checked. What happens in a game is in `ctx.game.data`."""
+
+    nodes: frozenset[int]
+    turns: int
+    every: bool
+    score: float
+    ends: bool
+    teams: frozenset[Hashable] | None
+    key: str
+
+    def prepare(self, ctx: Context) -> None:
+        """Check the nodes against the map."""
+        refuse_unknown(ctx, self.nodes)
+        self._state(ctx)
+
+    def _state(self, ctx: Context) -> dict[str, Any]:
+        nodes = as_text(np.array(sorted(self.nodes), np.int64))
+        return state_of(ctx, HELD, self.key, {"nodes": nodes, "team": None, "turns": 0, "of": self.turns})
+
+    def play(self, ctx: Context) -> None:
+        """Count a turn."""
+        state, there = self._state(ctx), _teams_on(ctx, self.nodes)
+        able = [
+            team for team, on in there.items() if (on == self.nodes or not self.every) and team in (self.teams or there)
+        ]
         if state["team"] not in able:
             state["team"], state["turns"] = None, 0
         if len(able) != 1 or len(there) != 1:
             return
         state["team"] = team = able[0]
         state["turns"] += 1
-        if state["turns"] < full:
+        if state["turns"] < self.turns:
             return
-        ctx.game.emit("hold", team=team, turns=full)
-        if points:
-            ctx.game.scores[team] += points
-        if wins:
+        ctx.game.emit("hold", team=team, turns=self.turns)
+        if self.score:
+            ctx.game.scores[team] += self.score
+        if self.ends:
             ctx.game.end(f"{team} held its place", winner=team)
         else:
             state["turns"] = 0
 
-    named = sorted(may_hold or (), key=str)
-    return with_hooks(hold, prepare=prepare, drawer=render_held, teams=named, rank=Rank.PLACES, key=state_key)
+    def play_in_arrays(self, turn: ArrayTurn) -> None:
+        """Count a turn of many games."""
+        kept = turn.keep(("hold", self.key), _nothing_held)
+        number_on, teams = self._number_on(turn), turn.roster.teams
+        may_hold = [self.teams is None or not self.teams or team in self.teams for team in teams]
+        able = (number_on >= (len(self.nodes) if self.every else 1)) & np.array(may_hold)
+        team, held = kept["team"][turn.games], kept["turns"][turn.games]
+        is_lost = (team >= 0) & ~able[np.arange(len(team)), team]
+        team[is_lost], held[is_lost] = -1, 0
+        at = np.flatnonzero((able.sum(axis=1) == 1) & ((number_on > 0).sum(axis=1) == 1))
+        team[at] = able[at].argmax(axis=1)
+        held[at] += 1
+        at = at[held[at] >= self.turns]
+        names = [teams[number] for number in team[at].tolist()]
+        turn.emit("hold", at, values={"team": names, "turns": [self.turns] * len(at)})
+        for number in np.unique(team[at]).tolist() if self.score else ():
+            turn.add_score(teams[number], at[team[at] == number], self.score)
+        if self.ends:
+            turn.end(at, [f"{name} held its place" for name in names], names)
+        else:
+            held[at] = 0
+        kept["team"][turn.games], kept["turns"][turn.games] = team, held
+
+    def _number_on(self, turn: ArrayTurn) -> IntArray:
+        """Return on how many of the nodes the teams have living agents, (games, teams)."""
+        is_place = turn.shared(
+            ("nodes", self.nodes), lambda: np.isin(turn.streets.columns.node_ids, sorted(self.nodes))
+        )
+        at, agents = np.nonzero(is_place[turn.node] & turn.alive & ~turn.roster.plays_for([None]))
+        shape = len(turn.games), len(turn.roster.teams)
+        nodes, pairs = len(is_place), at * shape[1] + turn.roster.team_of[agents]
+        occupied = np.unique(pairs * nodes + turn.node[at, agents]) // nodes
+        number: IntArray = np.bincount(occupied, minlength=shape[0] * shape[1])
+        return number.reshape(shape)
+
+
+def _nothing_held(games: int) -> Arrays:
+    return {"team": np.full(games, -1), "turns": np.zeros(games, np.int64)}
 
 
 def _teams_on(ctx: Context, place: frozenset[int]) -> dict[Any, set[int]]:

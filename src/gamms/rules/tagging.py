@@ -179,7 +179,9 @@ def respawn(
 
     def in_arrays(turn: ArrayTurn) -> None:
         shape = turn.alive.shape[1:]
-        kept = turn.keep(key, lambda n: {"out": np.full((n, *shape), -1), "times": np.zeros((n, *shape), np.int64)})
+        kept = turn.keep(
+            ("respawn", key), lambda n: {"out": np.full((n, *shape), -1), "times": np.zeros((n, *shape), np.int64)}
+        )
         is_out = ~turn.alive & turn.roster.plays_for(those)
         out = np.where(is_out, kept["out"][turn.games], -1)
         out = np.where(is_out & (out < 0), turn.turn[:, None], out)

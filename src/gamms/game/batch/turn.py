@@ -1,7 +1,8 @@
 """What a batch remembers of its games, and what array forms of rules get of one turn of all that are played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from typing import Any, TypeVar
+from itertools import compress
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -17,16 +18,46 @@ ArrayRule = Callable[["ArrayTurn"], None]
 """The array form of a rule, in its attribute `array_form`; see docs/batches.md."""
 
 
+class Emitted(NamedTuple):
+    """Events of one kind that were emitted together.
+
+    Attributes:
+        kind: of all.
+        games: (events,)
+        turns: (events,)
+        fields: name -> (events,) values.
+    """
+
+    kind: str
+    games: IntArray
+    turns: IntArray
+    fields: Mapping[str, list[Any]]
+
+    def those(self, which: BoolArray) -> "Emitted":
+        """Return some of the events."""
+        fields = {name: list(compress(values, which.tolist())) for name, values in self.fields.items()}
+        return Emitted(self.kind, self.games[which], self.turns[which], fields)
+
+
 class EventLog:
     """The events of all games, as they were emitted."""
 
     def __init__(self, num_games: int) -> None:
-        self._pending: list[tuple[str, IntArray, IntArray, Mapping[str, list[Any]]]] = []
+        self._pending: list[Emitted] = []
         self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+        self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
 
     def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
         """Note events, one for each of these games; of one game they are in their order."""
-        self._pending.append((kind, games, turns, fields))
+        emitted = Emitted(kind, games, turns, fields)
+        for unread in (self._pending, *self._unread.values()):
+            unread.append(emitted)
+
+    def new(self, reader: Hashable) -> list[Emitted]:
+        """Return the events since the last call for a reader, at first none."""
+        found = self._unread.get(reader, [])
+        self._unread[reader] = []
+        return found
 
     def of(self, game: int) -> list[dict[str, Any]]:
         """Return the events of a game, in their order."""
@@ -42,6 +73,8 @@ class EventLog:
         self.of(0)
         for game in games.tolist():
             self._of_game[game] = []
+        for unread in self._unread.values():
+            unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
 
 
 class GameArrays:
@@ -128,8 +161,8 @@ class GameArrays:
             self._draw_keys = kernels.first_key_rows(self.purposes("agent")[:, None], self.roster.keys[None])
         return self._draw_keys
 
-    def add_score(self, key: Hashable, games: IntArray, points: float) -> None:
-        """Add points to the score of a key, once for each of these games; one may be there several times."""
+    def add_score(self, key: Hashable, games: IntArray, points: float | FloatArray) -> None:
+        """Add points to the score of a key, in each of these games; one may be there several times."""
         if key not in self.scores:
             self.scores[key] = np.zeros(len(self), np.float64)
             self.has_score[key] = np.zeros(len(self), np.bool_)
@@ -235,8 +268,18 @@ class ArrayTurn:
         if stopped is not None and agents is not None and stopped in agents:
             np.add.at(self._state.stops, (self.games[at], agents[stopped]), 1)
 
-    def add_score(self, key: Hashable, at: IntArray, points: float) -> None:
-        """Add points to the score of a key, once for each of `at`."""
+    def new_events(self, reader: Hashable) -> list[Emitted]:
+        """Return the events of the games of this turn since the last call for a reader, at first none.
+
+        Their `games` are numbers in this turn.
+        """
+        number = np.full(len(self._state), -1)
+        number[self.games] = np.arange(len(self.games))
+        found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader)]
+        return [one if (one.games >= 0).all() else one.those(one.games >= 0) for one in found]
+
+    def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
+        """Add points to the score of a key, once for each of `at`, in their order."""
         if len(at):
             self._state.add_score(key, self.games[at], points)
 
