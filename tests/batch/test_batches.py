@@ -147,15 +147,19 @@ def test_given_actions_are_recorded_if_they_are_kept(tmp_path):
 
 
 def test_games_of_a_context_go_on_from_where_it_is():
-    with scene([TAG]).build(seed=1) as ctx:
-        with ctx.game.batch(3) as games:
+    with gamms.create_context(seed=3, logger_config={"level": "CRITICAL"}, game={"max_turns": 12}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        for number in range(4):
+            walker = {"team": ["red", "blue"][number % 2], "strategy": gamms.strategies.random_walk}
+            ctx.agent.create_agent(f"a{number}", start_node_id=5 * number, **walker)
+        ctx.game.add(gamms.rules.tag("red", "blue"))
+        with ctx.game.batch(3, seed=6) as games:
             games.run()
-            first = plain(games.result(2))
-        assert ctx.game.turn == 0
-        ctx.game.reset(seed=2)
-        ctx.game.run()
-        starts = {name: agent["node"] for name, agent in first["agents"].items()}
-        assert starts.keys() == ctx.agent.agents.keys()
+            assert games.slow is None
+            assert ctx.game.turn == 0
+            for number in range(3):
+                ctx.game.reset(seed=6 + number)
+                assert plain(games.result(number)) == plain(ctx.game.run())
 
 
 def test_a_batch_that_does_not_fit_is_refused_before_it_is_built():
