@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 import gamms
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch import routes
-from gamms.game.batch.columns import Streets
 from gamms.game.batch.routes import RouteTable
+from gamms.game.streets import Streets
 from gamms.strategies.knowledge import step_towards
 
 EDGES = st.lists(

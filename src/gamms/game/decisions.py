@@ -16,9 +16,8 @@ from gamms.text import shown
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable
 from functools import cached_property, lru_cache
-from itertools import chain
 
 import numpy as np
 
@@ -102,7 +101,7 @@ class TeamArrays:
         seed: int,
         names: tuple[str, ...],
         nodes: list[int],
-        legal: Sequence[Sequence[int]] | None,
+        legal: tuple[IntArray, IntArray] | None,
         facts: Mapping[str, Any],
         team_memory: dict[Any, Any],
     ) -> None:
@@ -113,7 +112,9 @@ class TeamArrays:
         self.offsets: IntArray | None = None
         self.targets: IntArray | None = None
         if legal is not None:
-            self.offsets, self.targets = _as_rows(legal)
+            self.offsets, self.targets = legal
+            for array in legal:
+                array.setflags(write=False)
         self.facts, self.team_memory = facts, team_memory
         self.draw = TeamDraws(seed, names, turn)
         self._seed = seed
@@ -159,16 +160,6 @@ Any: all that NumPy makes such an array of, and an awaitable of it.
 """
 
 
-def _as_rows(rows: Sequence[Sequence[int]]) -> tuple[IntArray, IntArray]:
-    """Return rows of ids as read-only offsets (rows + 1,) and ids."""
-    offsets = np.zeros(len(rows) + 1, np.int64)
-    np.cumsum(list(map(len, rows)), out=offsets[1:])
-    ids = np.fromiter(chain.from_iterable(rows), np.int64, int(offsets[-1]))
-    for array in (offsets, ids):
-        array.setflags(write=False)
-    return offsets, ids
-
-
 class _Question(NamedTuple):
     """A strategy or a plan, and what it is asked."""
 
@@ -178,6 +169,7 @@ class _Question(NamedTuple):
     given: Any  # a state; of a plan, its states by name, or `TeamArrays`
     indices: list[int]  # of the slots that it decides for
     is_plan: bool
+    are_plain: bool = False  # whether the agents of a plan move along one edge, on the ground
 
     def states(self) -> list[Any]:
         """Return the states of its agents; None for each where there are none."""
@@ -243,15 +235,20 @@ class Decisions:
         Raises:
             BadType: one of its agents flies.
         """
-        slots = [self._slots[i] for i in commanded.indices]
-        flying = [slot.name for slot in slots if slot.flies]
+        indices, is_all = commanded.indices, len(commanded.indices) == len(self._slots)
+        slots = self._slots if is_all else [self._slots[i] for i in indices]
+        flying = [] if commanded.are_plain else [slot.name for slot in slots if slot.flies]
         if flying:
             raise BadType(
                 f"The plan of team {shown(commanded.team)} decides in arrays, and agent {flying[0]!r} flies. Use "
                 "command(team, plan) with a plan of states."
             )
-        nodes = [self._starts[i] for i in commanded.indices]
-        legal = None if self._settings.legal == "any" else self._legality.reachable_each(slots, nodes)
+        nodes = self._starts if is_all else [self._starts[i] for i in indices]
+        legal = (
+            None
+            if self._settings.legal == "any"
+            else self._legality.reachable_each(slots, nodes, are_plain=commanded.are_plain)
+        )
         known = memory_copy(self._state.team_memories.get(commanded.team, {}))
         names = commanded.deciders.names
         given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
@@ -343,7 +340,13 @@ class Decisions:
 
     def _put_plan(self, commanded: Commanded, given: TeamArrays | dict[str, State]) -> None:
         deciders, name = commanded.deciders, f"plan of team {shown(commanded.team)}"
-        self._put(_Question(deciders, name, commanded.plan.function, given, commanded.indices, is_plan=True))
+        self._put(
+            _Question(
+                *(deciders, name, commanded.plan.function, given, commanded.indices),
+                is_plan=True,
+                are_plain=commanded.are_plain,
+            )
+        )
 
     def _put(self, question: _Question) -> None:
         budget, began = self._settings.time_budget, perf_counter()
@@ -372,7 +375,7 @@ class Decisions:
             except GammsError as error:
                 self._fail(question, error)
                 return
-            self._take_nodes(indices, given, nodes)
+            self._take_nodes(question, given, nodes)
         elif not question.is_plan:
             self.take(indices[0], given)
         elif answer is not None:
@@ -384,10 +387,18 @@ class Decisions:
                 self.take(i, state)
         self._note(question)
 
-    def _take_nodes(self, indices: list[int], arrays: TeamArrays, nodes: IntArray) -> None:
-        starts, ends, slots = self._starts, self.ends, self._slots
-        chosen, is_known = nodes.tolist(), arrays.is_legal(nodes).tolist()
-        for i, node, is_legal in zip(indices, chosen, is_known, strict=True):
+    def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
+        starts, ends, slots, indices = self._starts, self.ends, self._slots, question.indices
+        chosen, is_known = nodes.tolist(), arrays.is_legal(nodes)
+        if question.are_plain and is_known.all():
+            # NOTE: all at once, for teams of many (benchmarks/README.md, teams).
+            if len(indices) == len(ends):
+                ends[:] = chosen
+            else:
+                for i, node in zip(indices, chosen, strict=True):
+                    ends[i] = node
+            return
+        for i, node, is_legal in zip(indices, chosen, is_known.tolist(), strict=True):
             if is_legal and slots[i].is_plain:
                 ends[i] = node
             else:

@@ -388,6 +388,7 @@ class Game(RuleVerbs):
         game._state.began, game._internals.scenario = self._internals.starts, self._internals.scenario
         return game
 
+    @refused_while_deciding
     def batch(
         self, num_games: int | None = None, *, seed: int = 0, seeds: Iterable[int] | None = None, record: bool = False
     ) -> "Batch":

@@ -1,7 +1,7 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
 from collections.abc import Hashable, Mapping, Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from math import floor, inf
 from operator import add, ne
 from typing import Any, NamedTuple
@@ -15,9 +15,11 @@ from gamms.game.deeds import wanted_deeds
 from gamms.game.facts import FactsOf
 from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Plan, Settings
+from gamms.game.streets import Streets
 from gamms.game.travel import Travel, Way
 from gamms.ir.agents import Position, Progress, Quat, Selection
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray
 from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.actions import as_node, flight, heading_in
@@ -46,18 +48,16 @@ class AgentSlot:
         speed: how far it may go in a turn, in the unit of the game; None for one edge.
         travels: whether it may be anywhere on an edge.
         is_plain: whether it moves along one edge, on the ground.
-        draws, rng: its random numbers.
         carried: its sensors, in the form in which they are asked.
         last: a list whose only item is the state it got last.
-        template: its state, but for what changes from turn to turn.
         sees_world_only: whether all its sensors are built-in ones, which look at nothing but the graph and the agents.
         foreign: the names of its sensors of the caller's own classes.
         counts: how often it moved, was blocked, and so on; see `COUNTED`.
     """
 
     __slots__ = (
-        *("agent", "carried", "counts", "draws", "flies", "foreign", "is_plain", "last", "name", "rng", "row"),
-        *("sees_world_only", "speed", "team", "template", "travels"),
+        *("_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "is_plain"),
+        *("last", "name", "row", "sees_world_only", "speed", "team", "travels"),
     )
 
     def __init__(
@@ -76,8 +76,42 @@ class AgentSlot:
         self.speed = None if self.flies else _speed(agent)
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
         self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
-        self.draws, self.rng = Draws(seed, state, self.name), TurnGenerator(seed, state, self.name)
-        self.template: dict[str, Any] = _with_shared_keys(
+        self._made_of = state, seed, facts, settings
+        # NOTE: made when they are needed: an agent that a plan of arrays decides for has no state and draws nothing
+        # (benchmarks/README.md, teams).
+        self._draws: Draws | None = None
+        self._rng: TurnGenerator | None = None
+        self._template: dict[str, Any] | None = None
+        self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]
+        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, _ in self.carried)
+        self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
+
+    @property
+    def draws(self) -> Draws:
+        """Its keyed draws: `state["draw"]`."""
+        if self._draws is None:
+            state, seed, *_ = self._made_of
+            self._draws = Draws(seed, state, self.name)
+        return self._draws
+
+    @property
+    def rng(self) -> TurnGenerator:
+        """Its generator: `state["rng"]`."""
+        if self._rng is None:
+            state, seed, *_ = self._made_of
+            self._rng = TurnGenerator(seed, state, self.name)
+        return self._rng
+
+    @property
+    def template(self) -> dict[str, Any]:
+        """Its state, but for what changes from turn to turn."""
+        if self._template is None:
+            self._template = self._new_template()
+        return self._template
+
+    def _new_template(self) -> dict[str, Any]:
+        state, _, facts, settings = self._made_of
+        return _with_shared_keys(
             {
                 "curr_pos": None,
                 **({"quat": None} if self.flies else {}),
@@ -97,9 +131,23 @@ class AgentSlot:
                 **({"deeds": settings.deeds} if settings.deeds else {}),
             }
         )
-        self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]
-        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, _ in self.carried)
-        self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
+
+    def show_blocked(self) -> None:
+        """Let its state say why its last action was not done, as the game knows it now."""
+        if self._template is not None:
+            self._template["blocked"] = self._made_of[0].blocked.get(self.name)
+
+    def marks(self) -> tuple[Any, Any]:
+        """Return what it has drawn in this turn, for `go_to`."""
+        return self._draws and self._draws.mark(), self._rng and self._rng.mark()
+
+    def go_to(self, marks: tuple[Any, Any]) -> None:
+        """Go on drawing from marks of this turn."""
+        draws, rng = marks
+        if draws is not None or self._draws is not None:
+            self.draws.go_to(draws)
+        if rng is not None or self._rng is not None:
+            self.rng.go_to(rng)
 
 
 class Commanded(NamedTuple):
@@ -109,6 +157,7 @@ class Commanded(NamedTuple):
     plan: Plan
     indices: list[int]  # of their slots
     deciders: Deciders
+    are_plain: bool  # whether all move along one edge, on the ground
 
 
 class Part:
@@ -213,7 +262,8 @@ class TurnOrder:
 def _commanded(slots: list[AgentSlot], team: Hashable, plan: Plan) -> Commanded:
     indices = [i for i, slot in enumerate(slots) if slot.team == team]
     names = tuple([slots[i].name for i in indices])
-    return Commanded(team, plan, indices, Deciders(f"The plan of team {shown(team)}", names))
+    are_plain = all(slots[i].is_plain for i in indices)
+    return Commanded(team, plan, indices, Deciders(f"The plan of team {shown(team)}", names), are_plain)
 
 
 class _Layout:
@@ -276,6 +326,7 @@ class Legality:
     def __init__(self, ctx: HostContext, settings: Settings) -> None:
         self._ctx, self._settings = ctx, settings
         self.travel = Travel(ctx, settings)
+        self._streets: Streets | None = None  # of the graph as it was when they were asked for
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return what an action leads to.
@@ -349,11 +400,20 @@ class Legality:
             near += [node for node, far in self._around(begun, speed).items() if far <= left]
         return tuple(dict.fromkeys(near))
 
-    def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> list[Sequence[int]]:
-        """Return what `reachable` returns for each of several agents."""
-        near = self._ctx.graph.graph.neighborhoods
-        pairs = zip(movers, starts, strict=True)
-        return [near[here] if mover.is_plain else self.reachable(mover, here) for mover, here in pairs]
+    def reachable_each(
+        self, movers: Sequence[AgentSlot], starts: Sequence[int], *, are_plain: bool
+    ) -> tuple[IntArray, IntArray]:
+        """Return what `reachable` returns for each of several agents: offsets (agents + 1,) and ids."""
+        if are_plain:
+            columns = self._ctx.graph.graph.columns()
+            if self._streets is None or self._streets.columns is not columns:
+                self._streets = Streets(columns, self._ctx.graph.routes)
+            offsets, rows = self._streets.legal_of(self._streets.rows(starts))
+            return offsets, self._streets.ids(rows)
+        legal = [self.reachable(mover, here) for mover, here in zip(movers, starts, strict=True)]
+        offsets = np.zeros(len(legal) + 1, np.int64)
+        np.cumsum(list(map(len, legal)), out=offsets[1:])
+        return offsets, np.fromiter(chain.from_iterable(legal), np.int64, int(offsets[-1]))
 
     def _node(self, action: object) -> int:
         node = as_node(action)

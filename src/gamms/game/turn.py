@@ -97,7 +97,7 @@ class TurnEngine:
         slots = () if self._order is None else self._order.slots
         drawn = {}
         for slot in slots:
-            marks = slot.draws.mark(), slot.rng.mark()
+            marks = slot.marks()
             if marks != (None, None):
                 drawn[slot.name] = marks
         return drawn
@@ -108,10 +108,8 @@ class TurnEngine:
         if order is not None:
             order.restart_counts()
             for slot in order.slots:
-                slot.template["blocked"] = self._state.blocked.get(slot.name)
-                draws, rng = drawn.get(slot.name, (None, None))
-                slot.draws.go_to(draws)
-                slot.rng.go_to(rng)
+                slot.show_blocked()
+                slot.go_to(drawn.get(slot.name, (None, None)))
 
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the state that an agent gets now; its sensors are asked."""
@@ -251,7 +249,8 @@ class TurnEngine:
 
     def _block(self, slot: AgentSlot, why: str) -> None:
         known = self._state.blocked.get(slot.name)
-        slot.template["blocked"] = self._state.blocked[slot.name] = why if known is None else f"{known}; {why}"
+        self._state.blocked[slot.name] = why if known is None else f"{known}; {why}"
+        slot.show_blocked()
 
     def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
         """Ask the agents of a part what they do.
@@ -382,7 +381,7 @@ class TurnEngine:
     def _forget_blocked(self, order: TurnOrder, part: Part) -> None:
         for i in part.members:
             if self._state.blocked.pop(order.slots[i].name, None) is not None:
-                order.slots[i].template["blocked"] = None
+                order.slots[i].show_blocked()
 
     def _ask_individuals(self, order: TurnOrder, part: Part, starts: list[int], decisions: Decisions) -> None:
         """Ask agents one by one, where neither memories of teams nor a time budget count."""

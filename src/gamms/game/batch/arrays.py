@@ -7,13 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.batch.columns import BoolArray, PlayedGame, Roster, Streets
+from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
 from gamms.game.batch.sight import is_blind, why_not_seen
 from gamms.game.batch.turn import ArrayTurn, GameArrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.order import COUNTED
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
+from gamms.game.streets import Streets
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.text import as_code, shown

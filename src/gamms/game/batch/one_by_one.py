@@ -6,12 +6,13 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.batch.columns import BoolArray, PlayedGame, Roster, Streets
+from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
 from gamms.game.batch.turn import GameArrays
 from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
 from gamms.game.settings import Plan
 from gamms.game.snapshots import Snapshot
+from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.text import shown
 

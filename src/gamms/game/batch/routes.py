@@ -5,7 +5,8 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.columns import BoolArray, Streets
+from gamms.game.batch.columns import BoolArray
+from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 
 _MOST_BYTES = 512 * 2**20  # of tables; 9 for each node and target

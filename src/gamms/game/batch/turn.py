@@ -7,7 +7,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.columns import BoolArray, Roster, Streets
+from gamms.game.batch.columns import BoolArray, Roster
+from gamms.game.streets import Streets
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.kernels.draws import BitArray

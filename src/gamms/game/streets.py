@@ -1,0 +1,80 @@
+"""Where agents may go along one edge, in arrays: the streets of a map that many agents or games share."""
+
+from typing import Any
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import UnknownName
+from gamms.ir.graph import GraphColumns, IntArray
+from gamms.typing.routes import RouteQueries
+
+
+class Streets:
+    """The nodes of a graph, and where an agent may go from each along one edge.
+
+    Attributes:
+        columns: of the graph.
+        queries: `ctx.graph.routes`.
+        counts: (nodes,) how many nodes are legal from each, its own included.
+        offsets: (nodes,) where those of each node begin in `targets`.
+        targets: rows of nodes; of each node its own first, then its neighbours in the order of `state["legal"]`.
+    """
+
+    def __init__(self, columns: GraphColumns, queries: RouteQueries) -> None:
+        self.columns, self.queries = columns, queries
+        self.offsets, self.targets = kernels.neighborhoods(columns.sources, columns.targets, len(columns.node_ids))
+        self.counts: IntArray = np.diff(self.offsets)
+        self.offsets = self.offsets[:-1]
+        self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
+        self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")
+        self._padded: IntArray | None = None
+
+    def ids(self, rows: IntArray) -> IntArray:
+        """Return the ids of nodes."""
+        return rows if self._ids_are_rows else self.columns.node_ids[rows]
+
+    def rows(self, ids: Any) -> IntArray:
+        """Return the rows of nodes.
+
+        Raises:
+            UnknownName (KeyError): one is not on the map.
+        """
+        wanted, known = np.asarray(ids, np.int64), self.columns.node_ids
+        if self._order is None:
+            found = np.clip(wanted, 0, max(0, len(known) - 1))
+        else:
+            places = np.searchsorted(known, wanted, sorter=self._order)
+            found = self._order[np.minimum(places, len(known) - 1)]
+        missing = wanted[known[found] != wanted] if len(known) else wanted
+        if missing.size:
+            raise UnknownName("node", int(missing.flat[0]))
+        return found
+
+    @property
+    def legal(self) -> IntArray:
+        """The rows of the legal nodes of each node, (nodes, most), behind the last one its own again."""
+        if self._padded is None:
+            most = int(self.counts.max(initial=1))
+            columns = np.minimum(np.arange(most), self.counts[:, None] - 1)
+            padded = self.targets[self.offsets[:, None] + columns]
+            self._padded = np.where(np.arange(most) < self.counts[:, None], padded, np.arange(len(padded))[:, None])
+        return self._padded
+
+    def legal_of(self, rows: IntArray) -> tuple[IntArray, IntArray]:
+        """Return the legal nodes from some nodes as offsets (nodes + 1,) and rows, one after the other."""
+        ends = np.zeros(len(rows) + 1, np.int64)
+        np.cumsum(self.counts[rows], out=ends[1:])
+        places = np.arange(ends[-1]) + np.repeat(self.offsets[rows] - ends[:-1], self.counts[rows])
+        return ends, self.targets[places]
+
+    def step(self, rows: IntArray, actions: IntArray) -> IntArray:
+        """Return where actions lead, each the number of a legal node."""
+        found: IntArray = self.targets[self.offsets[rows] + actions]
+        return found
+
+    def action_to(self, rows: IntArray, targets: IntArray) -> IntArray:
+        """Return the number of a legal node, by rows; -1 where it is not legal."""
+        matches = self.legal[rows] == targets[..., None]
+        matches &= np.arange(matches.shape[-1]) < self.counts[rows][..., None]
+        return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
