@@ -164,3 +164,41 @@ def test_the_command_line_converts_maps(tmp_path):
     assert done.exit_code == 0, done.output
     assert len((tmp_path / "grid_nodes.csv").read_text().splitlines()) == 5
     assert "grid_edges.csv" in done.output.replace("\n", "")
+
+
+def test_tables_have_degrees_of_nodes(game):
+    recording, xy = game
+    moves = recording.table("moves", lat_lon=True)
+    assert list(moves) == ["turn", "agent", "node", "lat", "lon"]
+    assert np.abs(np.column_stack((moves["lat"], moves["lon"])) - degrees(xy[moves["node"]])).max() < 1e-9
+    assert list(recording.table("positions", lat_lon=True)) == ["turn", "agent", "x", "y", "z", "lat", "lon"]
+    assert "lat" not in recording.table("moves")
+    with pytest.raises(BadValue, match="it has no nodes, but turn, of, score"):
+        recording.table("scores", lat_lon=True)
+    with pytest.raises(BadType, match="lat_lon"):
+        recording.table("moves", lat_lon="yes")
+
+
+def test_results_have_degrees_of_nodes_that_are_on_the_map():
+    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
+        ctx.graph.add_nodes(range(2), [385_000, 385_100], [6_672_000, 6_672_000])
+        ctx.graph.graph.crs = "EPSG:32635"
+        for node in range(2):
+            ctx.agent.create_agent(f"a{node}", start_node_id=node)
+        for node in (1, 7, None, (1, 2)):
+            ctx.game.emit("seen", node=node, x="none")
+        ctx.game.emit("heard", x=385_050.0, y=6_672_000)
+        result = ctx.game.result()
+        heard = result.table("heard", lat_lon=ctx.graph)
+        assert (heard["lat"][0], heard["lon"][0]) == pytest.approx(tuple(degrees([(385_050, 6_672_000)])[0]))
+        found = result.table("agents", lat_lon=ctx.graph)
+        wanted = degrees([(385_000, 6_672_000), (385_100, 6_672_000)])
+        assert np.abs(np.column_stack((found["lat"], found["lon"])) - wanted).max() < 1e-9
+        seen = result.table("seen", lat_lon=ctx.graph)["lat"]
+        assert seen[0] == pytest.approx(wanted[1, 0])
+        assert np.isnan(seen[1:]).all()
+        with pytest.raises(BadValue, match="it has no nodes"):
+            result.table("teams", lat_lon=ctx.graph)
+        ctx.graph.graph.crs = None
+        with pytest.raises(BadValue, match="the map has no CRS"):
+            result.table("agents", lat_lon=ctx.graph)

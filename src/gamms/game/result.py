@@ -17,12 +17,13 @@ from gamms.errors import BadFile, BadType, Duplicate, MissingFolder, UnknownName
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.messages import message_table
-from gamms.ir.tables import frame_of, table_of
+from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.text import printable_line, reason, shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
+from gamms.typing.graph_engine import IGraphEngine
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -113,28 +114,34 @@ class Result:
             raise BadFile(f"{str(file)!r} is not a result: {flaw}.")
         return cls(timings={}, **{name: plain[name] for name in _SHAPES})
 
-    def table(self, name: str) -> dict[str, "np.ndarray[Any, Any]"]:
+    def table(self, name: str, *, lat_lon: IGraphEngine | None = None) -> dict[str, "np.ndarray[Any, Any]"]:
         """Return one table as columns of equal length, which pandas and polars take as they are.
 
         `agents`, `teams`, `scores`, `errors`, `deeds`, `messages` and `events` are always there; each kind of event
         and each collected name is a table, too. docs/game.md says which columns they have.
 
+        Args:
+            name: of the table.
+            lat_lon: the map, `ctx.graph`: `lat` and `lon` of the nodes are columns, too.
+
         Raises:
             UnknownName (KeyError): there is no such table.
+            BadValue (ValueError): `lat_lon` is given, and the table has no nodes or the map no CRS.
         """
         tables = self._tables()
         if as_key(name, "The name of a table") not in tables:
             raise UnknownName("table", name, tables)
-        return table_of(tables[name])
+        table = table_of(tables[name])
+        return table if lat_lon is None else with_latlon(table, lat_lon.columns())
 
-    def to_pandas(self, name: str) -> "pd.DataFrame":
+    def to_pandas(self, name: str, *, lat_lon: IGraphEngine | None = None) -> "pd.DataFrame":
         """Return one table as `table` does, as a data frame of pandas.
 
         Raises:
             UnknownName (KeyError): there is no such table.
             MissingExtra (ImportError): pandas is not installed.
         """
-        return frame_of(self.table(name))
+        return frame_of(self.table(name, lat_lon=lat_lon))
 
     def _tables(self) -> dict[str, Any]:
         events: dict[str, Any] = {}

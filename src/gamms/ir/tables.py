@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import MissingExtra
+from gamms.errors import BadValue, MissingExtra
+from gamms.ir.graph import GraphColumns
+from gamms.ir.projection import WGS84, project_back_and_forth
 from gamms.limits import refuse_above
 
 if TYPE_CHECKING:
@@ -14,6 +16,7 @@ if TYPE_CHECKING:
 _OF_EMPTY = 64  # bytes
 _MOST_CHARACTERS, _SHARE = 1 << 18, 16  # of texts in an array, if they are more than so many times their lengths
 
+Column = np.ndarray[Any, Any]
 Rows = Sequence[Mapping[str, Any]] | Mapping[str, Sequence[Any]]
 
 
@@ -31,6 +34,32 @@ def table_of(rows: Rows) -> dict[str, "np.ndarray[Any, Any]"]:
     empty = len(names) * len(rows) - sum(map(len, rows))
     refuse_above(_OF_EMPTY * empty, f"A table of {len(rows):,} rows and {len(names):,} columns, most of it empty,")
     return {name: _column([row.get(name) for row in rows]) for name in names}
+
+
+def with_latlon(table: Mapping[str, Column], streets: GraphColumns) -> dict[str, Column]:
+    """Add latitude and longitude, `lat` and `lon`, of `x` and `y`, or else of nodes in the column `node` or `at`.
+
+    They are NaN where the map lacks the node.
+
+    Raises:
+        BadValue: the table has no such column, or the map no CRS.
+    """
+    has_xy = all(name in table and table[name].dtype.kind in "if" for name in "xy")
+    of_nodes = [name for name in ("node", "at") if name in table]
+    if streets.crs is None or not (has_xy or of_nodes):
+        why = "the map has no CRS" if streets.crs is None else f"it has no nodes, but {', '.join(table)}"
+        raise BadValue(f"The table cannot have lat and lon: {why}.")
+    if has_xy:
+        xy = np.column_stack((table["x"], table["y"])).astype(np.float64)
+    else:
+        row_of = {node: row for row, node in enumerate(streets.node_ids.tolist())}
+        rows = np.array(
+            [row_of.get(node, -1) if isinstance(node, int) else -1 for node in table[of_nodes[0]].tolist()], np.int64
+        )
+        xy = np.append(streets.xy, [(np.nan, np.nan)], axis=0)[rows]
+    known, degrees = np.isfinite(xy).all(axis=1), np.full(xy.shape, np.nan)
+    degrees[known] = project_back_and_forth(xy[known], streets.crs, WGS84)
+    return {**table, "lat": degrees[:, 1], "lon": degrees[:, 0]}
 
 
 def frame_of(columns: Mapping[str, "np.ndarray[Any, Any]"]) -> "pd.DataFrame":

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
 
-from gamms.arguments import as_context, as_int, as_mapping
+from gamms.arguments import as_bool, as_context, as_int, as_mapping
 from gamms.errors import BadValue
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
 from gamms.ir.events import COMPONENTS, Log
 from gamms.ir.graph import FloatArray
-from gamms.ir.tables import frame_of, table_of
+from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError, refusing
@@ -467,25 +467,32 @@ class Recording(Opened):
 
         return tracks.export(path, moments(), self.turns, self.header.get("created"), turn_seconds)
 
-    def table(self, name: str, start: int | None = None, stop: int | None = None) -> dict[str, np.ndarray[Any, Any]]:
+    def table(
+        self, name: str, start: int | None = None, stop: int | None = None, *, lat_lon: bool = False
+    ) -> dict[str, np.ndarray[Any, Any]]:
         """Return one table of the turns from `start` on and before `stop`, as columns of equal length.
 
         `events`, `moves`, `positions` and `scores` are always there; each kind of event is a table, too.
-        docs/recording.md says which columns they have.
+        docs/recording.md says which columns they have. With `lat_lon` nodes have latitude and longitude, as far as they
+        are on the map in the end.
 
         Raises:
             UnknownName (KeyError): there is no such table.
+            BadValue (ValueError): `lat_lon` is given, and the table has no nodes or the map no CRS.
         """
-        return tables.table(self._reader, name, *self._logs_of(start, stop), self._names_at)
+        table = tables.table(self._reader, name, *self._logs_of(start, stop), self._names_at)
+        return with_latlon(table, self.state(self.turns).graph.columns()) if as_bool(lat_lon, "lat_lon") else table
 
-    def to_pandas(self, name: str, start: int | None = None, stop: int | None = None) -> "pd.DataFrame":
+    def to_pandas(
+        self, name: str, start: int | None = None, stop: int | None = None, *, lat_lon: bool = False
+    ) -> "pd.DataFrame":
         """Return one table as `table` does, as a data frame of pandas.
 
         Raises:
             UnknownName (KeyError): there is no such table.
             MissingExtra (ImportError): pandas is not installed.
         """
-        return frame_of(self.table(name, start, stop))
+        return frame_of(self.table(name, start, stop, lat_lon=lat_lon))
 
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
         """Yield the log of each turn from `start` on and before `stop`, as docs/recording-format.md describes it."""
