@@ -22,6 +22,8 @@ An agent of no team (None) is an enemy of all; a sensor with `team=` leaves such
 `ctx.game` puts into the state what these read: `legal`, `draw`, `memory`, `team`. In a loop of your own, put it there
 yourself where a strategy asks for it. Without `legal`, an agent goes along one edge at a time.
 
+**Arrays.** Most have an array form, which plays many games at once and follows its scalar form: `offer_form`.
+
 `travel.py` has those that need no enemies, `encounters.py` those that act on enemies; read `knowledge.py` first, which
 has what they know and how they go a step. May import: `belief`, `context` and below. To add a
 strategy, write a function and name it below.

@@ -9,9 +9,13 @@ from gamms import belief, kernels
 from gamms.arguments import as_context, as_count, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
+from gamms.game.batch.columns import BoolArray
+from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.ir.graph import IntArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
+    asked,
     enemies_in_sight,
     is_living,
     known_nodes,
@@ -19,9 +23,14 @@ from gamms.strategies.knowledge import (
     mates_in_sight,
     move_to,
     move_to_agent,
+    moves_to,
+    nearest_seen,
+    no_actions,
     node_of,
+    offer_form,
     pace_of,
     required,
+    runs_of,
     shared_memory,
     step_towards,
     turns_from,
@@ -50,7 +59,12 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
         nearest = ctx.graph.routes.nearest(here, enemies.values())
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
+    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True)
     return strategy
+
+
+def _chase_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    return moves_to(view, nearest_seen(view, view.enemies()), fallback)
 
 
 @shown_as_called
@@ -78,7 +92,35 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         else:
             fallback(state)
 
+    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True)
     return strategy
+
+
+def _flee_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    seen, actions = view.enemies(), no_actions(view)
+    if len(seen.at):
+        starts, _ = runs_of(seen)
+        legal, is_legal = _legal_of(view, (seen.at, seen.viewers))
+        far = np.full(legal.shape, -inf)
+        threats = np.broadcast_to(seen.nodes[:, None], legal.shape)
+        far[is_legal] = view.routes().distances(threats[is_legal], legal[is_legal])
+        safety = np.minimum.reduceat(far, starts)
+        is_best = safety == safety.max(axis=1, keepdims=True)
+        actions[seen.at[starts], seen.viewers[starts]] = _lowest(view, legal[starts], is_best)
+    return asked(view, actions, fallback, actions < 0)
+
+
+def _legal_of(view: ArrayView, which: tuple[IntArray, ...]) -> tuple[IntArray, BoolArray]:
+    """Return the rows of the legal nodes of some agents, (agents, most), and which of these count."""
+    legal = view.streets.legal[view.node[which]]
+    return legal, np.arange(legal.shape[1]) < view.counts[which][:, None]
+
+
+def _lowest(view: ArrayView, legal: IntArray, is_chosen: BoolArray) -> IntArray:
+    """Return the number of the legal node with the lowest id of those that are chosen, (agents,)."""
+    ids = np.where(is_chosen, view.streets.ids(legal), np.iinfo(np.int64).max)
+    lowest: IntArray = ids.argmin(axis=1)
+    return lowest
 
 
 @shown_as_called
@@ -113,7 +155,19 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
             step = step_towards(ctx, state, target, "guard", is_near)
             state["action"] = here if step is None else step
 
+    offer_form(strategy, _guard_in_arrays, post, reach, looks=True)
     return strategy
+
+
+def _guard_in_arrays(post: int, reach: float, view: ArrayView) -> IntArray:
+    routes, place = view.routes(), view.streets.rows(post)
+    is_near = routes.distances(np.arange(len(view.streets.counts)), place) <= reach
+    seen = view.enemies()
+    targets = nearest_seen(view, seen.of(is_near[seen.nodes]), is_near[view.node])
+    after = np.nonzero(targets >= 0)
+    actions = routes.actions(view.node, np.broadcast_to(place, view.node.shape))
+    actions[after] = routes.actions(view.node[after], targets[after], is_near)
+    return np.maximum(actions, 0)
 
 
 @shown_as_called
@@ -222,7 +276,35 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         else:
             state["action"] = max(_out_of_reach(ctx, state, enemies), key=lead)
 
+    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True)
     return strategy
+
+
+def _exit_in_arrays(exits: tuple[int, ...], fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    ends, routes, seen, actions = view.streets.rows(exits), view.routes(None), view.enemies(), no_actions(view)
+    first = np.full((*view.node.shape, len(ends)), inf)  # turns until the first enemy in sight is there
+    arrivals = routes.distances(seen.nodes[:, None], ends)
+    np.minimum.at(first, (seen.at, seen.viewers), arrivals)
+    going = np.nonzero(view.mask & np.isfinite(routes.distances(view.node[..., None], ends)).any(axis=-1))
+    legal, is_legal = _legal_of(view, going)
+    number = no_actions(view)
+    number[going] = np.arange(len(legal))
+    seen = seen.of(number[seen.at, seen.viewers] >= 0)
+    viewer, is_reached = number[seen.at, seen.viewers], np.zeros(legal.shape, np.bool_)
+    for column in range(legal.shape[1]):  # a turn is enough to come to what is legal
+        is_near = view.streets.action_to(seen.nodes, legal[viewer, column]) >= 0
+        np.logical_or.at(is_reached[:, column], viewer, is_near)
+    is_open = is_legal & ~is_reached
+    options = np.where(is_open.any(axis=1, keepdims=True), is_open, is_legal)
+    far = routes.distances(legal[..., None], ends)
+    with np.errstate(invalid="ignore"):
+        lead = np.where(options[..., None] & np.isfinite(far), first[going][:, None] - far, -inf)
+    is_best = options[..., None] & (lead == lead.max(axis=(1, 2), keepdims=True, initial=-inf))
+    rest = np.where(is_best, far, inf)
+    is_best &= rest == rest.min(axis=(1, 2), keepdims=True, initial=inf)
+    actions[going] = _lowest(view, legal, is_best.any(axis=-1))
+    actions[np.isin(view.node, ends)] = 0
+    return asked(view, actions, fallback, actions < 0)
 
 
 @shown_as_called

@@ -4,17 +4,23 @@ Strategies that act on enemies need `state["team"]`, and a sensor that shows age
 OCCLUDED_AGENT. Such a sensor shows a flyer at the node nearest to it.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from functools import partial
 from inspect import iscoroutinefunction
 from itertools import takewhile
 from math import inf, isfinite
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 from weakref import WeakKeyDictionary
 
+import numpy as np
+
 from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
-from gamms.ir.graph import FloatArray
+from gamms.game.batch.columns import BoolArray
+from gamms.game.batch.sight import Seen
+from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
@@ -334,4 +340,107 @@ def _path_ahead(ctx: IContext, here: int, target: int, legal: Sequence[int]) -> 
 
 def as_otherwise(otherwise: Strategy | None, caller: str) -> Strategy:
     """Return the strategy to use when there is nothing to do; None: one that sets no action."""
-    return (lambda _: None) if otherwise is None else as_strategy(otherwise, f"otherwise of {caller}")
+    return _pass if otherwise is None else as_strategy(otherwise, f"otherwise of {caller}")
+
+
+def _pass(_: object) -> None:
+    """Set no action."""
+
+
+# -- array forms ----------------------------------------------------------------------------------------------
+
+
+def offer_form(
+    strategy: Callable[..., None],
+    form: Callable[..., IntArray],
+    *values: Hashable,
+    parts: Iterable[object] = (),
+    looks: bool = False,
+    may_skip: bool | None = None,
+) -> None:
+    """Let a strategy be played in arrays, if the strategies that it calls can be.
+
+    Args:
+        strategy: the scalar form.
+        form: called with these values, then the forms of the parts, then the view.
+        values: numbers, names and the like.
+        parts: the strategies that it calls.
+        looks: whether it asks what sensors show, besides its parts.
+        may_skip: whether it may set no action; None: where one of its parts may.
+    """
+    forms = [getattr(part, "array_form", None) for part in parts]
+    if None in forms:
+        return
+    made: Any = partial(form, *values, *forms)
+    setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
+    passing = any(getattr(one, MAY_SKIP, False) for one in forms)
+    setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
+    strategy.__dict__["array_form"] = made
+
+
+def no_actions(view: ArrayView) -> IntArray:
+    """Return -1 for all agents of a view: the array form of setting no action."""
+    return np.full(view.node.shape, -1)
+
+
+_pass_in_arrays = partial(no_actions)
+setattr(_pass_in_arrays, IS_BLIND, True)
+setattr(_pass_in_arrays, MAY_SKIP, True)
+_pass.__dict__["array_form"] = _pass_in_arrays
+
+
+def asked(view: ArrayView, actions: IntArray, form: ArrayStrategy, which: BoolArray) -> IntArray:
+    """Return the actions with those of a form for some agents, (games, agents); it is not asked if there are none."""
+    some = view.only(which)
+    return np.where(some.mask, form(some), actions) if some.mask.any() else actions
+
+
+def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy) -> IntArray:
+    """Return what `move_to` does for all agents of a view; targets are rows of nodes (games, agents), -1: none."""
+    actions, going = no_actions(view), np.nonzero(view.mask & (targets >= 0))
+    if len(going[0]):
+        actions[going] = view.routes().actions(view.node[going], targets[going])
+    return asked(view, actions, fallback, actions < 0)
+
+
+def remembered(view: ArrayView, key: str, **first: int) -> dict[str, IntArray]:
+    """Return what agents remember under a key of `state["memory"]`: name -> (games, agents), at first these numbers."""
+    agents = len(view.roster.names)
+    kept = view.keep(("memory", key), lambda games: {name: np.full((games, agents), n) for name, n in first.items()})
+    return {name: column[np.ix_(view.games, view.agents)] for name, column in kept.items()}
+
+
+def remember(view: ArrayView, key: str, **values: IntArray) -> None:
+    """Keep what those agents remember from now on that are in the mask of a view."""
+    at, agents = np.nonzero(view.mask)
+    kept = view.keep(("memory", key), lambda _: {})
+    for name, column in values.items():
+        kept[name][view.games[at], view.agents[agents]] = column[at, agents]
+
+
+def nearest_seen(view: ArrayView, seen: Seen, chosen: BoolArray | None = None) -> IntArray:
+    """Return for each agent the row of the node that is nearest to it by road of those where agents are seen.
+
+    Args:
+        view: of the agents.
+        seen: by them.
+        chosen: (games, agents) which of them look for one; None: all.
+
+    Returns:
+        (games, agents) of several the first by the names; -1 where there is none, or no path.
+    """
+    seen = seen if chosen is None else seen.of(chosen[seen.at, seen.viewers])
+    targets = no_actions(view)
+    if len(seen.at):
+        far = view.routes().distances(view.node[seen.at, seen.viewers], seen.nodes)
+        starts, viewer = runs_of(seen)
+        best = np.flatnonzero((far == np.minimum.reduceat(far, starts)[viewer]) & np.isfinite(far))[::-1]
+        targets[seen.at[best], seen.viewers[best]] = seen.nodes[best]  # the first of a viewer is written last
+    return targets
+
+
+def runs_of(seen: Seen) -> tuple[IntArray, IntArray]:
+    """Return where the pairs of each agent that sees one begin, and which of these agents each pair is of."""
+    is_first = np.ones(len(seen.at), np.bool_)
+    is_first[1:] = (seen.at[1:] != seen.at[:-1]) | (seen.viewers[1:] != seen.viewers[:-1])
+    return np.flatnonzero(is_first), np.cumsum(is_first) - 1

@@ -10,13 +10,13 @@ import numpy as np
 from gamms.arguments import as_context, as_count, as_flag, as_float, as_int
 from gamms.context import Context
 from gamms.errors import BadValue
-from gamms.game.batch.sight import blind
-from gamms.game.batch.view import ArrayView
+from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
     as_strategy,
+    asked,
     drawn_below,
     drawn_fraction,
     is_aerial,
@@ -24,8 +24,13 @@ from gamms.strategies.knowledge import (
     known_nodes,
     legal_nodes,
     move_to,
+    moves_to,
+    no_actions,
     node_of,
     nodes_in_view,
+    offer_form,
+    remember,
+    remembered,
     required,
     shared_memory,
 )
@@ -61,18 +66,16 @@ def random_walk(state: State | AerialState) -> None:
         state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
 
 
-@blind
 def _stay_in_arrays(view: ArrayView) -> IntArray:
     return np.zeros_like(view.node)
 
 
-@blind
 def _walk_in_arrays(view: ArrayView) -> IntArray:
     return view.draw.below(view.counts)
 
 
-stay.__dict__["array_form"] = _stay_in_arrays
-random_walk.__dict__["array_form"] = _walk_in_arrays
+offer_form(stay, _stay_in_arrays)
+offer_form(random_walk, _walk_in_arrays)
 
 
 @shown_as_called
@@ -97,7 +100,13 @@ def goto(
         node = target(state) if callable(target) else fixed
         move_to(ctx, state, None if node is None else as_known_node(ctx, node, "target of goto"), fallback, "goto")
 
+    if fixed is not None:
+        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback])
     return strategy
+
+
+def _go_in_arrays(target: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    return moves_to(view, np.full(view.node.shape, view.streets.rows(target)), fallback)
 
 
 @shown_as_called
@@ -171,7 +180,25 @@ def random_waypoints(
             memory["random_waypoints"] = target, turns
         move_to(ctx, state, target, fallback, "random_waypoints")
 
+    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback])
     return strategy
+
+
+def _waypoints_in_arrays(
+    chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
+) -> IntArray:
+    known = remembered(view, "random_waypoints", target=-1, left=0)
+    target, left, is_there = known["target"], known["left"], known["target"] == view.node
+    is_lost, going = target < 0, np.nonzero(view.mask & ~is_there & (target >= 0))
+    is_lost[going] = view.routes().distances(view.node[going], target[going]) == inf
+    draws = view.mask & (is_lost | (is_there & (left <= 0)))
+    left = np.where(is_there & (left > 0), left - 1, left)
+    if draws.any():
+        options = np.arange(len(view.streets.counts)) if chosen is None else view.streets.rows(chosen)
+        drawn = options[view.only(draws).draw.below(len(options))]
+        target, left = np.where(draws, drawn, target), np.where(draws, turns, left)
+    remember(view, "random_waypoints", target=target, left=left)
+    return moves_to(view, target, fallback)
 
 
 @shown_as_called
@@ -247,7 +274,17 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
             if "action" in state:
                 return
 
+    passing = all(getattr(getattr(option, "array_form", None), MAY_SKIP, False) for option in options)
+    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing)
     return strategy
+
+
+def _first_in_arrays(*forms_and_view: Any) -> IntArray:
+    *forms, view = forms_and_view
+    actions = no_actions(view)
+    for form in forms:
+        actions = asked(view, actions, form, actions < 0)
+    return actions
 
 
 @overload
@@ -269,7 +306,13 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
+    offer_form(strategy, _mix_in_arrays, chance, parts=options)
     return strategy
+
+
+def _mix_in_arrays(chance: float, b: ArrayStrategy, a: ArrayStrategy, view: ArrayView) -> IntArray:
+    is_a = view.draw.random() < chance
+    return asked(view, asked(view, no_actions(view), a, is_a), b, ~is_a)
 
 
 @overload
@@ -330,7 +373,44 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on])
     return unblock
+
+
+def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -> IntArray:
+    known = remembered(view, "unblock", blocked=0, calm=0, often=0, left=0, ahead=-1)
+    blocked, calm = np.where(view.blocked, known["blocked"] + 1, 0), np.where(view.blocked, 0, known["calm"] + 1)
+    often = np.where(calm > 2 ** known["often"], 0, known["often"])
+    left, yields = np.maximum(0, known["left"] - 1), view.mask & (blocked >= patience)
+    if yields.any():
+        yields &= view.only(yields).draw.random() < 0.5
+        often = np.where(yields, np.minimum(often + 1, _MOST_OFTEN), often)
+        blocked, calm = np.where(yields, 0, blocked), np.where(yields, 0, calm)
+    if yields.any():
+        turns = 1 + view.only(yields).draw.below(2 ** np.maximum(often - 1, 0))
+        left = np.where(yields, turns, left)
+    aside = view.only(left > 0)
+    actions = asked(view, _drawn_aside(aside, known["ahead"]), goes_on, left <= 0)
+    follows = np.where(actions < 0, -1, view.streets.step(view.node, np.maximum(actions, 0)))
+    ahead = np.where(aside.mask, view.node, follows)
+    remember(view, "unblock", blocked=blocked, calm=calm, often=often, left=left, ahead=ahead)
+    return actions
+
+
+def _drawn_aside(view: ArrayView, ahead: IntArray) -> IntArray:
+    """Return actions to legal nodes that are neither the own ones nor those ahead, or to any where there are none."""
+    actions = no_actions(view)
+    at = np.nonzero(view.mask)
+    if len(at[0]):
+        here, nodes = view.node[at], view.streets.legal[view.node[at]]
+        is_legal = np.arange(nodes.shape[-1]) < view.counts[at][:, None]
+        is_free = is_legal & (nodes != here[:, None]) & (nodes != ahead[at][:, None])
+        options = np.where(is_free.any(axis=1, keepdims=True), is_free, is_legal)
+        counts = np.ones(view.node.shape, np.int64)
+        counts[at] = options.sum(axis=1)
+        drawn = view.draw.below(counts)[at]
+        actions[at] = (np.cumsum(options, axis=1) > drawn[:, None]).argmax(axis=1)
+    return actions
 
 
 # -- steps ---------------------------------------------------------------------------------------------------------
@@ -419,7 +499,25 @@ def _route(
         memory[key] = at = _advanced(stops, memory.get(key, 0), here, repeat=repeat)
         move_to(ctx, state, stops[at] if at < len(stops) else None, fallback, caller)
 
+    offer_form(strategy, _route_in_arrays, key, stops, repeat, is_nearest_first, parts=[fallback])
     return strategy
+
+
+def _route_in_arrays(
+    key: str, stops: tuple[int, ...], repeat: bool, is_nearest_first: bool, fallback: ArrayStrategy, view: ArrayView
+) -> IntArray:
+    at, rows = remembered(view, key, at=-1)["at"], view.streets.rows(stops)
+    begins = np.nonzero(view.mask & (at < 0))
+    at = np.maximum(at, 0)
+    if len(begins[0]) and is_nearest_first:
+        at[begins] = view.routes().distances(view.node[begins][:, None], rows).argmin(axis=1)
+    for _ in stops:  # no more than once round: they may all be the same node
+        is_there = (at < len(stops)) & (rows[np.minimum(at, len(stops) - 1)] == view.node)
+        if not is_there.any():
+            break
+        at = np.where(is_there, (at + 1) % len(stops) if repeat else at + 1, at)
+    remember(view, key, at=at)
+    return moves_to(view, np.where(at < len(stops), rows[np.minimum(at, len(stops) - 1)], -1), fallback)
 
 
 def _advanced(stops: tuple[int, ...], at: int, here: int, *, repeat: bool) -> int:

@@ -8,9 +8,9 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
-from gamms.game.batch.sight import is_blind, why_not_seen
+from gamms.game.batch.sight import why_not_seen
 from gamms.game.batch.turn import ArrayTurn, GameArrays
-from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.game.order import COUNTED
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
@@ -205,9 +205,13 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         for agent in game.agents
     ]
     reasons += [
+        (getattr(_form_of(agent.strategy), MAY_SKIP, False), f"{as_code(agent.strategy)}, which may set no action")
+        for agent in game.agents
+    ]
+    reasons += [
         (why is not None, why or "")
         for agent in game.agents
-        if agent.strategy is not None and not is_blind(_form_of(agent.strategy))
+        if agent.strategy is not None and not getattr(_form_of(agent.strategy), IS_BLIND, False)
         for why in (why_not_seen(agent, name) for name in getattr(agent, "sensors", ()))
     ]
     reasons += [(_rule_lacks_form(one), f"the rule {one.name!r}") for one in game.rules]

@@ -1,8 +1,7 @@
 """Which agents the sensors of agents show, in all games of a view at once."""
 
-from collections.abc import Callable, Sequence
-from functools import partial
-from typing import Any, NamedTuple, TypeVar
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
@@ -18,7 +17,6 @@ from gamms.typing.agent_engine import IAgent
 from gamms.typing.sensor_engine import SensorType
 
 SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
-Form = TypeVar("Form", bound=Callable[..., Any])
 _AT_ONCE = 1 << 20  # pairs of agents that are compared at once
 _MOST_DENSE = 1 << 28  # pairs in a mask
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
@@ -99,19 +97,6 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     """Return the names of the sensors of agents of a roster that show agents."""
     carried = [getattr(agents[number], "sensors", {}) for number in numbers.tolist()]
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in SHOWING_AGENTS})
-
-
-def blind(form: Form) -> Form:
-    """Declare that the array form of a strategy does not ask what sensors show, so that agents may carry any."""
-    form.__dict__["is_blind"] = True
-    return form
-
-
-def is_blind(form: object) -> bool:
-    """Return whether an array form, and the forms that it is made of, were declared not to ask what sensors show."""
-    if isinstance(form, partial):
-        return is_blind(form.func) and all(is_blind(part) for part in form.args if callable(part))
-    return getattr(form, "is_blind", False)
 
 
 def lookouts(agents: Sequence[IAgent], numbers: IntArray, names: Sequence[str]) -> list[Lookout]:

@@ -97,6 +97,7 @@ class GameArrays:
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         facts: what rules have published, by name, in a form that each says.
         events: of all games.
+        blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
     """
 
@@ -112,7 +113,7 @@ class GameArrays:
         self.counts = {name: np.zeros(shape, np.int64) for name in ("moves", "blocked")}
         self.over: list[dict[str, Any] | None] = [None] * games
         self.is_going = np.ones(games, np.bool_)
-        self.stops = np.zeros(shape, np.int64)
+        self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.kept: dict[Hashable, Arrays] = {}
         self.facts: dict[str, Any] = {}
         self.events = EventLog(games)
@@ -130,6 +131,7 @@ class GameArrays:
             self.seeds[game], self.over[game] = seed, None
         self.start[games] = self.node[games] = start
         self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
+        self.blocked[games] = False
         for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
             numbers[games] = 0
         for key, make in self._makers.items():
@@ -211,6 +213,7 @@ class ArrayTurn:
         self.starts, self.ends, self.took_part, self.blocked = self.node, ends, self.alive, blocked
         self.node, self.alive, self.turn = ends.copy(), self.alive.copy(), self.turn + 1
         state = self._state
+        state.blocked[self.games] = blocked
         if len(self.games) == len(state):
             state.counts["moves"] += ends != self.starts
             state.counts["blocked"] += blocked

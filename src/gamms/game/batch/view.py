@@ -20,6 +20,10 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
 
 
+IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
+MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
+
+
 class ViewDraws:
     """The keyed draws of the agents of a view: each call gives one number for each, (games, agents).
 
@@ -86,11 +90,12 @@ class ArrayView(Mapping[str, Any]):
         turn: (games,) how many turns were played.
         draw: random numbers, one for each agent.
         streets: the graph.
+        roster: the agents of every game.
     """
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state, self.games, self.agents = state, games, agents
-        self.streets = state.streets
+        self.streets, self.roster = state.streets, state.roster
         rows = np.s_[:, agents] if len(games) == len(state) else np.ix_(games, agents)
         self.node: IntArray = state.node[rows]
         self.mask: BoolArray = state.alive[rows]
@@ -154,10 +159,15 @@ class ArrayView(Mapping[str, Any]):
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
-        found, roster = self.seen(), self._state.roster
+        found, roster = self.seen(), self.roster
         own, other = roster.team_of[self.agents[found.viewers]], roster.team_of[found.others]
         is_free = np.array([team is None for team in roster.teams], np.bool_)
         return found.of((own != other) | is_free[own])
+
+    @property
+    def blocked(self) -> BoolArray:
+        """Which agents conflicts have stopped in the last turn, (games, agents)."""
+        return self._state.blocked[np.ix_(self.games, self.agents)]
 
     def routes(self, weight: str | None = "length") -> RouteTable:
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`."""
@@ -193,21 +203,21 @@ class ArrayView(Mapping[str, Any]):
         if is_wrong.any():
             game, agent = np.argwhere(is_wrong)[0]
             raise BadValue(
-                f"{by}: action {chosen[game, agent]} of agent {self._state.roster.name(self.agents[agent])} in game "
+                f"{by}: action {chosen[game, agent]} of agent {self.roster.name(self.agents[agent])} in game "
                 f"{self.games[game]}, turn {self.turn[game]}, is not the number of a legal node: it has "
                 f"{self.counts[game, agent]}, numbered from 0."
             )
         return chosen
 
     def _names(self) -> tuple[str, ...]:
-        return tuple(self._state.roster.names[number] for number in self.agents.tolist())
+        return tuple(self.roster.names[number] for number in self.agents.tolist())
 
     def _teams(self) -> tuple[Hashable, ...]:
-        roster = self._state.roster
+        roster = self.roster
         return tuple(roster.teams[number] for number in roster.team_of[self.agents].tolist())
 
     def _sensors(self) -> dict[str, Seen]:
-        return {name: self.seen(name) for name in names_of(self._state.roster.agents, self.agents)}
+        return {name: self.seen(name) for name in names_of(self.roster.agents, self.agents)}
 
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {

@@ -1,0 +1,133 @@
+"""The array forms of strategies do what their scalar forms do, in all games at once."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gamms.scenario import Scenario
+from gamms.strategies import (
+    chase,
+    first,
+    flee,
+    follow_path,
+    goto,
+    guard,
+    mix,
+    patrol,
+    random_walk,
+    random_waypoints,
+    safest_exit,
+    stay,
+    unblock,
+)
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+
+
+def hunted(map=None, sight=None, **more):
+    """A scenario of hunters that see some way, and of others that walk about."""
+    teams = {
+        "red": {"count": 3, "sensors": ["near"], "strategy": "gamms.strategies:random_walk"},
+        "blue": {"count": 3, "sensors": ["near"], "strategy": "gamms.strategies:random_walk"},
+    }
+    near = {"type": "AGENT_RANGE", "sensor_range": 25.0, **(sight or {})}
+    map = map or {"grid": {"width": 7, "height": 6}}
+    return Scenario(map=map, teams=teams, sensors={"near": near}, rules=[TAG], max_turns=25, **more)
+
+
+MADE = {
+    "goto": lambda ctx: goto(ctx, 17),
+    "follow_path": lambda ctx: follow_path(ctx, [3, 3, 20, 0, 8]),
+    "follow_path again": lambda ctx: follow_path(ctx, [3, 1, 2], repeat=True),
+    "patrol": lambda ctx: patrol(ctx, [3, 20, 8, 8]),
+    "random_waypoints": lambda ctx: random_waypoints(ctx, pause=2),
+    "random_waypoints among some": lambda ctx: random_waypoints(ctx, [5, 6, 30]),
+    "chase": chase,
+    "flee": flee,
+    "guard": lambda ctx: guard(ctx, 24, 22.0),
+    "safest_exit": lambda ctx: safest_exit(ctx, [0, 41, 20], otherwise=random_walk),
+    "first": lambda ctx: first(chase(ctx, otherwise=None), flee(ctx, otherwise=None), patrol(ctx, [3, 20])),
+    "mix": lambda ctx: mix(0.6, mix(0.5, random_walk, stay), first(chase(ctx, None), random_waypoints(ctx, [1, 9]))),
+    "unblock": lambda ctx: unblock(first(flee(ctx, None), goto(ctx, 11)), after=1),
+}
+
+
+@pytest.mark.parametrize("name", MADE)
+@pytest.mark.parametrize("team", ["red", "blue"])
+def test_strategies_play_the_same_in_arrays(name, team, same_as_one_by_one):
+    same_as_one_by_one(hunted(), [1, 2, 3], {team: MADE[name]})
+
+
+def test_agents_that_block_each_other_give_way_in_arrays_as_alone(same_as_one_by_one):
+    scenario = hunted(conflicts={"capacity": 1})
+    strategies = {team: lambda ctx: unblock(goto(ctx, 20), after=1) for team in ("red", "blue")}
+    same_as_one_by_one(scenario, [1, 2, 3, 4], strategies)
+    agents = scenario.play(seed=1, strategies=strategies).agents.values()
+    assert sum(agent["blocked"] for agent in agents) > 10
+
+
+def test_what_strategies_remember_is_forgotten_when_their_game_is_reset():
+    with hunted().batch(3, strategies={"red": MADE["patrol"], "blue": MADE["random_waypoints"]}) as games:
+        games.run()
+        first_results = [plain(games.result(number)) for number in range(3)]
+        games.reset([0, 2])
+        games.run()
+        assert [plain(games.result(number)) for number in range(3)] == first_results
+
+
+def test_strategies_are_blind_or_need_sensors_with_array_forms():
+    noisy = hunted(sight={"position_noise_m": 5.0})
+    with noisy.build(seed=1) as ctx:
+        agent = ctx.agent.get_agent("red_1")
+        agent.register_strategy(first(goto(ctx, 3, otherwise=None), patrol(ctx, [1, 2])))
+        with ctx.game.batch(2) as games:
+            assert games.slow is None
+        agent.register_strategy(mix(0.5, stay, chase(ctx)))
+        with ctx.game.batch(2) as games:
+            assert games.slow == "the sensor 'near' of agent 'red_1', which has position noise, false alarms or a delay"
+            games.run()
+
+
+def test_strategies_that_call_functions_or_may_set_no_action_are_played_one_by_one():
+    with hunted().build(seed=1) as ctx:
+        agent = ctx.agent.get_agent("red_1")
+        for strategy, slow in {
+            goto(ctx, lambda state: 3): "the strategy goto(ctx, <lambda>)",
+            chase(ctx, otherwise=None): "chase(ctx, otherwise=None), which may set no action",
+            first(stay, lambda state: None): "the strategy first(stay, <lambda>)",
+        }.items():
+            agent.register_strategy(strategy)
+            with ctx.game.batch(2) as games:
+                assert games.slow == slow
+
+
+def test_agents_with_equal_strategies_are_asked_together():
+    asked = []
+
+    def count(view):
+        asked.append(len(view.agents))
+        return np.zeros_like(view.node)
+
+    def wait(state):
+        state["action"] = state["curr_pos"]
+
+    wait.array_form = count
+    with hunted().build(seed=1) as ctx:
+        for agent in ctx.agent.agents.values():
+            agent.register_strategy(
+                first(goto(ctx, 17, otherwise=None), wait) if agent.team == "red" else mix(1, wait, stay)
+            )
+        with ctx.game.batch(2) as games:
+            games.step()
+    assert asked == [3]
+
+
+SIGHTS = st.sampled_from([{}, {"detection": 0.5}, {"sensor_range": 1e6}])
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(red=st.sampled_from([*MADE]), blue=st.sampled_from([*MADE]), seed=st.integers(0, 1000), sight=SIGHTS)
+def test_any_strategies_play_the_same_with_any_sight(red, blue, seed, sight, same_as_one_by_one):
+    same_as_one_by_one(hunted(sight=sight), [seed], {"red": MADE[red], "blue": MADE[blue]})
