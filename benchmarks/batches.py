@@ -1,4 +1,6 @@
-"""Many games at once, against the same games one by one, and against a NumPy kernel that only walks."""
+"""Many games, one by one against bare Python, and at once against these and a NumPy kernel that only walks."""
+
+import random
 
 import numpy as np
 
@@ -25,6 +27,68 @@ def of_helsinki(games=1024):
             alone.game.reset(seed=seed)
             alone.game.run()
         return few * 10 * 200
+
+    return ours, floor
+
+
+def one_by_one(is_fresh, metres=5.0, turns=200):
+    """Games of 5 against 5 with tag by distance and a time limit, against bare Python that builds the same states.
+
+    Args:
+        is_fresh: whether each game has a context of its own; else one context is reset.
+        metres: within which agents are tagged.
+        turns: of a game.
+    """
+    import gamms
+    from gamms.rules import tag, time_limit
+
+    def made():
+        ctx = gamms.create_context(seed=1)
+        gamms.osm.helsinki(ctx)
+        starts = random.Random(3).sample(ctx.graph.columns().node_ids.tolist(), 10)
+        for i, start in enumerate(starts):
+            near = ctx.sensor.create_sensor(f"near_{i}", "neighbor")
+            team = "red" if i < 5 else "blue"
+            ctx.agent.create_agent(f"{team}_{i}", start_node_id=start, team=team, sensors=[near], strategy=walk)
+        ctx.game.add(tag("red", "blue", euclid=metres))
+        ctx.game.add(time_limit(turns))
+        return ctx
+
+    choice = random.Random(1).choice
+
+    def walk(state):
+        for _, ways in state["sensor"].values():
+            state["action"] = choice(ways)
+
+    kept = made()
+
+    def ours():
+        if is_fresh:
+            with made() as ctx:
+                ctx.game.run()
+        else:
+            kept.game.reset()
+            kept.game.run()
+        return 1
+
+    keys = ("name", "team", "legal", "draw", "rng", "memory", "team_memory", "facts")
+    near = kept.graph.graph.neighborhoods
+    begun = [agent.current_node_id for agent in kept.agent.create_iter()]
+
+    def floor():
+        at = list(begun)
+        for turn in range(turns):
+            states = []
+            for node in at:
+                state = dict.fromkeys(keys) | {
+                    "curr_pos": node,
+                    "turn": turn,
+                    "sensor": {"near": (0, list(near[node]))},
+                }
+                walk(state)
+                states.append(state)
+            at = [state["action"] for state in states]
+        return 1
 
     return ours, floor
 

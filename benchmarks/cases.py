@@ -369,6 +369,8 @@ CASES = [
     Case("scenario: turns of 1,000 agents", "agent-step", turns()),
     Case("scenario: turns of 1,000 agents, capacity 1", "agent-step", turns(capacity=1)),
     Case("scenario: messages of 100 agents to all", "delivery", messages(100)),
+    Case("scenario: a game of 5 against 5 after a reset", "game", lambda: batches.one_by_one(is_fresh=False)),
+    Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True)),
     Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki),
     Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),

@@ -167,7 +167,9 @@ class Graph(Guarded, IGraph):
     def get_node(self, node_id: int) -> Node:
         """Return the node with that id."""
         nodes = self._store.nodes
-        row = nodes.find(records.as_id(node_id, "a node"))
+        row = nodes.index.row(node_id) if type(node_id) is int else -1  # NOTE: 1.3 us instead of 1.9, for each look-up
+        if row < 0:
+            row = nodes.find(records.as_id(node_id, "a node"))
         xy = nodes.xy
         return Node(nodes.ids[row], xy[2 * row], xy[2 * row + 1])
 

@@ -207,6 +207,8 @@ def _position(aerial: _Aerial, name: str) -> Position | None:
 
 def _ranked(ctx: Context, met: list[Meeting]) -> list[tuple[Any, ...]]:
     """Return meetings in the order that `contacts` promises, without the draws that decide between equals."""
+    if not met:
+        return []
     pairs = list({(one[3], one[4]): None for one in met})
     # By name, so that other agents that meet never change the order of two.
     draws = kernels.draw_bits_each(kernels.purpose_key(ctx.seed, "contacts"), map(repr, pairs), ctx.game.turn)
@@ -257,12 +259,13 @@ def _crossed(ctx: Context, ours: list[IAgent], theirs: list[IAgent]) -> Iterator
 
 def _near(measure: _Measure, ours: list[_Tracked], theirs: list[_Tracked], aerial: _Aerial) -> Iterator[Meeting]:
     """Yield the pairs that were near enough, at each moment at which one of two agents reached a node."""
-    tracks, (a, b) = dict((*ours, *theirs)), (_Places(ours, aerial), _Places(theirs, aerial))
-    inner: dict[float, dict[str, int]] = defaultdict(dict)  # moment -> name -> the node that is reached
-    for name, (path, times, _) in tracks.items():
-        for node, now in zip(path[1:], times[1:], strict=True) if len(path) > 1 else ():
-            inner[now][name] = node
-    inner.pop(1.0, None)
+    tracks = dict((*ours, *theirs))
+    inner = _inner_moments(tracks)
+    if not inner:  # NOTE: and then no two are near in most turns (benchmarks/README.md, turns)
+        ends_of_sides = ({aerial.get(name, track.path[-1]) for name, track in side} for side in (ours, theirs))
+        if not measure(*ends_of_sides):
+            return
+    a, b = _Places(ours, aerial), _Places(theirs, aerial)
     if inner:
         begins = {name: path[0] for name, (path, times, _) in tracks.items() if times[0] == 0.0}
         a.put(begins)
@@ -280,6 +283,16 @@ def _near(measure: _Measure, ours: list[_Tracked], theirs: list[_Tracked], aeria
         since = max(tracks[name][1][-1], tracks[other][1][-1])
         if since not in inner:  # else it was found then
             yield since, distance, False, name, other, a.node_of[name], b.node_of[other]
+
+
+def _inner_moments(tracks: dict[str, Track]) -> dict[float, dict[str, int]]:
+    """Return when nodes are reached before the end of the turn, with the names of the agents and their nodes."""
+    inner: dict[float, dict[str, int]] = defaultdict(dict)
+    for name, (path, times, _) in tracks.items():
+        for node, now in zip(path[1:], times[1:], strict=True) if len(path) > 1 and times[1] < 1.0 else ():
+            inner[now][name] = node
+    inner.pop(1.0, None)
+    return inner
 
 
 class _Places:
@@ -418,19 +431,21 @@ def _straight(graph: Graph, limit: float) -> _Measure:
         if not ours or not theirs:
             return {}
         locate({*ours, *theirs})
-        a, b = ([place if isinstance(place, tuple) else known[place] for place in places] for places in (ours, theirs))
+        one, other = list(ours), list(theirs)
+        a, b = ([place if isinstance(place, tuple) else known[place] for place in places] for places in (one, other))
         if len(a) * len(b) > _FEW_PAIRS:
-            one, other = list(ours), list(theirs)
             rows, columns, far = kernels.pairs_within(np.array(a), np.array(b), limit)
             pairs = zip(rows.tolist(), columns.tolist(), far.tolist(), strict=True)
             return {(one[i], other[k]): distance for i, k, distance in pairs}
-        # NOTE: the same numbers, in a third of the time for a game of 5 against 5 (benchmarks/README.md, turns).
-        square, near = limit * limit, _Distances()
-        for place, (x, y, z) in zip(ours, a, strict=True):
-            for there, (end_x, end_y, end_z) in zip(theirs, b, strict=True):
-                dx, dy, dz = x - end_x, y - end_y, z - end_z
-                if (apart := dx * dx + dy * dy + dz * dz) <= square:
-                    near[place, there] = sqrt(apart)
+        # NOTE: the same numbers, in a fifth of the time for a game of 5 against 5 (benchmarks/README.md, turns).
+        square, near, ends = limit * limit, _Distances(), list(zip(other, b, strict=True))
+        for place, (x, y, z) in zip(one, a, strict=True):
+            for there, (end_x, end_y, end_z) in ends:
+                dx = x - end_x
+                if (apart := dx * dx) <= square:  # else the rest is not worked out
+                    dy, dz = y - end_y, z - end_z
+                    if (apart := apart + dy * dy + dz * dz) <= square:
+                        near[place, there] = sqrt(apart)
         return near
 
     return measure
