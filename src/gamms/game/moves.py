@@ -134,6 +134,19 @@ class TurnMoves:
             ),
         )
 
+    def stop_short(self, i: int) -> None:
+        """Let the agent of a slot, which has come to the end of its last leg, stand just before that from then on."""
+        action = self.actions[i]
+        leg = action.legs[-1]
+        short = leg._replace(end=1.0 - _SHORT if leg.end == 1.0 else _SHORT)
+        stands = short._replace(begin=short.end, since=leg.until, until=1.0)
+        passed = len(action.path) - (leg.end == 1.0)  # back on an edge, it is at the node that it had passed last
+        progress = Progress(leg.source, leg.target, short.end, leg.edge, Motion.STOPPED)
+        legs = (*action.legs[:-1], short, *([stands] if leg.until < 1.0 else []))
+        path, times = action.path[:passed], action.times[:passed]
+        self.slots[i].counts["blocked"] += 1
+        self.go(i, action._replace(end=path[-1], path=path, times=times, legs=legs, progress=progress))
+
     def _was_put(self, i: int) -> bool:
         """Return whether an agent whose node is that of its move is not there by the move: it flew, or was put."""
         slot, action = self.slots[i], self.actions.get(i)
@@ -218,6 +231,9 @@ class TurnMoves:
                     actions[i] = action._replace(path=action.path[1:] or action.path, times=action.times[1:])
                 ends[i] = end
         return TurnMoves(self.order, starts, ends, actions)
+
+
+_SHORT = 1e-9  # of an edge: so far before a node stands who may not enter it
 
 
 def _moves(leg: Leg) -> bool:

@@ -195,6 +195,11 @@ def refuse_unused(settings: Settings) -> None:
                 f"ctx.game.{name} = {shown(value)} counts nothing with ctx.game.speed_unit = {settings.speed_unit!r}: "
                 f"set ctx.game.speed_unit = {unit!r}."
             )
+    if settings.decide == "arrival" and getattr(settings.conflicts, "allow_swaps", True) is False:
+        raise BadValue(
+            "Conflicts(allow_swaps=False) counts nothing with ctx.game.decide = 'arrival': agents that exchange nodes "
+            "pass each other on an edge, and are on no node then. Allow it, or set ctx.game.decide = 'turn'."
+        )
 
 
 def _choice(name: str, value: object) -> str:

@@ -1,7 +1,8 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import partial
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
@@ -14,12 +15,13 @@ from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import FactsOf
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import Refusals, TurnMoves
-from gamms.game.order import AgentSlot, IllegalAction, Legality, Part, TurnOrder, action_of
+from gamms.game.order import AgentSlot, IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.text import shown
 from gamms.typing.context import HostContext
+from gamms.typing.game import Move
 from gamms.typing.on_edges import located
 from gamms.typing.sensor_engine import SensorType
 
@@ -189,7 +191,7 @@ class TurnEngine:
             part = turn.order.parts[number]
             self._state.timings["rules"] += perf_counter() - decided
             decided = perf_counter()
-        if self._settings.conflicts is not None:
+        if self._settings.conflicts is not None and not is_by_arrival:
             self._resolve(turn)
         resolved = perf_counter()
         self._apply(turn, part)
@@ -305,28 +307,46 @@ class TurnEngine:
         turn = self._ask(order, Part(slots, resting, order.progress, self._settings.plans), observers)
         for i, place in going.items():
             turn.go(i, action_of(travel.go_on(slots[i].row, block.node[slots[i].row], slots[i].speed), place))
-        arrivals, asked = Arrivals(turn, block), Counter[int]()
+        arrivals, asked = Arrivals(turn, block, has_end=self._settings.conflicts is not None), Counter[int]()
+        for i in self._give_way(turn, arrivals, part.members, turn.actions):
+            turn.stop(i)
         for i in part.members:
             arrivals.depart(i)
         try:
-            for travel.now, here in arrivals.times():
-                later = self._ask(order, Part(slots, here, order.progress, self._settings.plans), [])
+            for now, here in arrivals.times():
+                travel.now, actions = now, dict[int, ResolvedAction]()
+                if now < 1.0:
+                    actions = self._ask(order, Part(slots, here, order.progress, self._settings.plans), []).actions
+                losers = self._give_way(turn, arrivals, here, actions)
                 for i in here:
                     asked[i] += 1
-                    if asked[i] >= _MOST_ARRIVALS:
+                    if i in losers:
+                        arrivals.hold(i)
+                    elif asked[i] >= _MOST_ARRIVALS:
                         self._note_illegal(slots[i], f"it arrived {_MOST_ARRIVALS} times in one turn, and waits")
-                    elif self._continue(turn, later, i):
+                    elif i in actions and self._continue(turn, actions[i], i):
                         arrivals.depart(i)
         finally:
             travel.now = 0.0
             arrivals.close()
         return turn
 
-    def _continue(self, turn: TurnMoves, later: TurnMoves, i: int) -> bool:
+    def _give_way(
+        self, turn: TurnMoves, arrivals: Arrivals, here: list[int], actions: Mapping[int, ResolvedAction]
+    ) -> set[int]:
+        """Return the slots of those among some that have to stay where they are, by the conflict resolver."""
+        if self._settings.conflicts is None:
+            return set()
+        before, after = places = arrivals.places(here, actions)
+        losers = [i for i in self._losers(turn, places, partial(arrivals.moves, places)) if before[i] != after[i]]
+        for i in losers:
+            self._note_conflict(turn.slots[i], after[i])
+            after[i] = before[i]
+        arrivals.take(after)
+        return set(losers)
+
+    def _continue(self, turn: TurnMoves, action: ResolvedAction, i: int) -> bool:
         """Let an agent that has arrived do what it has decided there; return whether it goes on."""
-        action = later.actions.get(i)
-        if action is None:
-            return False
         if action.deeds:
             self._note_illegal(turn.slots[i], "deeds are done where a turn begins, not at an arrival in it")
         turn.go_on(i, action._replace(deeds=None))
@@ -435,22 +455,31 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Stop the agents that the conflict resolver stops."""
+        ends = turn.places()[1]
+        for i in self._losers(turn, turn.places(), turn.named):
+            if turn.stop(i):
+                self._note_conflict(turn.slots[i], ends[i])
+
+    def _losers(
+        self, turn: TurnMoves, places: tuple[list[Any], list[Any]], named: Callable[[list[int]], Mapping[str, Move]]
+    ) -> list[int]:
+        """Return the slots of the agents that the conflict resolver stops, of moves between such places."""
         whole, conflicts = turn.order.whole, self._settings.conflicts
         ground = whole.on_ground
         involved = getattr(conflicts, "involved", None)
         if involved is None:
             few = list(range(len(turn.slots))) if ground is None else ground
         else:
-            few = involved(*map(whole.of_ground, turn.places()))
+            few = involved(*map(whole.of_ground, places))
             few = few if ground is None else [ground[i] for i in few]
-        if few:
-            names = conflicts.resolve(turn.named(few), self._ctx)  # type: ignore[union-attr] # asked where there is one
-            for i in few:
-                if turn.slots[i].name in names:
-                    end = turn.places()[1][i]
-                    if turn.stop(i):
-                        where = f"node {end}" if isinstance(end, int) else str(end)
-                        self._block(turn.slots[i], f"in conflict with other agents on the way to {where}")
+        if not few:
+            return []
+        names = conflicts.resolve(named(few), self._ctx)  # type: ignore[union-attr] # asked where there is one
+        return [i for i in few if turn.slots[i].name in names]
+
+    def _note_conflict(self, slot: AgentSlot, end: object) -> None:
+        where = f"node {end}" if isinstance(end, int) else str(end)
+        self._block(slot, f"in conflict with other agents on the way to {where}")
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""

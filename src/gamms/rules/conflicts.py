@@ -51,15 +51,18 @@ class Conflicts:
             in every turn. None, a node that is not in the mapping, or one without the attribute: any number.
             0 closes a single node to agents that are not on it.
         among: "all" agents on the ground count, or only those of one "team", each by itself (None is a team, too).
-        edge_capacity: how many agents may end a turn on an edge, in games by metres: a number, or by edge ids or an
-            attribute of edges, as for nodes. Each direction of a street is an edge of its own. An agent that is on
-            the edge already keeps its place.
+        edge_capacity: how many agents may end a turn on an edge, in games by metres, or be on it at any time where they
+            decide at arrivals: a number, or by edge ids or an attribute of edges, as for nodes. Each direction of a
+            street is an edge of its own. An agent that is on the edge already keeps its place.
         allow_swaps: whether two agents may exchange nodes. If not, the winner of the contest decides: those that go
             its way may, those that come towards it stay (and may then be in the way). Only start and end matter, not
             where paths of several edges cross; a path that ends where it began counts as staying. With `among="team"`,
             members of different teams may exchange nodes.
         resolve: which agents win: `by_priority(…)`, `at_random()`, `nobody()`, or a function
             `(contest, ctx) -> winners` that gives names or moves of at most `contest.places` of `contest.movers`.
+
+    Attributes:
+        allow_swaps: as given.
 
     Raises:
         BadType, BadValue: an argument that is not one of these.
@@ -81,7 +84,7 @@ class Conflicts:
         if edge_capacity is not None:
             given["edge_capacity"] = edge_capacity
         self._given = {name: as_code(value) for name, value in given.items()}
-        self._allow_swaps = as_flag(allow_swaps, "allow_swaps")
+        self.allow_swaps = as_flag(allow_swaps, "allow_swaps")
         self._per_team = per_team = among == "team"
         self._place_of = attrgetter("end", "team") if per_team else attrgetter("end")  # where it counts if it moves
         self._home_of = attrgetter("start", "team") if per_team else attrgetter("start")  # and where if it stays
@@ -109,7 +112,7 @@ class Conflicts:
         """
         if any(move.legs for move in moves.values()):
             moves = {name: _between_places(move) for name, move in moves.items()}
-        stopped = set() if self._allow_swaps else self._stop_swaps(moves.values(), ctx)
+        stopped = set() if self.allow_swaps else self._stop_swaps(moves.values(), ctx)
         if self._limits is not None:
             self._stop_overflow(moves.values(), stopped, self._limits, ctx)
         return stopped
@@ -122,7 +125,7 @@ class Conflicts:
 
     def _resolve_in_arrays(self, rank: ArrayResolver, turn: ArrayTurn, ends: IntArray) -> BoolArray:
         moves, known = MovesInArrays(turn, ends, rank, per_team=self._per_team), self._limits
-        if not self._allow_swaps:
+        if not self.allow_swaps:
             moves.stop_swaps()
         if known is not None:
             limits = turn.shared(("capacity", id(known)), lambda: (known, known.rows(turn.streets.columns)))[1]
@@ -140,7 +143,7 @@ class Conflicts:
         least = UNLIMITED if self._limits is None else self._limits.least
         numbers = Counter(ends) if least < len(ends) else Counter()
         full = {node for node, number in numbers.items() if number > least}
-        if self._allow_swaps:
+        if self.allow_swaps:
             return _in_the_way(full, numbers, starts, ends)
         left = {start for start, end in zip(starts, ends, strict=True) if start != end}
         if not full and not _some_exchange(starts, ends, left):
