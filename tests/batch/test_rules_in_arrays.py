@@ -67,6 +67,26 @@ def test_tags_goals_and_returns_are_those_of_games_that_are_played_alone(rules, 
     same_as_one_by_one(scene(rules), SEEDS)
 
 
+@pytest.mark.parametrize(
+    "given",
+    [
+        {"hops": 2},
+        {"hops": 1.5, "crossing": True, "passing": False, "then": "eliminate"},
+        {"metres": 15, "mutual": True},
+        {"metres": 30, "crossing": True, "territory": OWNERS},
+        {"euclid": 15},
+        {"euclid": 20, "passing": False, "crossing": True, "territory": OWNERS, "mutual": True},
+    ],
+)
+def test_agents_that_are_near_are_tagged_as_in_games_that_are_played_alone(given, same_as_one_by_one):
+    same_as_one_by_one(scene([rule("tag", taggers="red", tagged="blue", **given)], max_turns=10), SEEDS)
+
+
+def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):
+    tag = rule("tag", taggers="red", tagged="red", hops=1)
+    same_as_one_by_one(scene([tag], red=12, side=9, max_turns=6), SEEDS[:2])
+
+
 @pytest.mark.parametrize("flags", [{"red": 6, "blue": 18}, {"red": 6, "blue": 6}, {"green": 12, "red": 3}])
 @pytest.mark.parametrize(
     "given", [{}, {"territory": OWNERS, "goal": 2, "score": 0.5}, {"passing": False, "goal": None}]

@@ -16,12 +16,8 @@ from gamms import kernels
 from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.turn import ArrayTurn
 from gamms.graph import Graph
 from gamms.ir.agents import Position
-from gamms.ir.graph import IntArray
-from gamms.ir.obstacles import BoolArray
-from gamms.kernels.draws import BitArray
 from gamms.rules import meetings
 from gamms.rules.meetings import Meeting, Visit
 from gamms.text import shown
@@ -456,95 +452,3 @@ _MEASURES: dict[str, Callable[[Graph, float], _Measure]] = {
     "metres": lambda graph, limit: _by_path(lambda node: graph.distances(source=node, cutoff=limit)),
     "euclid": _straight,
 }
-
-
-# -- in arrays --------------------------------------------------------------------------------------------------------
-
-
-class ArrayContacts(NamedTuple):
-    """The contacts of a turn of many games, in the order of the games, in each in that of `contacts`.
-
-    Arrays (contacts,): the numbers of the game in the turn and of both agents in the roster, and the rows of the nodes
-    where both were.
-    """
-
-    at: IntArray
-    a: IntArray
-    b: IntArray
-    a_node: IntArray
-    b_node: IntArray
-
-
-def found_in_arrays(
-    turn: ArrayTurn, ours: IntArray, theirs: IntArray, *, crossing: bool, passing: bool
-) -> ArrayContacts:
-    """Return all contacts without a distance, as `found` does; two agents may have several.
-
-    Args:
-        turn: of the games.
-        ours: (agents,) the numbers of one side in the roster.
-        theirs: likewise.
-        crossing: whether agents that are on one edge in opposite directions meet, too.
-        passing: whether agents meet on their way, too.
-    """
-    by_move, nodes = turn.is_there_by_move, len(turn.streets.counts)
-    went = turn.starts != turn.ends
-    at, a, b = _equal_pairs(turn.node, turn.alive, ours, theirs, nodes)
-    since = np.where(by_move & ~went, 0.0, 1.0) if passing else np.ones(went.shape)
-    met = [(at, a, b, np.maximum(since[at, a], since[at, b]), np.zeros(len(at), np.bool_), *[turn.node[at, a]] * 2)]
-    if crossing:
-        ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
-        at, a, b = _equal_pairs(ways, turn.alive & by_move & went, ours, theirs, nodes**2, back)
-        time, places = (0.0, turn.starts) if passing else (1.0, turn.node)
-        met.append((at, a, b, np.full(len(at), time), np.ones(len(at), np.bool_), places[at, a], places[at, b]))
-    parts = [np.concatenate(columns) for columns in zip(*met, strict=True)]
-    at, a, b, times, on_edge = parts[:5]
-    draws = turn.draw_bits(at, _pair_keys(turn.roster.names, a, b), "contacts")
-    order = np.lexsort((on_edge, draws, times, at))
-    order = order[(a != b)[order]]
-    return ArrayContacts(*(part[order] for part in (at, a, b, *parts[5:])))
-
-
-def one_to_one_in_arrays(met: ArrayContacts, agents: int) -> BoolArray:
-    """Return which contacts are those that `one_to_one` takes, (contacts,); `agents` is how many a game has."""
-    keys = np.stack((met.at * agents + met.a, met.at * agents + met.b))
-    taken, left = np.zeros(len(met.at), np.bool_), np.arange(len(met.at))
-    while len(left):  # in each round those that come first for both their agents: one at least
-        known, number = np.unique(keys[:, left], return_inverse=True)
-        number = number.reshape(2, -1)
-        first = np.full(len(known), len(met.at))
-        np.minimum.at(first, number.ravel(), np.tile(left, 2))
-        is_first = (first[number] == left).all(axis=0)
-        taken[left[is_first]] = True
-        is_gone = np.zeros(len(known), np.bool_)
-        is_gone[number[:, is_first]] = True
-        left = left[~is_gone[number].any(axis=0)]
-    return taken
-
-
-_FEW = 64  # pairs of agents of one game: so many are compared with each other
-
-
-def _equal_pairs(
-    keys: IntArray, counts: BoolArray, ours: IntArray, theirs: IntArray, bound: int, their_keys: IntArray | None = None
-) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the games of pairs of agents that count and have equal keys below `bound`, and the numbers of both."""
-    left, right = keys[:, ours], (keys if their_keys is None else their_keys)[:, theirs]
-    if len(ours) * len(theirs) <= _FEW:
-        equal = (left[:, :, None] == right[:, None]) & counts[:, ours][:, :, None] & counts[:, theirs][:, None]
-        found = np.flatnonzero(equal)  # which is faster than to look for three indices, where there are few
-        at, i, j = np.unravel_index(found, equal.shape)
-        return at, ours[i], theirs[j]
-    at, i = np.nonzero(counts[:, ours])
-    others, j = np.nonzero(counts[:, theirs])
-    key, other = at * bound + left[at, i], others * bound + right[others, j]
-    order = np.argsort(other, kind="stable")
-    ends = [np.searchsorted(other[order], key, side) for side in ("left", "right")]
-    rows, places = kernels.expand_ranges(*ends)
-    return at[rows], ours[i[rows]], theirs[j[order[places]]]
-
-
-def _pair_keys(names: tuple[str, ...], a: IntArray, b: IntArray) -> BitArray:
-    """Return the hashes of pairs of names, (pairs,)."""
-    keys = [kernels.name_key(repr((names[i], names[j]))) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
-    return np.array(keys, np.uint64)

@@ -10,17 +10,8 @@ from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.turn import ArrayTurn
-from gamms.rules.contacts import (
-    ArrayContacts,
-    Contact,
-    Side,
-    as_nearness,
-    as_test,
-    found,
-    found_in_arrays,
-    one_to_one,
-    one_to_one_in_arrays,
-)
+from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
+from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, one_to_one_in_arrays
 from gamms.rules.endings import Rank, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
@@ -103,7 +94,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
 
     def in_arrays(turn: ArrayTurn) -> None:
         ours, theirs = (np.flatnonzero(turn.roster.plays_for([side])) for side in (taggers, tagged))
-        met = found_in_arrays(turn, ours, theirs, crossing=nearness.crossing, passing=nearness.passing)
+        met = found_in_arrays(turn, ours, theirs, nearness)
         tags = np.ones((len(met.at), 1 + both), np.bool_)  # by the agents of the one side, and of the other
         if ground is not None:
             owners, team_of = ground.in_arrays(turn), turn.roster.team_of
@@ -123,8 +114,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
             turn.add_scores(at, tagger, score)
         (turn.respawn if then == "respawn" else turn.eliminate)(at, other)
 
-    has_form = nearness.unit is None and isinstance(then, str)
-    has_form = has_form and not (callable(taggers) or callable(tagged))
+    has_form = isinstance(then, str) and not (callable(taggers) or callable(tagged))
     return with_hooks(
         tag,
         drawer=render_tags,

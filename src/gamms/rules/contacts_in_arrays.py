@@ -1,0 +1,264 @@
+"""Contacts in many games at once: the same as in `contacts.py`, which says what they are.
+
+The agents of such games go one edge a turn at most, so the moments of a turn are 0 and 1.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.game.batch.turn import ArrayTurn
+from gamms.game.streets import Streets
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+from gamms.rules.contacts import Nearness
+
+
+class ArrayContacts(NamedTuple):
+    """The contacts of a turn of many games, in the order of the games, in each in that of `contacts`.
+
+    Arrays (contacts,): the numbers of the game in the turn and of both agents in the roster, and the rows of the nodes
+    where both were.
+    """
+
+    at: IntArray
+    a: IntArray
+    b: IntArray
+    a_node: IntArray
+    b_node: IntArray
+
+
+def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> ArrayContacts:
+    """Return all contacts, as `found` does; two agents may have several.
+
+    Args:
+        turn: of the games.
+        ours: (agents,) the numbers of one side in the roster.
+        theirs: likewise.
+        nearness: what counts as a contact.
+    """
+    by_move, nodes, passing = turn.is_there_by_move, len(turn.streets.counts), nearness.passing
+    went = turn.starts != turn.ends
+    if nearness.unit is None:
+        at, a, b = _equal_pairs(turn.node, turn.alive, ours, theirs, nodes)
+        far = np.zeros(len(at))
+    else:
+        at, a, b, far = _near_pairs(turn, ours, theirs, nearness.unit, nearness.limit)
+    since = np.where(by_move & ~went, 0.0, 1.0) if passing else np.ones(went.shape)
+    places = turn.node[at, a], turn.node[at, b]
+    met = [(at, a, b, np.maximum(since[at, a], since[at, b]), far, np.zeros(len(at), np.bool_), *places)]
+    if nearness.crossing:
+        ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
+        at, a, b = _equal_pairs(ways, turn.alive & by_move & went, ours, theirs, nodes**2, back)
+        time, source = (0.0, turn.starts) if passing else (1.0, turn.node)
+        whole, places = np.ones(len(at)), (source[at, a], source[at, b])
+        met.append((at, a, b, whole * time, whole * 0.0, whole > 0, *places))
+    parts = [np.concatenate(columns) for columns in zip(*met, strict=True)]
+    at, a, b, times, far, on_edge = parts[:6]
+    draws = turn.draw_bits(at, _pair_keys(turn.roster.names, a, b), "contacts")
+    order = np.lexsort((on_edge, draws, far, times, at))
+    order = order[(a != b)[order]]
+    return ArrayContacts(*(part[order] for part in (at, a, b, *parts[6:])))
+
+
+def one_to_one_in_arrays(met: ArrayContacts, agents: int) -> BoolArray:
+    """Return which contacts are those that `one_to_one` takes, (contacts,); `agents` is how many a game has."""
+    keys = np.stack((met.at * agents + met.a, met.at * agents + met.b))
+    taken, left = np.zeros(len(met.at), np.bool_), np.arange(len(met.at))
+    while len(left):  # in each round those that come first for both their agents: one at least
+        known, number = np.unique(keys[:, left], return_inverse=True)
+        number = number.reshape(2, -1)
+        first = np.full(len(known), len(met.at))
+        np.minimum.at(first, number.ravel(), np.tile(left, 2))
+        is_first = (first[number] == left).all(axis=0)
+        taken[left[is_first]] = True
+        is_gone = np.zeros(len(known), np.bool_)
+        is_gone[number[:, is_first]] = True
+        left = left[~is_gone[number].any(axis=0)]
+    return taken
+
+
+_FEW = 64  # pairs of agents of one game: so many are compared with each other
+
+
+def _equal_pairs(
+    keys: IntArray, counts: BoolArray, ours: IntArray, theirs: IntArray, bound: int, their_keys: IntArray | None = None
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return the games of pairs of agents that count and have equal keys below `bound`, and the numbers of both."""
+    left, right = keys[:, ours], (keys if their_keys is None else their_keys)[:, theirs]
+    if len(ours) * len(theirs) <= _FEW:
+        equal = (left[:, :, None] == right[:, None]) & counts[:, ours][:, :, None] & counts[:, theirs][:, None]
+        found = np.flatnonzero(equal)  # which is faster than to look for three indices, where there are few
+        at, i, j = np.unravel_index(found, equal.shape)
+        return at, ours[i], theirs[j]
+    at, i = np.nonzero(counts[:, ours])
+    others, j = np.nonzero(counts[:, theirs])
+    key, other = at * bound + left[at, i], others * bound + right[others, j]
+    order = np.argsort(other, kind="stable")
+    ends = [np.searchsorted(other[order], key, side) for side in ("left", "right")]
+    rows, places = kernels.expand_ranges(*ends)
+    return at[rows], ours[i[rows]], theirs[j[order[places]]]
+
+
+def _pair_keys(names: tuple[str, ...], a: IntArray, b: IntArray) -> BitArray:
+    """Return the hashes of pairs of names, (pairs,)."""
+    keys = [kernels.name_key(repr((names[i], names[j]))) for i, j in zip(a.tolist(), b.tolist(), strict=True)]
+    return np.array(keys, np.uint64)
+
+
+# -- pairs that are near each other -----------------------------------------------------------------------------------
+
+_AT_ONCE = 1 << 20  # pairs of agents that are compared
+_MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
+
+
+def _near_pairs(
+    turn: ArrayTurn, ours: IntArray, theirs: IntArray, unit: str, limit: float
+) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Return the games of pairs of agents that are near each other at the end, the numbers of both, and how far."""
+    size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs)))
+    near: _NearNodes | _Straight
+    if unit == "euclid":
+        near = _Straight(turn.streets, limit)
+    else:
+        near = turn.shared(("near", unit, limit), lambda: _NearNodes(turn.streets, limit, by_length=unit == "metres"))
+    parts = []
+    for first in range(0, len(turn.games), size):
+        games = slice(first, first + size)
+        node, alive = turn.node[games], turn.alive[games]
+        starts, ends = node[:, ours], node[:, theirs]
+        may_meet = near.may_be_near(starts[:, :, None], ends[:, None])
+        may_meet &= alive[:, ours][:, :, None] & alive[:, theirs][:, None]
+        at, i, j = np.unravel_index(np.flatnonzero(may_meet), may_meet.shape)
+        far = near.distances(starts[at, i], ends[at, j])
+        parts.append((first + at, ours[i], theirs[j], far))
+    at, a, b, far = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    is_near = np.isfinite(far)
+    return at[is_near], a[is_near], b[is_near], far[is_near]
+
+
+class _Straight:
+    """How far nodes are from each other in a straight line."""
+
+    def __init__(self, streets: Streets, limit: float) -> None:
+        self._x, self._y = streets.columns.xy.T
+        self._limit = limit
+
+    def may_be_near(self, starts: IntArray, ends: IntArray) -> BoolArray:
+        """Return which pairs of nodes are near each other; of shapes that are broadcast."""
+        found: BoolArray = self._squares(starts, ends) <= self._limit * self._limit
+        return found
+
+    def distances(self, starts: IntArray, ends: IntArray) -> FloatArray:
+        """Return how far nodes are apart."""
+        found: FloatArray = np.sqrt(self._squares(starts, ends))
+        return found
+
+    def _squares(self, starts: IntArray, ends: IntArray) -> FloatArray:
+        dx, dy = self._x[starts] - self._x[ends], self._y[starts] - self._y[ends]
+        squares: FloatArray = dx * dx + dy * dy
+        return squares
+
+
+class _NearNodes:
+    """The nodes that can be reached from others within a distance, found when they are first asked for.
+
+    Args:
+        streets: the graph.
+        limit: the distance.
+        by_length: whether lengths of edges count, rather than their number.
+    """
+
+    def __init__(self, streets: Streets, limit: float, *, by_length: bool) -> None:
+        columns, self._limit = streets.columns, limit
+        weights = columns.lengths if by_length else np.ones(len(columns.lengths))
+        self._nodes = len(columns.node_ids)
+        self._arcs = kernels.make_arcs(columns.sources, columns.targets, weights, self._nodes)
+        self._forget()
+
+    def _forget(self) -> None:
+        self._offset = np.full(self._nodes, -1, np.int64)
+        self._count = np.zeros(self._nodes, np.int64)
+        self._ends, self._far, self._used = np.zeros(0, np.int64), np.zeros(0), 0
+        self._open_gate(1 << 12)
+
+    def _open_gate(self, pairs: int) -> None:
+        """Make a table that says, by the sum of the hashes of two nodes, whether they may be near; of so many pairs."""
+        size = 1 << (8 * pairs).bit_length()
+        hashes = kernels.draw_bits_many(0, np.arange(self._nodes, dtype=np.uint64), 0)
+        self._hash: IntArray = (hashes % np.uint64(size)).astype(np.int64)
+        self._gate, self._room = np.zeros(2 * size, np.bool_), pairs
+        self._admit(np.flatnonzero(self._offset >= 0))
+
+    def _admit(self, rows: IntArray) -> None:
+        pairs, entries = kernels.expand_ranges(self._offset[rows], self._offset[rows] + self._count[rows])
+        self._gate[self._hash[rows][pairs] + self._hash[self._ends[entries]]] = True
+
+    def _learn(self, rows: IntArray) -> None:
+        """Look around these nodes, as far as that was not done before."""
+        new = np.unique(rows[self._offset[rows] < 0])
+        if not len(new):
+            return
+        if self._used > _MOST_KNOWN:
+            self._forget()
+            new = np.unique(rows)
+        index, ends, far = self._around(new)
+        self._count[new] = np.bincount(index, minlength=len(new))
+        self._offset[new] = self._used + np.cumsum(self._count[new]) - self._count[new]
+        after = self._used + len(ends)
+        if after > len(self._ends):
+            self._ends = np.concatenate((self._ends[: self._used], np.empty(2 * after - self._used, np.int64)))
+            self._far = np.concatenate((self._far[: self._used], np.empty(2 * after - self._used)))
+        self._ends[self._used : after], self._far[self._used : after], self._used = ends, far, after
+        if after > self._room:
+            self._open_gate(2 * after)
+        else:
+            self._admit(new)
+
+    def _around(self, rows: IntArray) -> tuple[IntArray, IntArray, FloatArray]:
+        """Return what can be reached: the places in `rows`, ascending, rows of nodes, and the distances.
+
+        The weights of a path are added from its start, so that the sums are those of `kernels.shortest_distances`.
+        """
+        nodes, arcs = self._nodes, self._arcs
+        keys, far = np.arange(len(rows)) * nodes + rows, np.zeros(len(rows))
+        order = np.argsort(keys)
+        keys, far = keys[order], far[order]
+        new, new_far = keys, far
+        while len(new):
+            entries, runs = kernels.chosen_runs(arcs.offsets, new % nodes)
+            lines = np.repeat(np.arange(len(new)), np.diff(runs))
+            sums = new_far[lines] + arcs.weights[entries]
+            reached = (new // nodes)[lines] * nodes + arcs.ends[entries]
+            is_near = sums <= self._limit
+            reached, sums = reached[is_near], sums[is_near]
+            order = np.lexsort((sums, reached))
+            new, first = np.unique(reached[order], return_index=True)
+            new_far = sums[order][first]
+            at = np.minimum(np.searchsorted(keys, new), len(keys) - 1)
+            is_known = keys[at] == new
+            is_better = ~is_known | (new_far < far[at])
+            far[at[is_known & is_better]] = new_far[is_known & is_better]
+            added = ~is_known
+            keys, far = np.concatenate((keys, new[added])), np.concatenate((far, new_far[added]))
+            order = np.argsort(keys, kind="stable")
+            keys, far = keys[order], far[order]
+            new, new_far = new[is_better], new_far[is_better]
+        return keys // nodes, keys % nodes, far
+
+    def may_be_near(self, starts: IntArray, ends: IntArray) -> BoolArray:
+        """Return which pairs of nodes may be near each other; the others are not. The shapes are broadcast."""
+        self._learn(np.concatenate((starts.ravel(), ends.ravel())))
+        found: BoolArray = self._gate[self._hash[starts] + self._hash[ends]]
+        return found
+
+    def distances(self, starts: IntArray, ends: IntArray) -> FloatArray:
+        """Return how far it is there or back, whichever is shorter; infinite where that is too far."""
+        found = np.full(len(starts), np.inf)
+        for one, other in ((starts, ends), (ends, starts)):
+            pairs, entries = kernels.expand_ranges(self._offset[one], self._offset[one] + self._count[one])
+            is_there = self._ends[entries] == other[pairs]
+            found[pairs[is_there]] = np.minimum(found[pairs[is_there]], self._far[entries[is_there]])
+        return found
