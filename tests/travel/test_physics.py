@@ -198,3 +198,53 @@ def test_agents_are_near_each_other_when_small_steps_say(town):
             for i in range(1, STEPS, 10):
                 moment = turn + i / STEPS
                 assert moment >= first or apart(moment) > NEAR - 1e-6
+
+
+@st.composite
+def rounds(draw):
+    """A ring road of one way, whose edges have lengths and travel times, and agents of some speeds on it."""
+    size, metres = draw(st.integers(2, 5)), st.floats(0.5, 200.0)
+    return {
+        "lengths": draw(st.lists(metres, min_size=size, max_size=size)),
+        "seconds": draw(st.lists(st.floats(0.1, 60.0), min_size=size, max_size=size)),
+        "speeds": draw(st.lists(st.floats(0.3, 80.0), min_size=1, max_size=3)),
+        "unit": draw(st.sampled_from(["metres", "metres_per_second"])),
+        "turn_seconds": draw(st.sampled_from([1.0, 0.7, 12.5])),
+        "weight": draw(st.sampled_from(["length", "travel_time"])),
+        "decide": draw(st.sampled_from(["turn", "arrival"])),
+    }
+
+
+@settings(max_examples=30, deadline=None, derandomize=True)
+@given(town=rounds())
+def test_distance_is_speed_times_time_on_each_edge_and_no_time_is_lost(town):
+    size, in_seconds = len(town["lengths"]), town["unit"] == "metres_per_second"
+    turn_seconds = town["turn_seconds"] if in_seconds else 1.0
+    game = {"speed_unit": town["unit"], "on_illegal": "raise", "decide": town["decide"], "weight": town["weight"]}
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game=game) as ctx:
+        ctx.game.turn_seconds = turn_seconds
+        ctx.graph.add_nodes(range(size), [10.0 * i for i in range(size)], [float(i * i % 7) for i in range(size)])
+        for i, (length, seconds) in enumerate(zip(town["lengths"], town["seconds"], strict=True)):
+            ends = {"id": i, "source": i, "target": (i + 1) % size}
+            ctx.graph.graph.add_edge({**ends, "length": length, "travel_time": seconds})
+
+        def drive(state):
+            here = state["curr_pos"]
+            laps = int(max(town["speeds"]) * turn_seconds / sum(town["lengths"])) + 2
+            state["action"] = [(here + k) % size for k in range(laps * size)]
+
+        for i, speed in enumerate(town["speeds"]):
+            ctx.agent.create_agent(str(i), start_node_id=0, speed=speed, strategy=drive)
+        gone = dict.fromkeys(map(str, range(len(town["speeds"]))), 0.0)
+        for turn in range(1, 6):
+            ctx.game.step()
+            for name, move in ctx.game.moves.items():
+                for leg in move.legs:
+                    pace = town["speeds"][int(name)]
+                    if in_seconds and town["weight"] == "travel_time":
+                        pace = min(pace, town["lengths"][leg.edge] / town["seconds"][leg.edge])
+                    metres = (leg.end - leg.begin) * town["lengths"][leg.edge]
+                    seconds = (leg.until - leg.since) * turn_seconds
+                    assert metres == pytest.approx(pace * seconds, rel=1e-9, abs=1e-9 * pace * turn_seconds)
+                    gone[name] += metres / pace
+                assert gone[name] == pytest.approx(turn * turn_seconds, rel=1e-9)
