@@ -13,7 +13,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import UnknownName
 from gamms.graph.tables import EdgeTable, NodeTable
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, RowArray
 from gamms.typing.graph_values import Node, OSMEdge
 
 _LATE_EDGES = 1024
@@ -140,13 +140,13 @@ class Adjacency:
 class Values:
     """Values by row; `make(rows)` makes those of some rows."""
 
-    def __init__(self, make: Callable[[IntArray], list[Any]]) -> None:
+    def __init__(self, make: Callable[[RowArray], list[Any]]) -> None:
         self._make = make
         self._values = np.empty(0, object)  # (rows,)  None where it is not made yet
         self._is_complete = True
         self._made = 0
 
-    def take(self, rows: IntArray, count: int) -> list[Any]:
+    def take(self, rows: RowArray, count: int) -> list[Any]:
         """Return the values of `rows` in a table of `count` rows."""
         if count > len(self._values):
             self._grow(count)
@@ -176,7 +176,7 @@ class Values:
         else:
             self._is_complete = False
 
-    def _fill(self, rows: IntArray) -> None:
+    def _fill(self, rows: RowArray) -> None:
         if self._made + len(rows) > _MOST_KEPT:
             self._values[:] = None
             self._is_complete, self._made = False, 0
@@ -184,14 +184,14 @@ class Values:
         self._made += len(rows)
 
 
-def node_values(nodes: NodeTable, rows: IntArray) -> list[Node]:
+def node_values(nodes: NodeTable, rows: RowArray) -> list[Node]:
     """Return the values of node rows."""
     xy = nodes.array("xy")[rows]
     return list(map(_node, zip(nodes.array("ids")[rows].tolist(), xy[:, 0].tolist(), xy[:, 1].tolist(), strict=True)))
 
 
 def edge_values(
-    edges: EdgeTable, nodes: NodeTable, rows: IntArray, take_nodes: Callable[[IntArray], list[Node]]
+    edges: EdgeTable, nodes: NodeTable, rows: RowArray, take_nodes: Callable[[RowArray], list[Node]]
 ) -> list[OSMEdge]:
     """Return the values of edge rows; `take_nodes` gives those of node rows."""
     sources, targets = edges.array("sources")[rows], edges.array("targets")[rows]
@@ -232,17 +232,21 @@ class Indexes:
         """Edge rows with at least one end among the node rows, ascending."""
         return np.union1d(self._adjacency("sources").at(nodes), self._adjacency("targets").at(nodes))
 
-    def edges_among(self, nodes: IntArray) -> list[OSMEdge]:
-        """Return the edges with both ends among the node rows, in insertion order."""
+    def edges_among(self, nodes: IntArray) -> IntArray:
+        """Return the rows of the edges with both ends among the node rows, in insertion order."""
         if len(self._is_seen) < self._nodes.count:
             self._is_seen = np.zeros(self._nodes.capacity, np.bool_)
         rows = self._adjacency("sources").at(nodes)
         self._is_seen[nodes] = True
-        rows = rows[self._is_seen[self._edges.array("targets")[rows]]]
+        among: IntArray = rows[self._is_seen[self._edges.array("targets")[rows]]]
         self._is_seen[nodes] = False
+        return among
+
+    def edge_values(self, rows: RowArray) -> list[OSMEdge]:
+        """Return the edges in these rows."""
         return self._edge_values.take(rows, self._edges.count)
 
-    def node_values(self, rows: IntArray) -> list[Node]:
+    def node_values(self, rows: RowArray) -> list[Node]:
         """Return the nodes in these rows."""
         self.is_built = True
         return self._node_values.take(rows, self._nodes.count)

@@ -8,7 +8,7 @@ from typing import Any, ClassVar, TypeVar
 import numpy as np
 
 from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
-from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines
+from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines, RowArray
 
 T = TypeVar("T")
 
@@ -339,7 +339,7 @@ class EdgeTable(Table):
             polylines = self.polylines = own_dict(self.polylines)
             del polylines[row]
 
-    def bends_among(self, rows: IntArray) -> list[tuple[int, FloatArray]]:
+    def bends_among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
         """Return which of some rows (rows,) have a polyline, as positions in `rows`, and which."""
         polylines = self.polylines
         if isinstance(polylines, Polylines):

@@ -9,6 +9,7 @@ import numpy as np
 
 IntArray = np.ndarray[Any, np.dtype[np.int64]]
 FloatArray = np.ndarray[Any, np.dtype[np.float64]]
+RowArray = np.ndarray[Any, np.dtype[np.integer[Any]]]  # row numbers of any width
 V = TypeVar("V")
 
 
@@ -134,7 +135,7 @@ class Polylines(ByRow[FloatArray]):
         points = self.points
         return [points[start:end] for start, end in zip(self.starts.tolist(), self.ends.tolist(), strict=True)]
 
-    def among(self, rows: IntArray) -> list[tuple[int, FloatArray]]:
+    def among(self, rows: RowArray) -> list[tuple[int, FloatArray]]:
         """Return which of some rows (rows,) have a polyline, as positions in `rows`, and which."""
         if not len(self.rows):
             return []

@@ -4,6 +4,7 @@ Both are remembered as long as the world stays as it is.
 """
 
 from collections.abc import Hashable, Iterable
+from itertools import islice
 from math import inf, pi
 from typing import Any, NamedTuple
 
@@ -29,6 +30,7 @@ Place = int | tuple[float, ...]  # the id of a node, or (x, y)
 _FAR_BEYOND = 3.0  # how far an area is measured, in distances to the farthest node along an axis
 _MOST_AREAS = 1000
 _MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all
+_PART = 8  # one in so many views is forgotten when there are too many
 _WORDS_PER_NODE = 12  # of a dict entry
 _SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
 _WORDS_PER_VIEW = 100  # of its key and its empty containers
@@ -82,15 +84,31 @@ class Views:
         self._words = 0
 
     def _keep(self, kind: Hashable, place: Place, seen: Surroundings) -> Surroundings:
-        """Remember a view, if it is small enough; when there are too many, all others are forgotten."""
-        words = _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
+        """Remember a view, if it is small enough; when there are too many, the oldest are forgotten."""
+        words = _words(seen)
         if self._revision is None or words > _MOST_WORDS:
             return seen
         if self._words + words > _MOST_WORDS:
-            self._forget(self._revision)
+            self._drop_oldest(_MOST_WORDS // _PART + words)
         self._words += words
         self._seen.setdefault(kind, {})[place if isinstance(place, tuple) else int(place)] = seen
         return seen
+
+    def _drop_oldest(self, words: int) -> None:
+        """Forget so much: a part of each kind, those that were looked for first; then whole kinds, if need be."""
+        least = self._words - words
+        for part in (_PART, 1):
+            for kind, views in list(self._seen.items()):
+                for place in list(islice(views, len(views) // part)):
+                    self._words -= _words(views.pop(place))
+                if not views:
+                    del self._seen[kind]
+                if self._words <= max(least, 0):
+                    return
+
+
+def _words(seen: Surroundings) -> int:
+    return _WORDS_PER_VIEW + _WORDS_PER_NODE * len(seen.nodes) + len(seen.edges)
 
 
 class ViewsPastObstacles(Views):
