@@ -3,8 +3,9 @@
 import pytest
 from batch_scenes import plain, scene
 
+import gamms
 from gamms.errors import MissingKey, UnknownName
-from gamms.rules import Conflicts, by_priority
+from gamms.rules import Conflicts, by_priority, last_team
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
 SEEDS = [1, 2, 3, 2**40]
@@ -148,3 +149,13 @@ def test_a_resolver_without_an_array_form_is_asked_game_by_game():
 def test_a_team_that_is_not_in_the_list_is_named():
     with crowded(1, by_priority(["red"])) as ctx, ctx.game.batch(4) as games, pytest.raises(MissingKey, match="blue"):
         games.run()
+
+
+def test_a_game_of_agents_of_no_team_is_over_for_the_last_team():
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_agent("one", start_node_id=0, strategy=gamms.strategies.random_walk)
+        ctx.game.add(last_team())
+        with ctx.game.batch(2) as games:
+            games.run()
+            assert games.table()["reason"].tolist() == ["last team"] * 2

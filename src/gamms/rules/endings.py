@@ -190,7 +190,9 @@ def last_team() -> Rule:
 
     def in_arrays(turn: ArrayTurn) -> None:
         teams = [number for number, team in enumerate(turn.roster.teams) if team is not None]
-        alive = np.stack([(turn.alive & (turn.roster.team_of == number)).any(axis=1) for number in teams], axis=1)
+        alive = np.zeros((len(turn.games), len(teams)), np.bool_)
+        for column, number in enumerate(teams):
+            alive[:, column] = (turn.alive & (turn.roster.team_of == number)).any(axis=1)
         at = np.flatnonzero(alive.sum(axis=1) <= 1)
         names = [turn.roster.teams[number] for number in teams]
         left = [names[row.argmax()] if row.any() else None for row in alive[at]]

@@ -1,0 +1,145 @@
+"""The law of batches: whatever is played in arrays is played as the turn engine plays it, event by event."""
+
+from batch_scenes import plain
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.rules import (
+    Conflicts,
+    at_random,
+    by_priority,
+    capture_flag,
+    hold,
+    last_team,
+    nobody,
+    payoff,
+    reach,
+    respawn,
+    tag,
+    territory,
+    time_limit,
+)
+from gamms.strategies import random_walk
+
+LAWS = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+TEAMS = ("red", "blue", "green", None)
+NODES = [3 * number + 2 for number in range(14)]  # ids that are no rows
+
+nodes, teams = st.sampled_from(NODES), st.sampled_from(TEAMS[:3])
+scores = st.sampled_from([0, 1, 2, 0.1])
+distances = st.one_of(
+    st.just({}),
+    st.fixed_dictionaries({"hops": st.sampled_from([0, 1, 2.5])}),
+    st.fixed_dictionaries({"metres": st.sampled_from([0.7, 1.9])}),
+    st.fixed_dictionaries({"euclid": st.sampled_from([1, 1.5])}),
+)
+owners = st.dictionaries(nodes, st.sampled_from(TEAMS), min_size=4)
+places = st.lists(nodes, min_size=1, max_size=4, unique=True)
+
+
+@st.composite
+def tags(draw):
+    keywords = draw(distances) | draw(
+        st.fixed_dictionaries(
+            {"then": st.sampled_from(["respawn", "eliminate"]), "score": scores},
+            optional={
+                "territory": st.one_of(owners, st.just("land")),
+                "mutual": st.booleans(),
+                "passing": st.booleans(),
+                "crossing": st.booleans(),
+            },
+        )
+    )
+    return tag(draw(teams), draw(teams), **keywords)
+
+
+flags = st.builds(
+    capture_flag,
+    st.dictionaries(teams, nodes, min_size=1),
+    territory=st.one_of(st.none(), owners, st.just("land")),
+    goal=st.sampled_from([None, 1, 2]),
+    score=scores,
+    passing=st.booleans(),
+)
+goals = st.builds(
+    reach,
+    st.dictionaries(teams, st.one_of(places, st.just("starts of red")), min_size=1),
+    score=scores,
+    passing=st.booleans(),
+)
+held = st.builds(
+    hold,
+    places,
+    st.integers(1, 3),
+    every=st.booleans(),
+    score=scores,
+    ends=st.booleans(),
+    teams=st.one_of(st.none(), st.lists(teams, min_size=1)),
+)
+back = st.builds(respawn, st.integers(1, 3), times=st.sampled_from([None, 1]), teams=st.sampled_from([None, "red"]))
+paid = st.builds(
+    payoff,
+    st.just({"tag": {"agent": 0.3, "other": -0.7}, "hold": {"team": 1 / 3}, "capture": {"agent": 5, "flag": -2}}),
+    zero_sum=st.booleans(),
+)
+ends = st.one_of(st.builds(time_limit, st.integers(3, 9)), st.builds(last_team))
+rules = st.tuples(
+    st.lists(tags(), max_size=2), *(st.lists(one, max_size=1) for one in (flags, goals, held, back, paid, ends))
+).map(lambda lists: [rule for some in lists for rule in some])
+conflicts = st.builds(
+    Conflicts,
+    st.one_of(st.sampled_from([None, 1, 2, "room"]), st.dictionaries(nodes, st.integers(0, 2), min_size=1)),
+    st.sampled_from(["all", "team"]),
+    allow_swaps=st.booleans(),
+    resolve=st.sampled_from([at_random(), nobody(), by_priority(["blue", None, "red", "green"])]),
+)
+
+
+@st.composite
+def maps(draw):
+    """Nodes in two rows, with streets of odd lengths, some of them one-way."""
+    return draw(st.lists(st.tuples(st.sampled_from([0.5, 0.7, 1.1]), st.booleans()), min_size=33, max_size=33))
+
+
+def open_game(streets, agents, rules, conflicts):
+    ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
+    for number, node in enumerate(NODES):
+        ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4})
+    pairs = [(i, i + step) for i in range(14) for step in (1, 6, 7) if i + step < 14][: len(streets)]
+    edge = 0
+    for (start, end), (length, is_one_way) in zip(pairs, streets, strict=False):
+        for source, target in [(start, end), (end, start)][: 1 if is_one_way else 2]:
+            ways = {"id": edge, "source": NODES[source], "target": NODES[target], "length": length}
+            ctx.graph.graph.add_edge(ways)
+            edge += 1
+    for name, (team, node) in agents.items():
+        ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=random_walk)
+    ctx.game.add(territory.published({node: "red" if node < 20 else "blue" for node in NODES}, "land"))
+    for rule in rules:
+        ctx.game.add(rule)
+    ctx.game.conflicts = conflicts
+    return ctx
+
+
+@LAWS
+@given(
+    streets=maps(),
+    places=st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=2, max_size=9),
+    rules=rules,
+    conflicts=st.one_of(st.none(), conflicts),
+    seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
+    restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
+)
+def test_a_game_of_a_batch_is_the_game_that_is_played_alone(streets, places, rules, conflicts, seeds, restart):
+    agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
+    with open_game(streets, agents, rules, conflicts) as ctx, ctx.game.batch(seeds=seeds) as games:
+        assert games.slow is None
+        for _ in range(restart[0]):
+            games.step()
+        games.reset([restart[1] % len(seeds)])
+        games.run()
+        with ctx.game.fork(0).ctx as alone:
+            for number, seed in enumerate(seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
