@@ -108,7 +108,9 @@ def test_the_same_seed_gives_the_same_bytes_in_any_process(town, tmp_path):
             capture_output=True,
             check=True,
         ).stdout
-        outputs.append((printed, *((out / "here" / name).read_bytes() for name in ("result.json", "final.svg"))))
+        outputs.append(
+            (printed, *((out / "here" / name).read_bytes() for name in ("result.json", "game.ggr", "final.svg")))
+        )
     assert outputs[0] == outputs[1]
 
 

@@ -123,7 +123,7 @@ PROGRAMMES = {
 @pytest.mark.parametrize("name", PROGRAMMES)
 def test_no_answer_depends_on_what_was_built_when(graph, model, name):
     programme = LongProgramme(graph, model(), seed=name)
-    for _ in range(1500):
+    for _ in range(800):
         programme.step(PROGRAMMES[name])
     programme.look_at_all()
 

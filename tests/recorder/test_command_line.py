@@ -358,12 +358,9 @@ def test_version_2_is_replayed_too():
 
 
 def test_a_demo_is_recorded_and_can_be_verified(tmp_path):
-    one, recordings = tmp_path / "game.ggr", []
-    for _ in range(2):
-        done = run("demo", "--no-film", "--max-turns", 12, "--out", tmp_path)
-        assert str(one) in done.stdout
-        recordings.append(one.read_bytes())
-    assert recordings[0] == recordings[1]
+    one = tmp_path / "game.ggr"
+    done = run("demo", "--no-film", "--max-turns", 12, "--out", tmp_path)
+    assert str(one) in done.stdout
     assert run("verify", one).exit_code == 0
     result = json.loads((tmp_path / "result.json").read_text())
     with recorder.open(one) as rec:

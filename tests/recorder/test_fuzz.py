@@ -9,7 +9,7 @@ FOUND = []  # mutants, "SEED/NUMBER", that once did something else
 
 
 def test_mutated_recordings_are_refused_or_give_a_prefix():
-    fuzz(secrets.token_hex(4), 1000)  # a failure names its mutant
+    fuzz(secrets.token_hex(4), 500)  # a failure names its mutant
 
 
 @pytest.mark.parametrize("name", FOUND or ["0/0"])
