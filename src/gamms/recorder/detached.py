@@ -103,6 +103,11 @@ class DetachedState(State):
         self.agents.settle()
 
     def _advance(self, reader: Reader, start: int, stop: int) -> None:
+        if not reader.has_events(start, stop):  # NOTE: most turns (benchmarks/README.md, recordings)
+            _, numbers, nodes = reader.moves(start, stop)
+            if self.agents.are_walkers(numbers):
+                self.agents.move(numbers, nodes)
+                return
         pending = _PendingMoves(reader, start, stop)
         if not self.agents.are_walkers(pending.numbers):  # or not yet: a move may then come before or after a flight
             for turn in range(start, stop):

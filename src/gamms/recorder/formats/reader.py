@@ -87,6 +87,11 @@ class Reader(Opened):
         )
         return turns, rows, nodes
 
+    def has_events(self, start: int, stop: int) -> bool:
+        """Return whether something other than a move happens in turns `start` to `stop - 1`."""
+        parts = self._parts(start, stop, with_events=True)
+        return any(chunk.event_ends[first] < chunk.event_ends[last] for chunk, first, last in parts)
+
     def events(
         self, start: int = 0, stop: int | None = None, kinds: Collection[int] | None = None
     ) -> Iterator[tuple[int, int, int, Plain]]:
