@@ -6,6 +6,7 @@ about agents, add a column to the block, its event, and a property.
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.engine import AgentEngine
+from gamms.agent.teams import Team
 from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, IAgentEngine
 from gamms.typing.recorder import OpCodes
 
@@ -22,4 +23,5 @@ __all__ = [
     "IAgentEngine",
     "NoOpAgent",
     "OpCodes",
+    "Team",
 ]

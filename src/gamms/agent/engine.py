@@ -5,21 +5,24 @@ from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Seq
 from contextlib import suppress
 from copy import deepcopy
 from numbers import Integral
+from types import MappingProxyType
 from typing import Any, Literal, NamedTuple, overload
 from weakref import WeakSet
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
-from gamms.arguments import as_member, as_name, misspelt
+from gamms.agent.teams import Team, added, each_of
+from gamms.arguments import as_function_of, as_ids, as_mapping, as_member, as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
-from gamms.ir.graph import FloatArray
-from gamms.ir.journal import CLOSED, Muted
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.journal import CLOSED, PLAIN, Muted
 from gamms.ir.positions import Positions
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
+from gamms.typing.actions import known_node
 from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
@@ -185,6 +188,71 @@ class AgentEngine(Guarded, IAgentEngine):
         if not journal.is_silent:
             journal.note(events.AGENT_CREATE, {"name": name, "kwargs": given, "state": self._more_of(agent._row)})
         return agent
+
+    @refused_while_deciding
+    def create_team(
+        self,
+        name: str,
+        start_node_ids: Iterable[NodeId] | IntArray,
+        *,
+        sensors: SensorsOfAgent = (),
+        strategy: Strategy | AsyncStrategy | None = None,
+        columns: Mapping[str, object] = MappingProxyType({}),
+    ) -> Team:
+        """Create the agents of a team in one call: `red_0`, `red_1`, … on the ground.
+
+        A plan of arrays (`ctx.game.command(name, plan, arrays=True)`) decides for them fastest.
+
+        Args:
+            name: of the team, and the beginning of their names.
+            start_node_ids: where they stand, (agents,).
+            sensors: that all of them carry, as for `create_agent`.
+            strategy: of all of them.
+            columns: attributes: name -> one value for all, or one for each, (agents,).
+
+        Raises:
+            UnknownName (KeyError): a node is not on the map.
+            Duplicate: there is an agent of such a name.
+            BadType, BadValue: an argument is impossible; nothing has changed then.
+        """
+        team = as_name(name, "a team")
+        nodes = as_ids(start_node_ids, "start_node_ids")
+        if self._ctx.is_terminated():
+            raise ContextTerminated("ctx.agent")
+        names = [f"{team}_{number}" for number in range(len(nodes))]
+        taken = next((one for one in names if one in self._agents), None)
+        if taken is not None:
+            raise Duplicate("an agent", taken)
+        given = as_mapping(columns, "columns")
+        values = {column: each_of(value, len(nodes), column) for column, value in given.items()}
+        shared = {"sensors": _listed(sensors), "strategy": strategy, "team": team}
+        rows = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)] or [{}] * len(nodes)
+        made: list[Agent] = []
+        try:
+            if self._block.journal is PLAIN and not (values or shared["sensors"]):
+                made = self._added_together(names, nodes, team, strategy)
+            else:
+                for one, node, row in zip(names, nodes, rows, strict=True):
+                    made.append(self.create_agent(one, start_node_id=node, **shared, **row))
+        except BaseException:
+            for agent in made:
+                self.delete_agent(agent.name)
+            raise
+        return Team(self._ctx, team, made)
+
+    def _added_together(self, names: list[str], nodes: list[int], team: str, strategy: Any) -> list[Agent]:
+        """Add agents that carry nothing, as `create_agent` adds each."""
+        graph, block = self._ctx.graph.graph, self._block
+        if block.graph is None:
+            block.graph = graph
+        for node in dict.fromkeys(nodes):
+            known_node(graph, block, node)
+        if strategy is not None:
+            as_function_of(strategy, "A strategy", "the state")
+            self._phase.strategy_changes += 1
+        agents = added(self._ctx, block, names, nodes, team, strategy)
+        self._agents.update(zip(names, agents, strict=True))
+        return agents
 
     def get_agent(self, name: str) -> BaseAgent:
         """Return an agent by its name (KeyError)."""

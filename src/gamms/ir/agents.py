@@ -224,6 +224,22 @@ class AgentBlock:
             self._unlocated.add(row)
         return row
 
+    def add_all(self, names: list[str], nodes: list[int], team: Hashable) -> int:
+        """Add agents of one team that stand on these nodes; returns the row of the first."""
+        first, count = len(self.names), len(names)
+        self.names += names
+        self.node += nodes
+        self.previous += nodes
+        nothing = dict.fromkeys(("heading", "position", "previous_position", "quat", "speed", "progress"))
+        numbers = {column: value for column, (_, value) in NUMBERS.items()}
+        for column, value in {**nothing, **numbers, "teams": team, "kind": 0, "alive": True}.items():
+            getattr(self, column).extend([value] * count)
+        rows = range(first, first + count)
+        self._row_of.update(zip(names, rows, strict=True))
+        self.structure_version += 1
+        self._changed.update(rows)
+        return first
+
     def take_over(self, source: "AgentBlock", row: int) -> int:
         """Add the agent in a row of another block; returns its row here."""
         new = self.add(*(getattr(source, name)[row] for name in ("names", "node", "teams", "position", "speed")))

@@ -1,0 +1,126 @@
+"""Teams that are created together: agents like others, read and written as arrays."""
+
+import numpy as np
+import pytest
+
+import gamms
+from gamms.errors import BadType, BadValue, Duplicate, UnknownName
+from gamms.sensor import SensorType
+
+
+@pytest.fixture
+def ctx():
+    with gamms.create_context(seed=4, logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.sensor.create_sensor("near", SensorType.NEIGHBOR)
+        yield ctx
+
+
+def one_by_one(ctx, name, nodes, **more):
+    return [
+        ctx.agent.create_agent(f"{name}_{i}", start_node_id=node, team=name, **more) for i, node in enumerate(nodes)
+    ]
+
+
+def described(agents):
+    fields = ("name", "team", "current_node_id", "prev_node_id", "alive", "speed", "orientation", "strategy", "type")
+    return [tuple(getattr(agent, field) for field in fields) for agent in agents]
+
+
+def test_members_are_agents_as_if_they_were_created_one_by_one(ctx):
+    strategy = gamms.strategies.random_walk
+    team = ctx.agent.create_team("red", [3, 4, 3], strategy=strategy)
+    with gamms.create_context(seed=4, logger_config={"level": "CRITICAL"}) as other:
+        other.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        agents = one_by_one(other, "red", [3, 4, 3], strategy=strategy)
+        assert described(team) == described(agents)
+        assert ctx.agent.teams["red"] == team.agents
+        for context in (ctx, other):
+            context.game.add(gamms.rules.time_limit(9))
+        assert ctx.game.run() == other.game.run()
+        assert described(team) == described(agents)
+
+
+def test_sensors_and_columns_are_those_of_the_members(ctx):
+    team = ctx.agent.create_team("red", np.array([0, 6]), sensors=["near"], columns={"fuel": [1.5, 2], "speed": 2})
+    assert [agent.fuel for agent in team] == [1.5, 2]
+    assert team["speed"].tolist() == [2, 2]
+    assert team.sense("near")[1].tolist() == list(team.agents[1].get_state()["sensor"]["near"][1])
+
+
+def test_values_are_set_where_a_mask_says(ctx):
+    team = ctx.agent.create_team("red", [0, 1, 2], columns={"fuel": 5})
+    team.set("fuel", [1, 2, 3], where=team.node_ids > 0)
+    assert team["fuel"].tolist() == [5, 2, 3]
+    team.set("alive", False, where=[True, False, False])
+    assert team.alive.tolist() == [False, True, True]
+    with pytest.raises(ValueError, match="read-only"):
+        team["fuel"][0] = 9
+    with pytest.raises(BadValue, match="fuel: one value, or 3"):
+        team.set("fuel", [1, 2])
+    with pytest.raises(BadType, match="where="):
+        team.set("fuel", 1, where=[0, 1, 1])
+    with pytest.raises(UnknownName, match="fuel"):
+        team["fule"]
+
+
+def test_all_move_or_none(ctx):
+    team = ctx.agent.create_team("red", [0, 12])
+    for _ in range(20):
+        before = team.node_ids
+        wanted = team.random_actions()
+        assert all(node in ctx.graph.graph.neighborhoods[here] for here, node in zip(before, wanted, strict=True))
+        team.move(wanted)
+        assert team.node_ids.tolist() == wanted.tolist()
+    before = team.node_ids.tolist()
+    with pytest.raises(BadValue, match="no edge leads"):
+        team.move([before[0], (before[1] + 12) % 25])
+    with pytest.raises(BadValue, match="1 node_ids"):
+        team.move([0])
+    assert team.node_ids.tolist() == before
+
+
+def test_random_actions_do_not_depend_on_other_teams(ctx):
+    first = ctx.agent.create_team("red", [12] * 50)
+    drawn = first.random_actions()
+    with gamms.create_context(seed=4, logger_config={"level": "CRITICAL"}) as other:
+        other.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        other.agent.create_team("blue", [1, 2])
+        assert other.agent.create_team("red", [12] * 50).random_actions().tolist() == drawn.tolist()
+    assert set(drawn.tolist()) == {7, 11, 12, 13, 17}
+
+
+def test_what_is_impossible_changes_nothing(ctx):
+    ctx.agent.create_agent("red_1", start_node_id=0)
+    with pytest.raises(Duplicate, match="red_1"):
+        ctx.agent.create_team("red", [0, 1])
+    with pytest.raises(UnknownName, match="99"):
+        ctx.agent.create_team("blue", [0, 99])
+    with pytest.raises(UnknownName, match="99"):
+        ctx.agent.create_team("blue", [0, 99], sensors=["near"])
+    with pytest.raises(BadValue, match="fuel"):
+        ctx.agent.create_team("blue", [0, 1], columns={"fuel": [1]})
+    with pytest.raises(BadType, match="strategy"):
+        ctx.agent.create_team("blue", [0, 1], strategy=5)
+    assert list(ctx.agent.agents) == ["red_1"]
+
+
+def test_a_team_that_comes_while_a_game_is_recorded_is_replayed(ctx, tmp_path):
+    ctx.record.start(tmp_path / "game.ggr")
+    team = ctx.agent.create_team("red", [0, 1, 2], columns={"fuel": 3})
+    team.move([1, 2, 3])
+    nodes = team.node_ids.tolist()
+    ctx.record.stop()
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as replayed:
+        for _ in replayed.record.replay(tmp_path / "game.ggr"):
+            pass
+        agents = replayed.agent.agents
+        assert [agents[f"red_{i}"].current_node_id for i in range(3)] == nodes
+
+
+def test_one_plan_of_arrays_decides_for_a_large_team(ctx):
+    team = ctx.agent.create_team("red", np.arange(1000) % 25)
+    ctx.game.command("red", lambda arrays: arrays.targets[arrays.offsets[1:] - 1], arrays=True)
+    last = [ctx.graph.graph.neighborhoods[node][-1] for node in team.node_ids.tolist()]
+    ctx.game.step()
+    assert team.node_ids.tolist() == last
