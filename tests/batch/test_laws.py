@@ -15,6 +15,7 @@ from gamms.rules import (
     nobody,
     payoff,
     reach,
+    resource,
     respawn,
     tag,
     territory,
@@ -83,9 +84,21 @@ paid = st.builds(
     st.just({"tag": {"agent": 0.3, "other": -0.7}, "hold": {"team": 1 / 3}, "capture": {"agent": 5, "flag": -2}}),
     zero_sum=st.booleans(),
 )
+fuel = st.builds(
+    resource,
+    st.sampled_from(["fuel", "water"]),
+    st.sampled_from([0, 2, 3.5]),
+    per_metre=st.sampled_from([0, 0.6]),
+    per_edge=st.sampled_from([0, 0.5]),
+    per_turn=st.sampled_from([0, 0.1]),
+    recharge=st.dictionaries(nodes, st.sampled_from([0.3, 1]), max_size=3),
+    capacity=st.sampled_from([3.5, 5]),
+    empty=st.sampled_from(["stay", "eliminate"]),
+    teams=st.sampled_from([None, "red", ["blue", "green"]]),
+)
 ends = st.one_of(st.builds(time_limit, st.integers(3, 9)), st.builds(last_team))
 rules = st.tuples(
-    st.lists(tags(), max_size=2), *(st.lists(one, max_size=1) for one in (flags, goals, held, back, paid, ends))
+    st.lists(tags(), max_size=2), *(st.lists(one, max_size=1) for one in (flags, goals, fuel, held, back, paid, ends))
 ).map(lambda lists: [rule for some in lists for rule in some])
 conflicts = st.builds(
     Conflicts,

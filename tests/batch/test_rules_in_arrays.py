@@ -11,7 +11,7 @@ OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
 SEEDS = [1, 2, 3, 2**40]
 
 
-def rule(name, **arguments):
+def rule(name, /, **arguments):
     return {"rule": name, "with": arguments}
 
 
@@ -38,6 +38,17 @@ PUBLISHED = rule("gamms.rules.territory:published", nodes=OWNERS)
 )
 def test_places_are_held_and_events_paid_as_in_games_that_are_played_alone(rules, same_as_one_by_one):
     same_as_one_by_one(scene(rules, side=4), SEEDS)
+
+
+@pytest.mark.parametrize("empty", ["stay", "eliminate"])
+def test_moves_that_cost_too_much_are_refused(empty, same_as_one_by_one):
+    fuel = rule("resource", name="fuel", start=40, per_metre=1, recharge={5: 20, 6: 20}, empty=empty)
+    water = rule("resource", name="water", start=4, per_turn=1, recharge={0: 2, 15: 2}, teams="red")
+    conflicts = {"capacity": 1}
+    same_as_one_by_one(scene([fuel, water, rule("respawn", after=2)], side=4, conflicts=conflicts), SEEDS)
+    with scene([fuel]).batch(2) as games:
+        games.step()
+        assert games.observe("red")["facts"]["fuel"].shape == (2, 6)
 
 
 def test_games_that_are_reset_are_paid_for_what_happens_in_them_alone():

@@ -49,6 +49,8 @@ class Hooks(TypedDict, total=False):
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[[ArrayTurn], None] | None
     """The same for many games at once; None: a batch plays them one by one."""
+    array_check: Callable[[ArrayTurn, IntArray], BoolArray]
+    """The same as `check` for many games at once: returns which moves to these nodes are refused, (games, agents)."""
     prepare_arrays: Callable[[GameArrays], object]
     """Called when a batch begins: publishes facts in the form that they have in arrays."""
     check: Callable[[Context], object]

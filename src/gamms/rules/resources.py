@@ -1,14 +1,18 @@
 """What agents use up: amounts such as fuel, which moves, turns and deeds cost, and deeds that take time to be ready."""
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from itertools import pairwise, takewhile
 from math import dist, isfinite
 from typing import Annotated, Any, NamedTuple
 
+import numpy as np
+
 from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.ir.graph import GraphColumns, shortest_edges
+from gamms.game.batch.turn import Arrays, ArrayTurn, GameArrays
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
+from gamms.ir.obstacles import BoolArray
 from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, Rule
@@ -92,6 +96,9 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         teams=sorted(tank.teams or (), key=str),
         rank=Rank.RESOURCES,
         key=tank.name,
+        array_form=None if tank.per_deed else tank.charge_in_arrays,
+        array_check=tank.check_in_arrays,
+        prepare_arrays=tank.prepare_arrays,
     )
 
 
@@ -196,6 +203,59 @@ class _Tank(NamedTuple):
             if rest <= 0 and self.eliminates:
                 ctx.game.eliminate(agent)
 
+    def prepare_arrays(self, state: GameArrays) -> None:
+        """Publish the amounts of many games, (games, agents)."""
+        state.facts[self.name] = self._kept(state.keep, len(state.roster.names))["amounts"]
+
+    def check_in_arrays(self, turn: ArrayTurn, ends: IntArray) -> BoolArray:
+        """Return which moves to these nodes cost more than is left, (games, agents)."""
+        kept = self._kept(turn.keep, ends.shape[1])
+        left, goes = kept["amounts"][turn.games], ends != turn.node
+        prices = np.where(goes, self.per_edge, 0.0)
+        if self.per_metre:
+            prices += np.where(goes, _lengths_in_arrays(turn, ends), 0.0) * self.per_metre
+        kept["prices"][turn.games] = prices
+        is_too_dear = (left <= 0) | (prices > left * (1 + _SLACK))
+        is_refused: BoolArray = is_too_dear & goes & turn.alive & turn.roster.plays_for(self.teams)
+        return is_refused
+
+    def charge_in_arrays(self, turn: ArrayTurn) -> None:
+        """Do what `charge` does in many games."""
+        kept = self._kept(turn.keep, turn.alive.shape[1])
+        before, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
+        prices = np.where(turn.starts != turn.ends, kept["prices"][turn.games], 0.0)
+        rest = before - prices - self.per_turn
+        rest[rest <= before * _SLACK] = 0.0
+        if self.recharge:
+            rest += turn.shared(("recharge", self.name), lambda: self._rates(turn))[turn.node]
+        rest = np.minimum(rest, self.full)
+        is_paying = turn.alive | turn.took_part  # that are in the game, or went out in this turn
+        kept["amounts"][turn.games] = np.where(counts & is_paying, rest, self.start)
+        is_empty = (rest <= 0) & counts & is_paying
+        self._empty(turn, is_empty & (before > 0), is_empty)
+
+    def _empty(self, turn: ArrayTurn, are_new: BoolArray, are_empty: BoolArray) -> None:
+        """Note which agents have nothing left, and put them out if the rule says so, in the order of their names."""
+        for agent in np.flatnonzero((are_empty if self.eliminates else are_new).any(axis=0)).tolist():
+            at = np.flatnonzero(are_new[:, agent])
+            turn.emit(
+                "empty", at, agents={"agent": np.full(len(at), agent)}, values={"resource": [self.name] * len(at)}
+            )
+            if self.eliminates:
+                at = np.flatnonzero(are_empty[:, agent])
+                turn.eliminate(at, np.full(len(at), agent))
+
+    def _kept(self, keep: Callable[[Hashable, Callable[[int], Arrays]], Arrays], agents: int) -> Arrays:
+        """Return what the rule remembers of many games: what agents have, and what their moves cost."""
+        return keep(
+            ("resource", self.name),
+            lambda games: {"amounts": np.full((games, agents), self.start), "prices": np.zeros((games, agents))},
+        )
+
+    def _rates(self, turn: ArrayTurn) -> FloatArray:
+        """Return what an agent gets on each node, (nodes,)."""
+        return np.array([self.recharge.get(node, 0.0) for node in turn.streets.columns.node_ids.tolist()])
+
     def _give(self, ctx: Context, agent: IAgent, amount: float) -> None:
         """Set what an agent has, and let it know."""
         amounts = self._state(ctx)["amounts"]
@@ -222,6 +282,22 @@ class _Tank(NamedTuple):
         else:
             metres = lengths.along(ctx, move.path) if edges and self.per_metre else 0.0
         return edges * self.per_edge + metres * self.per_metre
+
+
+def _lengths_in_arrays(turn: ArrayTurn, ends: IntArray) -> FloatArray:
+    """Return how long the edges of moves are, (games, agents); anything for those that stay."""
+    nodes, columns = len(turn.streets.counts), turn.streets.columns
+
+    def make() -> tuple[IntArray, FloatArray]:
+        ways = columns.sources * nodes + columns.targets
+        order = np.lexsort((columns.lengths, ways))
+        known, first = np.unique(ways[order], return_index=True)
+        return known, columns.lengths[order][first]
+
+    known, lengths = turn.shared("lengths of ways", make)
+    at = np.searchsorted(known, turn.node * nodes + ends)
+    found: FloatArray = lengths[np.minimum(at, len(known) - 1)] if len(known) else np.zeros(ends.shape)
+    return found
 
 
 def _check_declared(ctx: Context, deed: str) -> None:

@@ -20,7 +20,7 @@ from gamms.ir.graph import IntArray
 from gamms.text import as_code, shown
 from gamms.typing import AgentType
 
-_FORM = "array_form"  # the attribute of rules, strategies and resolvers
+_FORM, _CHECK = "array_form", "array_check"  # the attributes of rules, strategies and resolvers
 
 
 class _Group(NamedTuple):
@@ -55,6 +55,7 @@ class ArrayEngine:
             for phase in ("before", "after")
         }
         self._conflicts = _form_of(settings["conflicts"])
+        self._checks = [getattr(one.rule, _CHECK) for one in game.rules if hasattr(one.rule, "check")]
         self._publish_facts(game.facts)
 
     def _publish_facts(self, facts: Mapping[str, Any]) -> None:
@@ -90,12 +91,12 @@ class ArrayEngine:
         if not len(turn.games):
             return
         actions = self._decided(turn, given)
-        ends, blocked = state.streets.step(turn.node, actions), np.zeros(turn.node.shape, np.bool_)
+        wanted = ends = state.streets.step(turn.node, actions)
+        for check in self._checks:
+            ends = np.where(check(turn, wanted), turn.node, ends)
         if self._conflicts is not None:
-            stays = self._conflicts(turn, ends)
-            blocked = stays & (ends != turn.node)
-            ends = np.where(stays, turn.node, ends)
-        turn.move(ends, blocked)
+            ends = np.where(self._conflicts(turn, ends), turn.node, ends)
+        turn.move(ends, ends != wanted)
         self._apply("after", turn)
         turn.close()
 
@@ -221,7 +222,8 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
 
 
 def _rule_lacks_form(named: NamedRule) -> bool:
-    return named.phase == "deeds" or hasattr(named.rule, "check") or _form_of(named.rule) is None
+    has_check = not hasattr(named.rule, "check") or hasattr(named.rule, _CHECK)
+    return named.phase == "deeds" or not has_check or _form_of(named.rule) is None
 
 
 def _form_of(function: object) -> Any:
