@@ -122,6 +122,12 @@ def test_a_building_whose_nodes_are_not_all_in_the_file_is_left_out(square_with)
     assert len(lines_across(walked(path))) == 2
 
 
+def test_an_outline_of_more_nodes_than_ways_have_is_left_out(square_with):
+    path = square_with(IN_THE_MIDDLE)
+    path.write_text(path.read_text().replace('<nd ref="101"/>', '<nd ref="101"/><nd ref="102"/>' * 1000))
+    assert len(lines_across(walked(path))) == 2
+
+
 boxes = st.tuples(*[st.floats(1.0, 80.0)] * 2, *[st.floats(1.0, 18.0)] * 2).map(
     lambda one: block(one[0], one[1], one[0] + one[2], one[1] + one[3])
 )

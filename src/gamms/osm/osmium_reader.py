@@ -547,6 +547,8 @@ class _InTheWay:
 
 
 _WKB_HEADER = 9  # bytes
+_MOST_NODES = 2000  # of a way, as OpenStreetMap has it; outlines of far more take minutes to repair
+_BYTES_PER_CORNER = 100  # of memory, of a building of which only the outline is kept
 
 
 class _Buildings(_Footprints):
@@ -565,7 +567,8 @@ class _Buildings(_Footprints):
         tags = cast("Mapping[str, str]", way.tags)
         if self.part is not None or way.deleted or way.id < 0:
             super()._add_way(way)
-        elif _is_area(way, tags) and self.rules.wall_of(tags):
+        elif len(way.nodes) <= _MOST_NODES and _is_area(way, tags) and self.rules.wall_of(tags):
+            self.lines.allowance.charge(_BYTES_PER_CORNER * len(way.nodes))
             try:
                 self._made.append(self._factory.create_linestring(way, use_nodes.ALL))
             except InvalidLocationError:  # its nodes come later in the file
