@@ -351,6 +351,192 @@ def path_by_hand(leaving, source, target):
     return path[::-1]
 
 
+def agent_look_after_a_move(agents=10_000):
+    """AGENT looks between moves of one agent, against copying the dict that they give."""
+    ctx = context()
+    fill(ctx.graph.graph, 100)
+    rng = random.Random(3)
+    for i in range(agents):
+        ctx.agent.create_agent(f"a_{i}", start_node_id=rng.randrange(10_000))
+    sensor, mover = ctx.sensor.create_sensor("x", ST.AGENT), ctx.agent.get_agent("a_7")
+    sensor.sense(0)
+    ready = sensor.data
+
+    def ours():
+        for node in range(20):
+            mover.current_node_id = node
+            sensor.sense(0)
+        return 20
+
+    def floor():
+        for _ in range(20):
+            ready.copy()
+        return 20
+
+    return ours, floor
+
+
+def near_in_a_straight_line(agents=2000, limit=5.0):
+    """Contacts of two teams by distance, against cells in plain Python."""
+    from gamms.rules import contacts
+
+    ctx = context()
+    fill(ctx.graph.graph, 150)
+    rng = random.Random(3)
+    places = {f"a_{i}": rng.randrange(150 * 150) for i in range(agents)}
+    for i, (name, node) in enumerate(places.items()):
+        ctx.agent.create_agent(name, start_node_id=node, team=i % 2)
+    xy = {id: (x, y) for id, x, y in grid(150)[0]}
+
+    def ours():
+        contacts(ctx, 0, 1, euclid=limit)
+        return agents
+
+    def floor():
+        by_cells(
+            [xy[node] for node in list(places.values())[::2]], [xy[node] for node in list(places.values())[1::2]], limit
+        )
+        return agents
+
+    return ours, floor
+
+
+def by_cells(ours, theirs, limit):
+    """Return the pairs of places that are within a distance."""
+    cells, square = {}, limit * limit
+    for u, v in theirs:
+        cells.setdefault((u // limit, v // limit), []).append((u, v))
+    around = [(dx, dy) for dx in (-1, 0, 1) for dy in (-1, 0, 1)]
+    return [
+        (x, y, u, v)
+        for x, y in ours
+        for dx, dy in around
+        for u, v in cells.get((x // limit + dx, y // limit + dy), ())
+        if (u - x) * (u - x) + (v - y) * (v - y) <= square
+    ]
+
+
+def lattice(n):
+    """A context with an n x n grid, made of arrays."""
+    import numpy as np
+
+    ctx, ids = context(), np.arange(n * n).reshape(n, n)
+    ends = (
+        np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()]),
+        np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()]),
+    )
+    y, x = np.indices((n, n)) * 10.0
+    ctx.graph.add_nodes(ids.ravel(), x.ravel(), y.ravel())
+    ctx.graph.add_edges(np.arange(2 * len(ends[0])), np.concatenate(ends), np.concatenate(ends[::-1]))
+    return ctx
+
+
+def neighborhoods_beyond_what_is_kept(side=700):
+    """Neighbourhoods of random nodes of a large graph, against slices of two lists of ints."""
+    ctx = lattice(side)
+    near, rng = ctx.graph.graph.neighborhoods, random.Random(3)
+    for node in range(side * side):
+        near[node]
+    starts, ids = [0], []
+    for node in range(side * side):
+        ids += near[node]
+        starts.append(len(ids))
+    nodes = []
+
+    def ours():
+        nodes[:] = [rng.randrange(side * side) for _ in range(50_000)]
+        for node in nodes:
+            near[node]
+        return len(nodes)
+
+    def floor():
+        nodes[:] = [rng.randrange(side * side) for _ in range(50_000)]
+        for node in nodes:
+            tuple(ids[starts[node] : starts[node + 1]])
+        return len(nodes)
+
+    return ours, floor
+
+
+def views_beyond_what_is_kept(side=200, views=15_000):
+    """RANGE looks from so many places in turn that not all views are kept, against copies of ready dicts and lists."""
+    ctx = lattice(side)
+    sensor = ctx.sensor.create_sensor("x", ST.RANGE, sensor_range=50.0)
+    nodes = random.Random(3).sample(range(side * side), views)
+    ready = []
+    for node in nodes[:2000]:
+        sensor.sense(node)
+        ready.append(sensor.data)
+
+    def ours():
+        for node in nodes:
+            sensor.sense(node)
+        return views
+
+    def floor():
+        for data in ready:
+            {key: value.copy() for key, value in data.items()}
+        return len(ready)
+
+    return ours, floor
+
+
+def open_map(side=300):
+    """A saved map with bends and attributes into a context, against inflating its ends, places and lengths."""
+    import zlib
+
+    ctx = lattice(side)
+    graph = ctx.graph.graph
+    for id in range(0, 2 * side * (side - 1), 7):
+        line = [(0, 0), (id, 5.0), (10.0, 0)]
+        graph.update_edge({"id": id, "linestring": line, "name": f"street {id % 999}", "lanes": "2"})
+    packed, other = ctx.graph.storage.pack(), context()
+    columns = graph.columns()
+    body = zlib.compress(b"".join(getattr(columns, name).tobytes() for name in ("xy", "sources", "targets", "lengths")))
+
+    def ours():
+        other.graph.storage.unpack(packed)
+        return 1
+
+    def floor():
+        zlib.decompress(body)
+        return 1
+
+    return ours, floor
+
+
+def recorded_states(turns=500):
+    """States of a recording one after the other, against copying what ten agents have in lists."""
+    import io
+
+    import gamms
+
+    ctx, file, rng = context(), io.BytesIO(), random.Random(3)
+    fill(ctx.graph.graph, 20)
+
+    def walk(state):
+        state["action"] = rng.choice(state["legal"])
+
+    for i in range(10):
+        ctx.agent.create_agent(f"a_{i}", start_node_id=i, strategy=walk)
+    ctx.record.start(file)
+    ctx.game.run(turns)
+    ctx.record.stop()
+    file.seek(0)
+    recording = gamms.recorder.open(file)
+    columns = [list(range(10)) for _ in range(10)]
+
+    def ours():
+        return sum(1 for _ in recording)
+
+    def floor():
+        for _ in range(turns):
+            [column.copy() for column in columns]
+        return turns
+
+    return ours, floor
+
+
 CASES = [
     Case("frequent: sense RANGE 50 m again", "sense", sense(ST.RANGE, 100, again=True)),
     Case("frequent: sense ARC 50 m again", "sense", sense(ST.ARC, 100, again=True)),
@@ -362,6 +548,12 @@ CASES = [
     Case("targeted: build a 100x100 grid one by one", "item", build),
     Case("targeted: import", "process", start_up),
     Case("targeted: a path of up to 300 m among 90,000 nodes", "path", near_paths),
+    Case("targeted: AGENT after a move among 10,000", "look", agent_look_after_a_move),
+    Case("targeted: contacts within 5 of 2,000 agents", "agent", near_in_a_straight_line),
+    Case("targeted: neighbourhoods among 490,000", "node", neighborhoods_beyond_what_is_kept),
+    Case("targeted: RANGE from 15,000 places in turn", "look", views_beyond_what_is_kept),
+    Case("targeted: open a saved map, 90,000 nodes", "map", open_map),
+    Case("targeted: states of a recording, 10 agents", "state", recorded_states),
     Case("scenario: the paper's loop, 10 agents", "agent-step", loop(10)),
     Case("scenario: the paper's loop, 1,000 agents", "agent-step", loop(1000)),
     Case("scenario: the paper's loop, 10,000 agents", "agent-step", loop(10000)),

@@ -6,6 +6,7 @@
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from copy import deepcopy
+from itertools import islice
 from math import isfinite
 from typing import Any, TypeVar
 from weakref import WeakSet
@@ -31,7 +32,7 @@ Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...]
 class Neighborhoods(dict[int, tuple[int, ...]]):
     """Node id -> the node itself, then its neighbours; filled when asked: one by one, after a few all at once.
 
-    Of a large graph as many as fit are kept, and the others are read from arrays of all edges.
+    Of a large graph the last ones are kept, and the others are read from arrays of all edges.
     """
 
     # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
@@ -60,17 +61,11 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
 
     def __missing__(self, id: int) -> tuple[int, ...]:
         if self.source is not None:
-            made = self.source[id]
-            if len(self) < _MOST_NEIGHBORHOODS:
-                self[id] = made
-            return made
+            return self._keep(id, self.source[id])
         if self._runs is not None and id not in self._changed and type(id) is int:
             (offsets, ids), row = self._runs, self._store.nodes.index.row(id)
             if 0 <= row < len(offsets) - 1:
-                made = tuple(dict.fromkeys((id, *ids[offsets[row] : offsets[row + 1]])))
-                if len(self) < _MOST_NEIGHBORHOODS:
-                    self[id] = made
-                return made
+                return self._keep(id, tuple(dict.fromkeys((id, *ids[offsets[row] : offsets[row + 1]]))))
         id = records.as_id(id, "a node")
         made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
         self._misses += 1
@@ -79,8 +74,14 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         elif self._misses >= _MANY and len(self._store.nodes) > _MOST_NEIGHBORHOODS and self._runs is None:
             self._runs = self._store.indexes.targets_by_row()
             self._changed.clear()
-        if len(self) < _MOST_NEIGHBORHOODS:
-            self[id] = made
+        return self._keep(id, made)
+
+    def _keep(self, id: int, made: tuple[int, ...]) -> tuple[int, ...]:
+        """Keep a neighbourhood; where there are too many, an eighth of them goes, those that were asked for first."""
+        if len(self) >= _MOST_NEIGHBORHOODS:
+            for first in list(islice(self, max(_MOST_NEIGHBORHOODS // 8, 1))):
+                del self[first]
+        self[id] = made
         return made
 
 
