@@ -30,7 +30,7 @@ def small_map(ctx, edges):
 def test_steps_and_distances_are_those_of_strategies(edges, first, most):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         small_map(ctx, edges)
-        patch.setattr(routes, "_MOST_BYTES", most * 9 * 7)
+        patch.setattr(routes, "_MOST_BYTES", most * 40)
         streets, graph = Streets(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph
         table, ids = RouteTable(streets, "length"), ctx.graph.columns().node_ids
         for one, other in first:  # tables of what is near, which later questions extend

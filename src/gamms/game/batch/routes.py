@@ -1,5 +1,6 @@
 """Distances and steps to many targets for many agents at once: tables of one graph, computed as they are asked for."""
 
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -9,16 +10,18 @@ from gamms.game.batch.columns import BoolArray
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 
-_MOST_BYTES = 512 * 2**20  # of tables; 9 for each node and target
+_MOST_BYTES = 512 * 2**20  # of tables
 _AT_ONCE = 1 << 20  # nodes and edges that are searched at once, in all
-_DETOUR = 2.0  # ways that are longer than so many straight lines are looked for on the whole map
+_DETOURS = (2.0, 6.0, np.inf)  # how long ways are that are looked for first, then, and last, in straight lines
+_SHORT = 0xFFFF  # nodes that have numbers of two bytes, without the last
+_MANY = 255  # actions that have numbers of one byte, without the last
 
 
 class RouteTable:
     """How far it is to targets, and which action leads there: what strategies ask of `ctx.graph`, for arrays.
 
-    A target gets a table of its own when it is first asked for: of the nodes around it, and of the whole map once one
-    farther away asks. When there are too many tables, those that were not used for longest are overwritten.
+    A target gets a table when it is first asked for: of the nodes around it, and of more of the map once one farther
+    away asks. When the tables are too large together, they are made again as they are asked for.
 
     Args:
         streets: the nodes, and which of them are legal from where.
@@ -27,17 +30,19 @@ class RouteTable:
 
     def __init__(self, streets: Streets, weight: str | None) -> None:
         self._streets, self._weight = streets, weight
-        nodes = len(streets.counts)
-        tables = min(nodes, max(1, _MOST_BYTES // (9 * max(nodes, 1))))
-        most = int(streets.counts.max(initial=1))
-        self._none = int(np.iinfo(np.uint8 if most < 255 else np.int32).max)  # stands for no path
-        self._far = np.empty((tables, nodes))  # the system gives memory for what is written alone
-        self._hops = np.empty((tables, nodes), np.uint8 if most < 255 else np.int32)  # actions to the next nodes
-        self._table_of = np.full(nodes, -1, np.int64)
-        self._target_of = np.full(tables, -1, np.int64)
-        self._is_whole = np.zeros(tables, np.bool_)
-        self._used = np.zeros(tables, np.int64)  # when, in queries
-        self._query = 0
+        nodes, most = len(streets.counts), int(streets.counts.max(initial=1))
+        narrow = np.dtype(np.uint16 if nodes < _SHORT else np.int32)
+        tables = min(nodes, max(1, _MOST_BYTES // 2 // (max(nodes, 1) * narrow.itemsize)))
+        values = max(_MOST_BYTES // 2 // 9, 3 * nodes + 1)
+        self._most = max(1, min(tables, (values - 1) // max(3 * nodes, 1)))  # tables that fit if each is extended twice
+        # Memory is taken for what is written alone. Of each table and node the number of its values, from its first:
+        self._ranks = np.empty((tables, nodes), narrow)
+        self._unknown = _SHORT if nodes < _SHORT else -1
+        self._first, self._tables, self._used = np.zeros(tables, np.int64), 0, 1
+        self._table_of, self._level = np.full(nodes, -1, np.int64), np.full(nodes, -1, np.int64)  # by target
+        self._far, self._hops = np.empty(values), np.empty(values, np.uint8 if most < _MANY else np.int32)
+        self._none = _MANY if most < _MANY else -1  # stands for no path
+        self._far[0], self._hops[0] = np.inf, self._none
         self._leaps = _has_triangle(streets)  # from here, a legal node may come later on the way than the next one
         self._entries: tuple[IntArray, IntArray, IntArray] | None = None
 
@@ -46,8 +51,8 @@ class RouteTable:
         sources, targets = np.broadcast_arrays(sources, targets)
         found = np.empty(sources.shape)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
-        for some, tables in self._ready(starts, ends):
-            flat[some] = self._far[tables, starts[some]]
+        for some in self._ready(starts, ends):
+            flat[some] = self._far[self._values(starts[some], ends[some])]
         return found
 
     def actions(self, sources: IntArray, targets: IntArray, allowed: BoolArray | None = None) -> IntArray:
@@ -65,22 +70,22 @@ class RouteTable:
         sources, targets = np.broadcast_arrays(sources, targets)
         found = np.empty(sources.shape, np.int64)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
-        for some, tables in self._ready(starts, ends):
-            flat[some] = self._steps(starts[some], ends[some], tables, allowed)
+        for some in self._ready(starts, ends):
+            flat[some] = self._steps(starts[some], ends[some], allowed)
         return found
 
-    def _steps(self, starts: IntArray, ends: IntArray, tables: IntArray, allowed: BoolArray | None) -> IntArray:
+    def _steps(self, starts: IntArray, ends: IntArray, allowed: BoolArray | None) -> IntArray:
         streets = self._streets
-        hops = self._hops[tables, starts]
+        hops = self._hops[self._values(starts, ends)]
         has_path = hops != self._none
         actions: IntArray = np.where(has_path, hops, 0).astype(np.int64)
         leaping = np.flatnonzero(self._leaps[starts])
         if len(leaping):
-            here, goal, table = starts[leaping], ends[leaping], tables[leaping]
+            here, goal = starts[leaping], ends[leaping]
             reached = actions[leaping]
             at, going = streets.step(here, reached), has_path[leaping] & (reached > 0)
             while going.any():  # on, as long as the next node on the way is legal, too
-                on = streets.step(at, np.where(going, self._hops[table, at], 0))
+                on = streets.step(at, np.where(going, self._hops[self._values(at, goal)], 0))
                 action = streets.action_to(here, on)
                 going &= (action >= 0) & (at != goal)
                 if allowed is not None:
@@ -95,60 +100,69 @@ class RouteTable:
 
     # -- tables -------------------------------------------------------------------------------------------------
 
-    def _ready(self, starts: IntArray, ends: IntArray) -> Any:
-        """Yield queries whose tables are there, as places in `starts`, with the tables; all in one go, if they fit."""
-        self._query += 1
-        targets, most = None, len(self._target_of)
-        if len(ends) > most:
-            targets = np.unique(ends)
-        if targets is None or len(targets) <= most:
-            some: Any = slice(None)
-            yield some, self._tables(starts, ends)
+    def _ready(self, starts: IntArray, ends: IntArray) -> Iterator[Any]:
+        """Yield places in `starts` whose tables are there: all in one go, if they fit."""
+        if self._fill(starts, ends):
+            yield slice(None)
             return
         order = np.argsort(ends, kind="stable")
-        for last in range(most, len(targets) + most, most):
-            first = np.searchsorted(ends[order], targets[last - most])
-            end = np.searchsorted(ends[order], targets[min(last, len(targets)) - 1], side="right")
-            some = order[first:end]
-            self._query += 1
-            yield some, self._tables(starts[some], ends[some])
+        ordered, targets = ends[order], np.unique(ends)
+        for first in range(0, len(targets), self._most):
+            last = targets[min(first + self._most, len(targets)) - 1]
+            some = order[np.searchsorted(ordered, targets[first]) : np.searchsorted(ordered, last, side="right")]
+            while not self._fill(starts[some], ends[some]):  # it starts again with no tables
+                pass
+            yield some
 
-    def _tables(self, starts: IntArray, ends: IntArray) -> IntArray:
-        """Return the tables of some targets, (queries,), with these starts in them."""
+    def _values(self, starts: IntArray, ends: IntArray) -> IntArray:
+        """Return where the values of queries are whose tables are there."""
         tables = self._table_of[ends]
-        lacking = np.flatnonzero(tables < 0)
-        if len(lacking):
-            self._used[tables[tables >= 0]] = self._query
-            xy = self._streets.columns.xy
-            with np.errstate(over="ignore", invalid="ignore"):
-                straight = np.hypot(*(xy[starts[lacking]] - xy[ends[lacking]]).T).max()
-            self._add(np.unique(ends[lacking]), _DETOUR * float(straight))
-            tables = self._table_of[ends]
-        beyond = np.flatnonzero((self._far[tables, starts] == np.inf) & ~self._is_whole[tables])
-        if len(beyond):
-            self._add(np.unique(ends[beyond]), np.inf)
-        self._used[tables] = self._query
-        return tables
+        ranks = self._ranks[tables, starts]
+        found: IntArray = np.where(ranks == self._unknown, 0, self._first[tables] + ranks)
+        return found
 
-    def _add(self, targets: IntArray, cutoff: float) -> None:
-        """Compute the tables of some targets, up to a distance."""
+    def _fill(self, starts: IntArray, ends: IntArray) -> bool:
+        """Compute the tables that are missing; where that is too much, discard all and return False."""
+        xy = self._streets.columns.xy
+        for level, detour in enumerate(_DETOURS):
+            tables = self._table_of[ends]
+            is_missing = tables < 0
+            is_missing |= (self._ranks[tables, starts] == self._unknown) & (self._level[ends] < len(_DETOURS) - 1)
+            missing = np.flatnonzero(is_missing)
+            if not len(missing):
+                return True
+            straight = np.hypot(*(xy[starts[missing]] - xy[ends[missing]]).T).max()
+            cutoff = np.inf if detour == np.inf else detour * float(straight)
+            if not self._add(np.unique(ends[missing]), cutoff, level):
+                return False
+        return True
+
+    def _add(self, targets: IntArray, cutoff: float, level: int) -> bool:
+        """Compute the tables of some targets, up to a distance; where they do not fit, discard all and return False."""
         streets, ids = self._streets, self._streets.columns.node_ids
-        missing = targets[self._table_of[targets] < 0]
-        if len(missing):
-            oldest = np.argsort(self._used, kind="stable")[: len(missing)]
-            self._table_of[self._target_of[oldest][self._target_of[oldest] >= 0]] = -1
-            self._table_of[missing], self._target_of[oldest] = oldest, missing
         size = max(1, _AT_ONCE // (len(ids) + len(streets.columns.edge_ids)))
         for first in range(0, len(targets), size):
             some = targets[first : first + size]
             far, following = streets.queries.tables(ids[some], self._weight, cutoff)
-            tables = self._table_of[some]
-            hops = np.full(far.shape, self._none, self._hops.dtype)
-            lines, rows = np.nonzero(following >= 0)
-            hops[lines, rows] = streets.action_to(rows, following[lines, rows])
-            hops[np.arange(len(some)), some] = 0
-            self._far[tables], self._hops[tables], self._is_whole[tables] = far, hops, cutoff == np.inf
+            lines, rows = np.nonzero(np.isfinite(far))
+            fresh = some[self._table_of[some] < 0]
+            if self._tables + len(fresh) > len(self._first) or self._used + len(rows) > len(self._far):
+                self._table_of[:], self._level[:], self._tables, self._used = -1, -1, 0, 1
+                return False
+            self._table_of[fresh] = np.arange(self._tables, self._tables + len(fresh))
+            self._level[some] = len(_DETOURS) - 1 if cutoff == np.inf else level
+            self._tables += len(fresh)
+            tables, values = self._table_of[some], slice(self._used, self._used + len(rows))
+            begins = np.searchsorted(lines, np.arange(len(some)))
+            ranks = np.full(far.shape, self._unknown, self._ranks.dtype)
+            ranks[lines, rows] = np.arange(len(rows)) - begins[lines]
+            self._ranks[tables], self._first[tables] = ranks, self._used + begins
+            nodes_ahead = following[lines, rows]
+            self._far[values] = far[lines, rows]
+            self._hops[values] = streets.action_to(rows, np.where(nodes_ahead < 0, rows, nodes_ahead))
+            self._used += len(rows)
             self._mark_detours(some, following)
+        return True
 
     def _mark_detours(self, targets: IntArray, following: IntArray) -> None:
         """Note from which nodes an edge to a target is not the shortest way there."""
