@@ -23,6 +23,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rules as rules
     from gamms import scenario as scenario, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
+    from gamms.game.batch import array_strategy
     from gamms.typing import logger
 
 __version__ = "2.0.0.dev0"
@@ -31,6 +32,7 @@ __all__ = [
     "Context",
     "InternalContext",
     "agent",
+    "array_strategy",
     "create_context",
     "graph",
     "logger",
@@ -59,6 +61,7 @@ _MODULES = {
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),
+    "array_strategy": "gamms.game.batch",
     "logger": "gamms.typing",
 }
 

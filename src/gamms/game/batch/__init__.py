@@ -3,11 +3,13 @@
 `games.py` is the front; read it first. A batch plays in arrays (`arrays.py`) where strategies, rules and conflicts of
 the game have an array form, and one game after the other (`one_by_one.py`) where some have none; both give the same
 games. `turn.py` is what array forms of rules get, `view.py` what those of strategies get: `sight.py` says whom sensors
-show them, `routes.py` how far it is. `columns.py` has who plays where.
+show them, `routes.py` how far it is. `columns.py` has who plays where,
+`alone.py` plays array strategies in games that are played alone.
 """
 
+from gamms.game.batch.alone import array_strategy
 from gamms.game.batch.games import Batch
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 
-__all__ = ["ArrayRule", "ArrayStrategy", "ArrayTurn", "ArrayView", "Batch"]
+__all__ = ["ArrayRule", "ArrayStrategy", "ArrayTurn", "ArrayView", "Batch", "array_strategy"]

@@ -149,13 +149,16 @@ class ArrayView(Mapping[str, Any]):
             BadValue: a sensor has no array form.
         """
         if names not in self._sights:
-            state, key = self._state, ("lookouts", self.agents.tobytes(), names)
-            if key not in state.shared:
-                state.shared[key] = lookouts(state.roster.agents, self.agents, names)
-            found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
-            self._sights[names] = found
+            self._sights[names] = self.looked(names)
         found = self._sights[names]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
+
+    def looked(self, names: tuple[str, ...]) -> Seen:
+        """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
+        state, key = self._state, ("lookouts", self.agents.tobytes(), names)
+        if key not in state.shared:
+            state.shared[key] = lookouts(state.roster.agents, self.agents, names)
+        return seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""

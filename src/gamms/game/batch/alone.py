@@ -1,0 +1,110 @@
+"""Strategies that are written in arrays alone: in a game that is played alone they get a view of one game and agent."""
+
+from collections.abc import Callable
+from functools import update_wrapper
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from gamms.arguments import as_context
+from gamms.errors import BadType, BadValue
+from gamms.game.batch.columns import BoolArray, Roster
+from gamms.game.batch.sight import SHOWING_AGENTS, Seen
+from gamms.game.batch.turn import GameArrays
+from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
+from gamms.game.streets import Streets
+from gamms.kernels.draws import BitArray
+from gamms.text import shown
+from gamms.typing import IContext
+
+_KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
+_worlds: WeakKeyDictionary[Any, tuple[Any, Streets, dict[Any, Any]]] = WeakKeyDictionary()
+
+
+def array_strategy(form: ArrayStrategy) -> Callable[[IContext], Callable[[Any], None]]:
+    """Decorator: make a strategy of a function from an `ArrayView` to actions, for batches and for games alone.
+
+    The name stands for a function that makes the strategy, as `gamms.strategies.chase` does: `strategy=hunt(ctx)`, or
+    `strategies={"red": hunt}` in a scenario. The actions are the same in both; a batch asks once a turn for all agents.
+
+    Args:
+        form: returns the numbers of legal nodes, (games, agents).
+
+    Raises:
+        BadType: it cannot be called.
+    """
+    if not callable(form):
+        raise BadType(f"array_strategy needs a function of a view, not {shown(form)}.")
+    name = getattr(form, "__name__", "array strategy")
+
+    def make(ctx: IContext) -> Callable[[Any], None]:
+        as_context(ctx, name)
+
+        def strategy(state: dict[str, Any]) -> None:
+            view = _ViewOfOne(ctx, state)
+            state["action"] = state["legal"][int(view.checked(form(view), name)[0, 0])]
+
+        made: Any = update_wrapper(strategy, form)
+        del made.__wrapped__
+        made.array_form = form
+        return strategy
+
+    documented: Any = update_wrapper(make, form)
+    del documented.__wrapped__  # it takes a context, not a view
+    return make
+
+
+class _DrawsOfOne(ViewDraws):
+    """The draws of `state["draw"]`, as those of a view."""
+
+    def __init__(self, draw: Any) -> None:
+        self._draw = draw
+        super().__init__(np.zeros((1, 1), np.uint64), np.zeros(1, np.int64))
+
+    def bits_of(self, counted: BoolArray | int) -> BitArray:
+        """Return 64 random bits, if they count."""
+        return np.array([[self._draw.bits() if np.any(counted) else 0]], np.uint64)
+
+
+class _ViewOfOne(ArrayView):
+    """What the state of one agent holds, as a view of one game with one agent."""
+
+    def __init__(self, ctx: IContext, state: dict[str, Any]) -> None:
+        roster = Roster.of(ctx.agent.agents.values())
+        streets, shared = _world(ctx)
+        number, node = roster.names.index(state["name"]), streets.rows(state["curr_pos"])
+        game = GameArrays(roster, streets, [ctx.seed], np.full((1, len(roster.names)), node))
+        game.turn[0], game.facts, game.shared = state["turn"], state["facts"], shared
+        game.blocked[0, number] = "in conflict" in (state.get("blocked") or "")
+        game.kept = state["memory"].setdefault(_KEPT, {})
+        super().__init__(game, np.zeros(1, np.int64), np.array([number]))
+        self.draw = _DrawsOfOne(state["draw"])
+        self._sensed = state["sensor"]
+        legal = streets.ids(streets.legal[node][: int(self.counts[0, 0])])
+        if legal.tolist() != list(state["legal"]):
+            raise BadValue(
+                f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
+                "no speed, and leave ctx.game.legal as it is."
+            )
+
+    def looked(self, names: tuple[str, ...]) -> Seen:
+        """Return what `state["sensor"]` shows."""
+        found: dict[str, int] = {}
+        for name, (kind, data) in self._sensed.items():
+            if kind in SHOWING_AGENTS and (not names or name in names):
+                found.update(data)
+        own = self.roster.names[self.agents[0]]
+        number = {name: i for i, name in enumerate(self.roster.names) if name in found and (names or name != own)}
+        nodes = self.streets.rows([found[name] for name in number])
+        none = np.zeros(len(number), np.int64)
+        return Seen((1, 1, len(self.roster.names)), none, none, np.array([*number.values()], np.int64), nodes)
+
+
+def _world(ctx: IContext) -> tuple[Streets, dict[Any, Any]]:
+    """Return the streets of a context, and what was worked out of them; made once for each revision of the graph."""
+    revision = ctx.graph.graph.revision
+    known = _worlds.get(ctx)
+    if known is None or revision is None or known[0] != revision:
+        known = _worlds[ctx] = revision, Streets(ctx.graph.columns(), ctx.graph.routes), {}
+    return known[1], known[2]

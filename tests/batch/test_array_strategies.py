@@ -1,0 +1,67 @@
+"""Strategies that are written in arrays alone play the same in games alone and in batches."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadType, BadValue
+
+SEEING = {
+    "sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}},
+    "teams": {
+        team: {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]} for team in ("red", "blue")
+    },
+}
+
+
+@gamms.array_strategy
+def hunt(view):
+    """Go to an enemy in sight in every second turn; walk at random in the others."""
+    actions, seen = view.draw.below(view.counts), view.enemies()
+    kept = view.keep("turns", lambda games: {"asked": np.zeros((games, 6), np.int64)})
+    asked = kept["asked"][np.ix_(view.games, view.agents)]
+    kept["asked"][np.ix_(view.games, view.agents)] = asked + view.mask
+    hunts = asked[seen.at, seen.viewers] % 2 == 0
+    at, viewers = seen.at[hunts], seen.viewers[hunts]
+    towards = view.routes().actions(view.node[at, viewers], seen.nodes[hunts])
+    actions[at, viewers] = np.maximum(towards, 0)
+    again = view.only(actions == 0)
+    return np.where(again.mask, again.draw.below(view.counts), actions)
+
+
+def test_an_array_strategy_plays_the_same_alone_and_in_batches(same_as_one_by_one):
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+    same_as_one_by_one(scene([tag], **SEEING), [1, 2, 3], {"red": hunt})
+
+
+def test_it_plays_in_games_that_have_no_array_form():
+    noisy = {**SEEING, "sensors": {"near": {**SEEING["sensors"]["near"], "position_noise_m": 6.0}}}
+    scenario = scene(**noisy)
+    with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:
+        assert "position noise" in games.slow
+        games.run()
+        assert plain(games.result(1)) == plain(scenario.play(seed=4, strategies={"red": hunt}))
+
+
+def test_games_with_it_go_on_from_snapshots_and_resets():
+    with scene(**SEEING).build(seed=1, strategies={"red": hunt}) as ctx:
+        ctx.game.run(6)
+        before = ctx.game.snapshot()
+        ctx.game.run(6)
+        first = plain(ctx.game.result())
+        ctx.game.restore(before)
+        ctx.game.run(6)
+        assert plain(ctx.game.result()) == first
+
+
+def test_what_it_cannot_do_is_refused():
+    with pytest.raises(BadType, match="array_strategy needs a function"):
+        gamms.array_strategy(3)
+    with scene(**SEEING).build(seed=1, strategies={"red": gamms.array_strategy(lambda view: view.counts)}) as ctx:
+        with pytest.raises(BadValue, match="is not the number of a legal node"):
+            ctx.game.step()
+        ctx.game.reset()
+        ctx.agent.get_agent("red_0").speed = 3.0
+        with pytest.raises(BadValue, match="one edge in a turn"):
+            ctx.game.step()
