@@ -115,7 +115,7 @@ def maps(draw):
     return draw(st.lists(st.tuples(st.sampled_from([0.5, 0.7, 1.1]), st.booleans()), min_size=33, max_size=33))
 
 
-def open_game(streets, agents, rules, conflicts):
+def open_game(streets, agents, rules, conflicts, early=()):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     for number, node in enumerate(NODES):
         ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4})
@@ -129,8 +129,8 @@ def open_game(streets, agents, rules, conflicts):
     for name, (team, node) in agents.items():
         ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=random_walk)
     ctx.game.add(territory.published({node: "red" if node < 20 else "blue" for node in NODES}, "land"))
-    for rule in rules:
-        ctx.game.add(rule)
+    for number, rule in enumerate(rules):
+        ctx.game.add(rule, phase="before" if number in early else "after")
     ctx.game.conflicts = conflicts
     return ctx
 
@@ -143,10 +143,11 @@ def open_game(streets, agents, rules, conflicts):
     conflicts=st.one_of(st.none(), conflicts),
     seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
     restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
+    early=st.sets(st.integers(0, 9), max_size=2),
 )
-def test_a_game_of_a_batch_is_the_game_that_is_played_alone(streets, places, rules, conflicts, seeds, restart):
+def test_a_game_of_a_batch_is_the_game_that_is_played_alone(streets, places, rules, conflicts, seeds, restart, early):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
-    with open_game(streets, agents, rules, conflicts) as ctx, ctx.game.batch(seeds=seeds) as games:
+    with open_game(streets, agents, rules, conflicts, early) as ctx, ctx.game.batch(seeds=seeds) as games:
         assert games.slow is None
         for _ in range(restart[0]):
             games.step()

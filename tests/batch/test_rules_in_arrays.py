@@ -170,3 +170,13 @@ def test_a_game_of_agents_of_no_team_is_over_for_the_last_team():
         with ctx.game.batch(2) as games:
             games.run()
             assert games.table()["reason"].tolist() == ["last team"] * 2
+
+
+def test_a_game_that_has_begun_goes_on_one_by_one():
+    with scene([OUT], side=4).build(seed=1) as ctx:
+        ctx.game.step()
+        with ctx.game.batch(seeds=[1]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow == "a game that has begun"
+            games.run()
+            alone.game.reset(seed=1)
+            assert plain(games.result(0)) == plain(alone.game.run())

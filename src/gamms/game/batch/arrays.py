@@ -9,7 +9,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
 from gamms.game.batch.sight import why_not_seen
-from gamms.game.batch.turn import ArrayTurn, GameArrays
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays
 from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.game.order import COUNTED
 from gamms.game.result import Result
@@ -83,11 +83,13 @@ class ArrayEngine:
             given: team -> the actions of its agents, (games, agents), in place of their strategies.
         """
         state = self.state
-        turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
-        if self._rules["before"]:
-            self._apply("before", turn)
-            turn.close()
+        for named, form in self._rules["before"]:  # a game that one of them ends is over for the others
             turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
+            starts, ends, took_part = state.last_moves
+            turn.starts, turn.ends, turn.took_part = starts[turn.games], ends[turn.games], took_part[turn.games]
+            self._call(named, form, turn)
+            turn.close()
+        turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
         if not len(turn.games):
             return
         actions = self._decided(turn, given)
@@ -97,7 +99,11 @@ class ArrayEngine:
         if self._conflicts is not None:
             ends = np.where(self._conflicts(turn, ends), turn.node, ends)
         turn.move(ends, ends != wanted)
-        self._apply("after", turn)
+        if self._rules["before"]:
+            for column, values in zip(state.last_moves, (turn.starts, turn.ends, turn.took_part), strict=True):
+                column[turn.games] = values
+        for named, form in self._rules["after"]:
+            self._call(named, form, turn)
         turn.close()
 
     def _decided(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> IntArray:
@@ -127,13 +133,12 @@ class ArrayEngine:
                     raise
         return actions
 
-    def _apply(self, phase: str, turn: ArrayTurn) -> None:
-        for named, form in self._rules[phase]:
-            try:
-                form(turn)
-            except Exception as error:
-                error.add_note(f"In the rule {named.name!r} (phase {phase!r}) of a batch.")
-                raise
+    def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
+        try:
+            form(turn)
+        except Exception as error:
+            error.add_note(f"In the rule {named.name!r} (phase {named.phase!r}) of a batch.")
+            raise
 
     def view(self, team: Hashable) -> ArrayView:
         """Return what the agents of a team observe, in all games."""
@@ -196,6 +201,8 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
         (settings["max_turns"] == 0, "a game of no turns"),
+        (game.turn > 0 or bool(game.scores), "a game that has begun"),
+        (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
     reasons += [
         (agent.type is AgentType.AERIAL or agent.speed is not None, f"agent {agent.name!r}, which flies or has a speed")

@@ -87,6 +87,8 @@ class GameArrays:
         seeds: of the games.
         node, start: (games, agents) rows of nodes: where agents are, and where they began.
         alive: (games, agents)
+        last_moves: starts, ends and which agents took part in the last turn, (games, agents) each, where rules of the
+            phase "before" need them.
         turn: (games,) how many turns were played.
         scores: key -> (games,) numbers.
         has_score: key -> (games,) whether the score was set.
@@ -106,6 +108,7 @@ class GameArrays:
         games, shape = len(seeds), (len(seeds), len(roster.names))
         self.start = start
         self.node, self.alive = start.copy(), np.ones(shape, np.bool_)
+        self.last_moves = start.copy(), start.copy(), np.zeros(shape, np.bool_)
         self.turn = np.zeros(games, np.int64)
         self.scores: dict[Hashable, FloatArray] = {}
         self.has_score: dict[Hashable, BoolArray] = {}
@@ -132,6 +135,7 @@ class GameArrays:
         self.start[games] = self.node[games] = start
         self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
         self.blocked[games] = False
+        self.last_moves[2][games] = False
         for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
             numbers[games] = 0
         for key, make in self._makers.items():
@@ -192,7 +196,7 @@ class ArrayTurn:
         seeds: (games,)
         roster: the agents, in the order of their names.
         streets: the graph.
-        starts: where the agents were before they moved.
+        starts: where the agents were before they moved; before a turn, in the last one.
         ends: where they went, conflicts included.
         took_part: which of them were alive then.
         node: where they are now; `respawn` writes it.
