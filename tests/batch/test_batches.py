@@ -163,5 +163,23 @@ def test_games_of_a_context_go_on_from_where_it_is():
 
 
 def test_a_batch_that_does_not_fit_is_refused_before_it_is_built():
-    with pytest.raises(gamms.errors.TooLarge, match="10000000 games"):
+    with pytest.raises(
+        gamms.errors.TooLarge, match=r"10000000 games with 6 agents each, of which \d+ would fit, would take"
+    ):
         scene().batch(10_000_000)
+
+
+def test_an_error_of_a_strategy_names_game_agent_and_turn():
+    def fall(state):
+        if state["turn"] == 2 and state["name"] == "red_1":
+            raise ZeroDivisionError("fell")
+        state["action"] = state["curr_pos"]
+
+    with scene().batch(3, seed=5, strategies={"red": fall}) as games:
+        assert games.slow is not None
+        with pytest.raises(ZeroDivisionError) as caught:
+            games.run()
+        notes = " ".join(caught.value.__notes__)
+        assert "game 0 of a batch, with the seed 5" in notes
+        assert "red_1" in notes
+        assert "turn 2" in notes

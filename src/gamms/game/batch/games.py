@@ -15,7 +15,7 @@ from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
 from gamms.game.settings import Plan
 from gamms.ir.graph import IntArray
-from gamms.limits import refuse_above
+from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
 from gamms.text import shown
 
@@ -55,10 +55,10 @@ class Batch:
         self.slow = source.follows_seed or why_not_in_arrays(source.game)
         self._roster = Roster.of(source.game.agents)
         per_agent = _BYTES_PER_AGENT if self.slow is None else _BYTES_PER_SNAPSHOT
-        refuse_above(
-            len(seeds) * len(self._roster.names) * per_agent,
-            f"A batch of {len(seeds)} games with {len(self._roster.names)} agents each",
-        )
+        agents = len(self._roster.names)
+        fitting = int(max_memory() // max(1, agents * per_agent))
+        what = f"A batch of {len(seeds)} games with {agents} agents each, of which {fitting} would fit,"
+        refuse_above(len(seeds) * agents * per_agent, what)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is None:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))

@@ -1,6 +1,7 @@
 """Plays the games of a batch one after the other in one context, for games of which some part has no array form."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -57,7 +58,8 @@ class OneByOneEngine:
                 own = {team: Plan(acting(self._names_of(team), actions[number])) for team, actions in wanted.items()}
                 game.plans = {**team_plans, **own}
             try:
-                game.step()
+                with self._named(number):
+                    game.step()
             finally:
                 if wanted:
                     game.plans = team_plans
@@ -67,8 +69,18 @@ class OneByOneEngine:
         """Play a game to its end."""
         game = self._load(number)
         last = None if self._last is None else max(0, self._last - game.turn)
-        game.run(last)
+        with self._named(number):
+            game.run(last)
         self._store(number)
+
+    @contextmanager
+    def _named(self, number: int) -> Iterator[None]:
+        """Say of errors in which game they are."""
+        try:
+            yield
+        except Exception as error:
+            error.add_note(f"In game {number} of a batch, with the seed {self.seeds[number]}.")
+            raise
 
     def view(self, team: Hashable) -> ArrayView:
         """Return what the agents of a team observe, in all games."""
