@@ -39,11 +39,12 @@ class Draws:
         name: of the agent.
     """
 
-    __slots__ = ("_clock", "_count", "_key", "_name", "_seed", "_turn")
+    __slots__ = ("_clock", "_count", "_first", "_key", "_name", "_seed", "_turn")
 
     def __init__(self, seed: int, clock: GameState | _Moment, name: str) -> None:
         self._seed, self._clock, self._name = seed, clock, name
         self._turn, self._key, self._count = -1, 0, 0
+        self._first: int | None = None  # what the keys of all turns follow from
 
     def __reduce__(self) -> tuple[Any, ...]:
         # A copy goes on by itself from here: the game stays where it is.
@@ -75,9 +76,10 @@ class Draws:
         """Return 64 random bits."""
         turn = self._clock.turn
         if turn != self._turn:
-            purpose = kernels.purpose_key(self._seed, "agent")
+            if self._first is None:
+                self._first = kernels.first_key(kernels.purpose_key(self._seed, "agent"), kernels.name_key(self._name))
             self._turn, self._count = turn, 0
-            self._key = kernels.turn_key(purpose, kernels.name_key(self._name), turn)
+            self._key = kernels.later_key(self._first, turn)
         count = self._count
         self._count = count + 1
         return kernels.bits_at(self._key, count)

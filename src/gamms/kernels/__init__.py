@@ -23,9 +23,11 @@ from gamms.kernels.draws import (
     draw_bits_each,
     draw_bits_many,
     draw_bits_rows,
+    first_key,
     first_key_rows,
     fraction,
     fraction_many,
+    later_key,
     later_key_rows,
     name_key,
     name_keys,
@@ -34,7 +36,6 @@ from gamms.kernels.draws import (
     purpose_key,
     stream,
     stream_key,
-    turn_key,
 )
 from gamms.kernels.fields_of_view import (
     Quaternion,

@@ -44,7 +44,17 @@ def name_keys(names: Iterable[str]) -> BitArray:
 
 def turn_key(purpose: int, name: int, turn: int) -> int:
     """Return what all draws of one purpose, name and turn start from; see `draw_bits`."""
-    return _mix(_mix(purpose ^ name) + turn * _GAMMA)
+    return later_key(first_key(purpose, name), turn)
+
+
+def first_key(purpose: int, name: int) -> int:
+    """Return what `later_key` makes the `turn_key` of each turn of."""
+    return _mix(purpose ^ name)
+
+
+def later_key(first: int, turn: int) -> int:
+    """Return the `turn_key` of a turn."""
+    return _mix(first + turn * _GAMMA)
 
 
 def bits_at(key: int, k: int) -> int:

@@ -152,7 +152,7 @@ def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Cont
     """Return all contacts of a turn in the order that `contacts` promises; two agents may have several."""
     agents = [agent for agent in ctx.game.agents if nearness.air or agent.type is not AgentType.AERIAL]
     ours, theirs = [agent for agent in agents if is_a(agent)], [agent for agent in agents if is_b(agent)]
-    if not ours or not theirs:
+    if not ours or not theirs or (nearness.unit is None and _are_apart(ctx, ours, theirs)):
         return []
     sides = _tracked(ctx, ours, passing=nearness.passing), _tracked(ctx, theirs, passing=nearness.passing)
     in_space = agents if nearness.unit == "euclid" and nearness.air else ()
@@ -166,6 +166,21 @@ def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Cont
     if nearness.crossing:
         met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
     return [Contact(a, b, distance, time, *nodes) for time, distance, _, a, b, *nodes in _ranked(ctx, met)]
+
+
+def _are_apart(ctx: Context, ours: list[IAgent], theirs: list[IAgent]) -> bool:
+    """Whether all went one edge or none, to nodes of their own, and no two towards each other: then none have met."""
+    # NOTE: most turns are like that; tracks of all agents take a quarter of a small game (benchmarks/README.md).
+    moves = ctx.game.internals.state.moves
+    if moves is None or moves.actions:
+        return False
+    here = {agent.current_node_id for agent in ours}
+    if not here.isdisjoint([agent.current_node_id for agent in theirs]):
+        return False
+    index_of, starts, ends = moves.order.index_of, moves.starts, moves.ends
+    rows, others = ([index_of[one.name] for one in side if one.name in index_of] for side in (ours, theirs))
+    ways = {(starts[i], ends[i]) for i in rows}
+    return not any((ends[i], starts[i]) in ways for i in others)
 
 
 def _met_on_travels(
