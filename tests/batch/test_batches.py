@@ -183,3 +183,28 @@ def test_an_error_of_a_strategy_names_game_agent_and_turn():
         assert "game 0 of a batch, with the seed 5" in notes
         assert "red_1" in notes
         assert "turn 2" in notes
+
+
+def test_agents_on_edges_are_observed_where_they_are():
+    scenario = scene(settings={"speed_unit": "metres"})
+    scenario = scenario.replace(**{"teams.red.speed": 3.5, "teams.blue.speed": 10.0})
+    with scenario.batch(2, seed=1) as games:
+        assert "metres" in games.slow
+        for _ in range(3):
+            games.step()
+        view = games.observe("red")
+        assert view["edge"].shape == (2, 3, 3)
+        for number in range(2):
+            with scenario.build(seed=1 + number) as ctx:
+                for _ in range(3):
+                    ctx.game.step()
+                for i, name in enumerate(view["name"]):
+                    state = ctx.game.observation(name)
+                    assert tuple(view["xy"][number, i]) == pytest.approx(state["xy"])
+                    assert view["offset_m"][number, i] == state["offset_m"]
+                    edge = tuple(view["edge"][number, i].tolist())
+                    assert edge == ((-1, -1, -1) if state["edge"] is None else state["edge"])
+    with scene().batch(2) as games:
+        view = games.observe("red")
+        assert (view["edge"] == -1).all()
+        assert view["xy"].shape == (2, 3, 2)

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
-from gamms.game.batch.turn import GameArrays
+from gamms.game.batch.turn import GameArrays, Places
 from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
 from gamms.game.settings import Plan
@@ -89,11 +89,15 @@ class OneByOneEngine:
         agents, streets = roster.members(team), Streets(graph.columns(), graph.routes)
         shape = len(self.seeds), len(roster.names)
         state = GameArrays(roster, streets, self.seeds, np.zeros(shape, np.int64))
+        state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
         for number in range(len(self.seeds)):
             game = self._load(number)
             state.turn[number] = game.turn
             state.node[number] = streets.rows([agent.current_node_id for agent in roster.agents])
             state.alive[number] = [agent.alive for agent in roster.agents]
+            for i, agent in enumerate(roster.agents):
+                state.places.offset_m[number, i], state.places.xy[number, i] = agent.offset_m, agent.xy
+                state.places.edge[number, i] = (-1, -1, -1) if agent.edge is None else agent.edge
         return ArrayView(state, np.arange(len(self.seeds)), agents)
 
     def overs(self) -> list[dict[str, Any] | None]:

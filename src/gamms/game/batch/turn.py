@@ -78,6 +78,14 @@ class EventLog:
             unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
 
 
+class Places(NamedTuple):
+    """Where agents are that may be on edges; arrays begin with the games and the agents."""
+
+    edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
+    offset_m: FloatArray  # (games, agents)  metres along it
+    xy: FloatArray  # (games, agents, 2)  map units
+
+
 class GameArrays:
     """The state of all games of a batch.
 
@@ -101,6 +109,7 @@ class GameArrays:
         events: of all games.
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
+        places: where agents on edges are, in games by metres; None: all are on their nodes.
     """
 
     def __init__(self, roster: Roster, streets: Streets, seeds: Sequence[int], start: IntArray) -> None:
@@ -121,6 +130,7 @@ class GameArrays:
         self.facts: dict[str, Any] = {}
         self.events = EventLog(games)
         self.shared: dict[Hashable, Any] = {}
+        self.places: Places | None = None
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None

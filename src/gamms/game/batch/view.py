@@ -11,7 +11,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import BoolArray
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
-from gamms.game.batch.turn import Arrays, GameArrays
+from gamms.game.batch.turn import Arrays, GameArrays, Places
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -120,6 +120,14 @@ class ArrayView(Mapping[str, Any]):
         is_legal = np.arange(padded.shape[-1]) < self.counts[..., None]
         return np.where(is_legal, self.streets.ids(padded), -1)
 
+    def places(self) -> Places:
+        """Return where the agents are: in games by metres some may be on edges."""
+        known, rows = self._state.places, np.ix_(self.games, self.agents)
+        if known is None:
+            shape = self.node.shape
+            return Places(np.full((*shape, 3), -1), np.zeros(shape), self.streets.columns.xy[self.node])
+        return Places(known.edge[rows], known.offset_m[rows], known.xy[rows])
+
     def action_to(self, nodes: Any) -> IntArray:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal.
 
@@ -225,6 +233,9 @@ class ArrayView(Mapping[str, Any]):
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "curr_pos": lambda view: view.streets.ids(view.node),
+    "edge": lambda view: view.places().edge,
+    "offset_m": lambda view: view.places().offset_m,
+    "xy": lambda view: view.places().xy,
     "legal": ArrayView._legal,
     "mask": lambda view: view.mask,
     "name": ArrayView._names,
