@@ -6,6 +6,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 
@@ -208,3 +209,58 @@ def test_agents_on_edges_are_observed_where_they_are():
         view = games.observe("red")
         assert (view["edge"] == -1).all()
         assert view["xy"].shape == (2, 3, 2)
+
+
+def test_games_that_were_begun_again_are_recorded_with_their_own_actions(tmp_path):
+    for speed in (None, 1.0):  # in arrays, and one by one
+        scenario = scene([TAG]) if speed is None else scene([TAG]).replace(**{"teams.blue.speed": speed})
+        with scenario.batch(3, seed=4, record=True) as games:
+            games.step()
+            games.step({"red": games.observe("red").counts - 1})
+            games.reset([1])
+            for turn in range(4):
+                games.step({"red": (games.observe("red").counts - 1) * (turn % 2)})
+            games.run()
+            for number in range(3):
+                games.record(number, tmp_path / "game.ggr")
+                with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+                    state = recording.state(recording.turns)
+                    nodes = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
+                expected = games.result(number)
+                assert recording.turns == expected.turns
+                assert nodes == {name: agent["node"] for name, agent in expected.agents.items()}
+
+
+def test_plans_of_other_teams_decide_beside_actions_that_are_given(tmp_path):
+    (tmp_path / "plans.py").write_text(
+        "def corner(states):\n    for state in states.values():\n        state['action'] = state['legal'][-1]\n"
+    )
+    raw = {**scene([TAG]).to_dict()}
+    raw["teams"]["blue"] = {"count": 3, "plan": "plans:corner"}
+    with Scenario(folder=tmp_path, **raw).batch(2, seed=1, record=True) as games:
+        for _ in range(4):
+            games.step({"red": games.observe("red").counts * 0})
+        games.record(1, tmp_path / "game.ggr")
+        with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+            state = recording.state(4)
+            nodes = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
+        assert nodes == {name: agent["node"] for name, agent in games.result(1).agents.items()}
+
+
+def test_a_rule_that_raises_leaves_a_turn_that_was_played():
+    def fail(turn):
+        raise ZeroDivisionError("fell")
+
+    def rule(_):
+        pass
+
+    rule.array_form = fail
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(rule)
+        with ctx.game.batch(2, seed=3) as games:
+            before = games.observe("red")["curr_pos"]
+            with pytest.raises(ZeroDivisionError):
+                games.step()
+            assert games.turn.tolist() == [1, 1]
+            moved = (games.observe("red")["curr_pos"] != before).sum()
+            assert sum(games.result(i).agents[f"red_{k}"]["moves"] for i in range(2) for k in range(3)) == moved

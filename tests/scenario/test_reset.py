@@ -161,6 +161,17 @@ def test_a_game_that_is_reset_to_a_seed_is_the_game_of_that_seed(game, seeds, pl
     assert recorded(ctx) == recorded(game.build(seed=seeds[-1]))
 
 
+def test_a_game_is_that_of_its_seed_also_after_a_snapshot_of_another_seed(game):
+    ctx = game.build(seed=3)
+    ctx.game.run(2)
+    of_another = ctx.game.snapshot()
+    ctx.game.reset(5)
+    ctx.game.run(1)
+    ctx.game.restore(of_another)
+    ctx.game.reset(7)
+    assert recorded(ctx) == recorded(game.build(seed=7))
+
+
 def test_the_demo_is_drawn_again():
     game = scenario.load(FILE).replace(max_turns=4)
     with game.build() as ctx:

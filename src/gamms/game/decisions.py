@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, GammsError
 from gamms.game.order import AgentSlot, Commanded, IllegalAction, Legality, ResolvedAction
+from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
@@ -23,7 +24,6 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue
-from gamms.ir.graph import FloatArray
 from gamms.kernels.draws import BitArray
 
 State = dict[str, Any]  # of an agent
@@ -40,7 +40,7 @@ def _keys_of(names: tuple[str, ...]) -> BitArray:
     return kernels.name_keys(names)
 
 
-class TeamDraws:
+class TeamDraws(ArrayDraws):
     """The keyed draws of several agents: each call gives one number for each agent, (agents,).
 
     They are those that the agents get from their `state["draw"]` in the same turn, call by call.
@@ -62,21 +62,6 @@ class TeamDraws:
             self._keys = _keys_of(self._names)
         self._count += 1
         return kernels.draw_bits_many(self._purpose, self._keys, self._turn, self._count - 1)
-
-    def random(self) -> FloatArray:
-        """Return a number in [0, 1) for each agent."""
-        return kernels.fraction_many(self.bits())
-
-    def below(self, n: IntArray | int) -> IntArray:
-        """Return an integer from 0 to `n - 1` for each agent; `n` is one number, or one for each agent.
-
-        Raises:
-            BadValue: one of `n` is not between 1 and 2 ** 32.
-        """
-        bounds = np.asarray(n)
-        if bounds.size and not (bounds.min() >= 1 and bounds.max() <= 1 << 32):
-            raise BadValue(f"draw.below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
-        return kernels.below_many(self.bits(), bounds)
 
 
 class TeamArrays:

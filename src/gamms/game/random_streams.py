@@ -1,6 +1,7 @@
 """Random numbers of a game: those of agents, which follow from the turn, and the global generators."""
 
 import random
+from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
@@ -14,6 +15,8 @@ from numpy.random.mtrand import get_bit_generator, set_bit_generator
 from gamms import kernels
 from gamms.errors import BadValue
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.context import HostContext
 
@@ -105,6 +108,29 @@ class Draws:
             BadValue: there is none.
         """
         return options[self.below(len(options))]
+
+
+class ArrayDraws:
+    """Keyed draws of many agents at once: each call gives one number for each."""
+
+    @abstractmethod
+    def bits(self) -> BitArray:
+        """Return 64 random bits for each."""
+
+    def random(self) -> FloatArray:
+        """Return a number in [0, 1) for each."""
+        return kernels.fraction_many(self.bits())
+
+    def below(self, n: IntArray | int) -> IntArray:
+        """Return an integer from 0 to `n - 1` for each; `n` is one number, or one for each.
+
+        Raises:
+            BadValue: one of `n` is not between 1 and 2 ** 32.
+        """
+        bounds = np.asarray(n)
+        if bounds.size and not (bounds.min() >= 1 and bounds.max() <= 1 << 32):
+            raise BadValue(f"draw.below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
+        return kernels.below_many(self.bits(), bounds)
 
 
 def _draws_at(seed: int, name: str, turn: int, count: int) -> Draws:

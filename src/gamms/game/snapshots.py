@@ -198,7 +198,7 @@ def _write(state: GameState, values: dict[str, Any]) -> None:
 
 
 _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state -> how it is copied
-    **dict.fromkeys(("turn", "last_turn", "start", "has_begun", "moves"), lambda value, _: value),
+    **dict.fromkeys(("turn", "last_turn", "start", "drawn", "has_begun", "moves"), lambda value, _: value),
     **dict.fromkeys(("over", "team_memories", "data"), copied),
     **dict.fromkeys(("players", "began", "scores", "facts", "timings", "blocked"), lambda value, _: dict(value)),
     **dict.fromkeys(("agent_facts", "team_facts"), lambda value, _: {to: dict(facts) for to, facts in value.items()}),
@@ -206,7 +206,7 @@ _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state
     "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
     "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},
 }
-_OWN = frozenset({"start", "has_begun", "moves", "players", "began"})  # what a fork has of its own
+_OWN = frozenset({"start", "drawn", "has_begun", "moves", "players", "began"})  # what a fork has of its own
 
 
 # -- forks ------------------------------------------------------------------------------------------------------

@@ -17,7 +17,7 @@ class Streets:
         columns: of the graph.
         queries: `ctx.graph.routes`.
         counts: (nodes,) how many nodes are legal from each, its own included.
-        offsets: (nodes,) where those of each node begin in `targets`.
+        offsets: (nodes + 1,) those of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: rows of nodes; of each node its own first, then its neighbours in the order of `state["legal"]`.
     """
 
@@ -25,7 +25,6 @@ class Streets:
         self.columns, self.queries = columns, queries
         self.offsets, self.targets = kernels.neighborhoods(columns.sources, columns.targets, len(columns.node_ids))
         self.counts: IntArray = np.diff(self.offsets)
-        self.offsets = self.offsets[:-1]
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
         self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")
         self._padded: IntArray | None = None
@@ -57,15 +56,13 @@ class Streets:
         if self._padded is None:
             most = int(self.counts.max(initial=1))
             columns = np.minimum(np.arange(most), self.counts[:, None] - 1)
-            padded = self.targets[self.offsets[:, None] + columns]
+            padded = self.targets[self.offsets[:-1, None] + columns]
             self._padded = np.where(np.arange(most) < self.counts[:, None], padded, np.arange(len(padded))[:, None])
         return self._padded
 
     def legal_of(self, rows: IntArray) -> tuple[IntArray, IntArray]:
         """Return the legal nodes from some nodes as offsets (nodes + 1,) and rows, one after the other."""
-        ends = np.zeros(len(rows) + 1, np.int64)
-        np.cumsum(self.counts[rows], out=ends[1:])
-        places = np.arange(ends[-1]) + np.repeat(self.offsets[rows] - ends[:-1], self.counts[rows])
+        places, ends = kernels.chosen_runs(self.offsets, rows)
         return ends, self.targets[places]
 
     def step(self, rows: IntArray, actions: IntArray) -> IntArray:

@@ -48,6 +48,11 @@ class LogHistory:
         self._last = last
         return last
 
+    def clear(self, log: list[Any]) -> None:
+        """Empty a log; what is appended from now on is another history, also once it is as long."""
+        log.clear()
+        self._last = _EMPTY
+
     def go_to(self, log: list[Any], point: LogPoint) -> None:
         """Cut or extend a log so that it is as it was at a point of its own."""
         here, there, missing = self.mark(log), point, []
@@ -104,6 +109,7 @@ class GameState:
         last_turn: the turn after which the latest `run` stops; None: no such.
         began: agent -> where it began, for a game that was resumed from a recording.
         start: the snapshot to which `reset` returns; None before the first turn. Any: it holds what all engines gave.
+        drawn: what a scenario has made for the seed of the start; replaced, never changed. Any: the builder's own form.
         has_begun: whether a turn was played since the game was created, reset or resumed.
         stream_version: changes whenever all random streams begin again.
         histories: of each log, for snapshots.
@@ -132,6 +138,7 @@ class GameState:
     last_turn: int | None = None
     began: dict[str, Any] = field(default_factory=dict)
     start: Any = None
+    drawn: Any = None
     has_begun: bool = False
     stream_version: int = 0
     histories: dict[str, LogHistory] = field(default_factory=lambda: {name: LogHistory() for name in LOGS})

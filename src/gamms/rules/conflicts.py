@@ -204,7 +204,7 @@ def _between_places(move: Move) -> Move:
 def _too_many(
     places: Iterable[Any], coming: dict[Any, list[Move]], staying: Counter[Any], limit_of: Callable[[int], int]
 ) -> tuple[list[Move], list[tuple[Any, Contest]]]:
-    """Return the moves to these places that find no room at all, and the contests, in the order of the nodes."""
+    """Return the moves to these places that are full, and the contests, in the order of the nodes."""
     turned_away, contests = [], []
     for place in places:
         movers = coming.get(place)

@@ -93,7 +93,7 @@ class MovesInArrays:
         return np.flatnonzero(((earlier >= 0) & (places >= 0) & (others == places)).any(axis=1))
 
     def _losers(self, at: IntArray, agents: IntArray, place: IntArray, free: IntArray) -> IntArray:
-        """Return which of these agents, who want to go to places of which each takes some, find no room."""
+        """Return which of these agents, who want to go to places with these capacities, exceed them."""
         has_room = free[place] > 0
         those, turned_away = np.flatnonzero(has_room), np.flatnonzero(~has_room)
         ranked = self._ranked(at[those], agents[those], place[those])

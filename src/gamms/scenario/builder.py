@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from itertools import chain
 from operator import is_
@@ -39,6 +39,16 @@ class _Built:
     meta: Values
     functions: dict[str, tuple[Any, Function]]  # sensor -> itself and its function
     strategy: Function | None = None
+
+
+# The agents by name, the rules by their names in the game, the plans by team, and the values of the game.
+_Drawn = tuple[dict[str, _Built], dict[str, Rule], dict[str, Plan], dict[str, dict[Any, Any]]]
+
+
+def _copied_draw(drawn: _Drawn) -> _Drawn:
+    agents, rules, plans, values = drawn
+    copies = {name: replace(built, functions=dict(built.functions)) for name, built in agents.items()}
+    return copies, dict(rules), dict(plans), values
 
 
 class Builder:
@@ -86,6 +96,7 @@ class Builder:
             with at("conflicts"):
                 game.conflicts = self._conflicts(self.spec.conflicts)
         self._values = _values_of(game)
+        self._keep()
         if (map.revision, map.obstacle_revision) != (self.ctx.graph.graph.revision, self.ctx.graph.obstacle_revision):
             self._map = map
 
@@ -100,6 +111,7 @@ class Builder:
         """
         if self._map is not None:
             self.ctx.graph.storage.restore(self._map)
+        self._agents, self._rules, self._plans, self._values = _copied_draw(self.ctx.game.internals.state.drawn)
         nodes = place(self.ctx, self.spec, self.by_team)
         for member in self.members:
             self._draw_agent(member, nodes[member.name])
@@ -109,8 +121,9 @@ class Builder:
         facts, removed = _changed(now["facts"], first["facts"], is_), first["data"].keys() - now["data"].keys()
         state = game.internals.state
         private = _changed(now["private"], first["private"], is_)
-        for values in (state.facts, state.agent_facts, state.team_facts, game.data, game.scores, game.events):
+        for values in (state.facts, state.agent_facts, state.team_facts, game.data, game.scores):
             values.clear()
+        state.histories["events"].clear(game.events)
         self._add_values()
         self._add_strategies()
         before, self._plans = self._plans, self._made_plans()
@@ -125,6 +138,11 @@ class Builder:
             game.data.pop(key, None)
         game.scores.update(changes["scores"])
         game.events.extend(changes["events"].values())
+        self._keep()
+
+    def _keep(self) -> None:
+        """Keep what was drawn in the state of the game, so that snapshots of other seeds bring back what is theirs."""
+        self.ctx.game.internals.state.drawn = _copied_draw((self._agents, self._rules, self._plans, self._values))
 
     def _draw_rules(self) -> None:
         """Make the rules again, prepare them, and put them in place of those that are still there."""

@@ -291,7 +291,7 @@ class SensorStorage(Guarded):
             if owner_of(sensor) != owner:
                 sensor.set_owner(owner)
             if keywords is not None and _keywords_of(sensor) != keywords:
-                KINDS[sensor.type].apply(sensor, keywords)
+                _set(sensor, keywords)
         self._phase.sensor_changes += 1
         self._known_settings = settings._replace(changes=self._counts())
 
@@ -304,7 +304,16 @@ def _is_built_in(sensor: ISensor) -> bool:
 
 
 def _keywords_of(sensor: ISensor) -> dict[str, Any] | None:
+    if isinstance(sensor, FunctionSensor):
+        return {"function": sensor.function}
     return KINDS[sensor.type].keywords_of(sensor) if _is_built_in(sensor) else None
+
+
+def _set(sensor: ISensor, keywords: dict[str, Any]) -> None:
+    if isinstance(sensor, FunctionSensor):
+        sensor.function = keywords["function"]
+    else:
+        KINDS[sensor.type].apply(sensor, keywords)
 
 
 def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]] | None:

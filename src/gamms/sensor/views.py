@@ -251,7 +251,7 @@ def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray,
 
 
 _MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
-_SLACK = 1e-6  # map units: boxes are compared with so much room, because places on an edge are rounded
+_SLACK = 1e-6  # map units: boxes are compared with this tolerance, because places on an edge are rounded
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
 
 

@@ -9,9 +9,9 @@ from gamms import belief, kernels
 from gamms.arguments import as_context, as_count, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
-from gamms.game.batch.columns import BoolArray
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,

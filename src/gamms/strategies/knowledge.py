@@ -17,10 +17,10 @@ import numpy as np
 from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
-from gamms.game.batch.columns import BoolArray
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy

@@ -9,11 +9,12 @@ import numpy as np
 
 from gamms.arguments import as_context
 from gamms.errors import BadType, BadValue
-from gamms.game.batch.columns import BoolArray, Roster
+from gamms.game.batch.columns import Roster
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen
 from gamms.game.batch.turn import GameArrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
 from gamms.game.streets import Streets
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing import IContext

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.sight import why_not_seen
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays
 from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
@@ -17,6 +17,7 @@ from gamms.game.settings import NamedRule
 from gamms.game.streets import Streets
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing import AgentType
 
@@ -102,9 +103,11 @@ class ArrayEngine:
         if self._rules["before"]:
             for column, values in zip(state.last_moves, (turn.starts, turn.ends, turn.took_part), strict=True):
                 column[turn.games] = values
-        for named, form in self._rules["after"]:
-            self._call(named, form, turn)
-        turn.close()
+        try:
+            for named, form in self._rules["after"]:
+                self._call(named, form, turn)
+        finally:  # the agents have moved: the turn is played, without the rules that follow
+            turn.close()
 
     def _decided(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> IntArray:
         """Return what all agents do, (games, agents) of this turn."""

@@ -11,11 +11,10 @@ from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
-
-BoolArray = np.ndarray[tuple[int, ...], np.dtype[np.bool_]]
 
 
 class PlayedGame(Protocol):

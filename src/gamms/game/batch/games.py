@@ -9,18 +9,19 @@ import numpy as np
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_mapping, as_path
 from gamms.errors import BadValue
 from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
-from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.one_by_one import OneByOneEngine, acting
 from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
-from gamms.game.settings import Plan
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
 from gamms.text import shown
 
-_BYTES_PER_AGENT = 200  # of a game in arrays, with its events; 120 measured
-_BYTES_PER_SNAPSHOT = 2_000  # of an agent in a game that is played by itself
+_BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
+_BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
+_BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
 
 
 class BatchSource(NamedTuple):
@@ -54,17 +55,14 @@ class Batch:
         self._source, self.seeds = source, tuple(seeds)
         self.slow = source.follows_seed or why_not_in_arrays(source.game)
         self._roster = Roster.of(source.game.agents)
-        per_agent = _BYTES_PER_AGENT if self.slow is None else _BYTES_PER_SNAPSHOT
-        agents = len(self._roster.names)
-        fitting = int(max_memory() // max(1, agents * per_agent))
-        what = f"A batch of {len(seeds)} games with {agents} agents each, of which {fitting} would fit,"
-        refuse_above(len(seeds) * agents * per_agent, what)
+        self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is None:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))
         else:
-            self._engine = OneByOneEngine(source.game, seeds)
+            self._engine = OneByOneEngine(source.game, self._roster, seeds)
         self._log: list[dict[Hashable, IntArray]] | None = [] if as_bool(record, "record") else None
+        self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when each game began
         self._was_given = False  # whether actions came from outside and were not kept
 
     def __len__(self) -> int:
@@ -98,10 +96,13 @@ class Batch:
         Raises:
             UnknownName (KeyError): no agent plays for a team.
             BadType, BadValue: actions are not such integers; no game has played then, if the games are in arrays.
+            TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
         given = dict(as_mapping({} if actions is None else actions, "actions"))
         for team in given:
             self._roster.members(team)
+        if self.slow is not None:
+            self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         self._engine.step(given)
         if given and self._log is None:
             self._was_given = True
@@ -122,7 +123,7 @@ class Batch:
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         with progress_line() as show:
-            if isinstance(self._engine, OneByOneEngine) and not (self._log or self._was_given):
+            if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if progress else None)
                 return
             while not self.is_over.all():
@@ -132,10 +133,13 @@ class Batch:
 
     def _run_one_by_one(self, engine: OneByOneEngine, show: Callable[[str], object] | None) -> None:
         self._source.game.ctx.logger.info(f"A batch is played one game after the other, because of {self.slow}.")
+        before = self.turn
         for game in np.flatnonzero(~engine.is_over).tolist():
             engine.run(game)
             if show is not None:
                 show(f"game {game + 1} of {len(self)}")
+        if self._log is not None:
+            self._log += [{}] * int((self.turn - before).max())
 
     def reset(self, which: Any = None) -> None:
         """Begin games again, each with its seed.
@@ -153,8 +157,7 @@ class Batch:
             self._start_again(self._as_game(game))
         if len(games) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
-        elif self._log:
-            self._was_given = True
+        self._begun[games] = len(self._log or ())
 
     def _start_again(self, game: int) -> None:
         if isinstance(self._engine, ArrayEngine):
@@ -224,28 +227,23 @@ class Batch:
         if self._source.build is None:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
         if self._was_given:
-            raise BadValue(
-                "The actions that were given to step were not kept: make the batch with record=True, and reset all of "
-                "its games at once."
-            )
+            raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
         turns = int(self.turn[number])
         with self._source.build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
             for turn in range(turns):
-                given = self._log[turn] if self._log else {}
-                self._command(ctx.game, {team: actions[number] for team, actions in given.items()})
-                ctx.game.step()
-
-    def _command(self, game: PlayedGame, given: Mapping[Hashable, IntArray]) -> None:
-        names = self._roster.names
-        plans = {
-            team: Plan(acting([names[number] for number in self._roster.members(team).tolist()], actions))
-            for team, actions in given.items()
-        }
-        if plans or game.plans:
-            game.plans = plans
+                given = {} if self._log is None else self._log[self._begun[number] + turn]
+                with acting(ctx.game, self._roster, given, number):
+                    ctx.game.step()
 
     # -- inside -------------------------------------------------------------------------------------------------
+
+    def _refuse_too_many(self, per_agent: int) -> None:
+        """Refuse more games than fit into memory, with so many bytes for each agent."""
+        games, agents = len(self), len(self._roster.names)
+        fitting = int(max_memory() // max(1, agents * per_agent))
+        what = f"A batch of {games} games with {agents} agents each, of which {fitting} would fit,"
+        refuse_above(games * agents * per_agent, what)
 
     def _as_game(self, number: int) -> int:
         game = as_int(number, "The number of a game")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.game.batch.columns import BoolArray, PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.turn import GameArrays, Places
 from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
@@ -15,7 +15,9 @@ from gamms.game.settings import Plan
 from gamms.game.snapshots import Snapshot
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
+from gamms.typing.on_edges import located
 
 
 class OneByOneEngine:
@@ -23,17 +25,20 @@ class OneByOneEngine:
 
     Args:
         game: at its start.
+        roster: its agents.
         seeds: of the games.
     """
 
-    def __init__(self, game: PlayedGame, seeds: Sequence[int]) -> None:
-        self._game, self.seeds = game, list(seeds)
-        self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start
+    def __init__(self, game: PlayedGame, roster: Roster, seeds: Sequence[int]) -> None:
+        self._game, self._roster, self.seeds = game, roster, list(seeds)
+        self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, or over
         self._results: list[Result | None] = [None] * len(seeds)
         self._over: list[dict[str, Any] | None] = [None] * len(seeds)
         self._turns = np.zeros(len(seeds), np.int64)
         self._scores: list[dict[Any, float]] = [{} for _ in seeds]
         self._last: int | None = game.settings()["max_turns"]
+        self._observed = self._nothing_observed()
+        self._is_observed = np.zeros(len(seeds), np.bool_)
 
     @property
     def is_over(self) -> BoolArray:
@@ -44,6 +49,7 @@ class OneByOneEngine:
         """Begin a game again, with the seed that it has now."""
         self._snapshots[game] = self._results[game] = self._over[game] = None
         self._turns[game], self._scores[game] = 0, {}
+        self._is_observed[game] = False
 
     def step(self, given: Mapping[Hashable, Any]) -> None:
         """Play one turn of all games that are not over.
@@ -53,16 +59,9 @@ class OneByOneEngine:
         """
         wanted = {team: self._checked(team, actions) for team, actions in given.items()}
         for number in np.flatnonzero(~self.is_over).tolist():
-            game, team_plans = self._load(number), self._game.plans
-            if wanted:
-                own = {team: Plan(acting(self._names_of(team), actions[number])) for team, actions in wanted.items()}
-                game.plans = {**team_plans, **own}
-            try:
-                with self._named(number):
-                    game.step()
-            finally:
-                if wanted:
-                    game.plans = team_plans
+            game = self._load(number)
+            with self._named(number), acting(game, self._roster, wanted, number):
+                game.step()
             self._store(number)
 
     def run(self, number: int) -> None:
@@ -83,22 +82,36 @@ class OneByOneEngine:
             raise
 
     def view(self, team: Hashable) -> ArrayView:
-        """Return what the agents of a team observe, in all games."""
-        roster = Roster.of(self._game.ctx.agent.agents.values())
-        graph = self._game.ctx.graph
-        agents, streets = roster.members(team), Streets(graph.columns(), graph.routes)
-        shape = len(self.seeds), len(roster.names)
-        state = GameArrays(roster, streets, self.seeds, np.zeros(shape, np.int64))
+        """Return what the agents of a team observe, in all games, on the streets as they were at the start."""
+        for number in np.flatnonzero(~self._is_observed).tolist():
+            self._load(number)
+            self._observe(number)
+        return ArrayView(self._observed, np.arange(len(self.seeds)), self._roster.members(team))
+
+    def _nothing_observed(self) -> GameArrays:
+        graph, shape = self._game.ctx.graph, (len(self.seeds), len(self._roster.names))
+        streets = Streets(graph.columns(), graph.routes)
+        state = GameArrays(self._roster, streets, self.seeds, np.zeros(shape, np.int64))
         state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
-        for number in range(len(self.seeds)):
-            game = self._load(number)
-            state.turn[number] = game.turn
-            state.node[number] = streets.rows([agent.current_node_id for agent in roster.agents])
-            state.alive[number] = [agent.alive for agent in roster.agents]
-            for i, agent in enumerate(roster.agents):
-                state.places.offset_m[number, i], state.places.xy[number, i] = agent.offset_m, agent.xy
-                state.places.edge[number, i] = (-1, -1, -1) if agent.edge is None else agent.edge
-        return ArrayView(state, np.arange(len(self.seeds)), agents)
+        return state
+
+    def _observe(self, number: int) -> None:
+        """Note where the agents of the game that the context has are."""
+        state, ctx, agents = self._observed, self._game.ctx, self._roster.agents
+        nodes = state.streets.rows([agent.current_node_id for agent in agents])
+        state.turn[number], state.node[number] = self._game.turn, nodes
+        state.alive[number] = [agent.alive for agent in agents]
+        self._is_observed[number] = True
+        if state.places is None:
+            return
+        edge, offset_m, xy = (column[number] for column in state.places)
+        edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
+        block = ctx.agent.block
+        for i, agent in enumerate(agents if block.travellers else ()):
+            progress = block.on_edge(block.row_of(agent.name)) if agent.name in ctx.agent.agents else None
+            place = None if progress is None else located(ctx.graph.graph, progress)
+            if place is not None:
+                edge[i], offset_m[i], xy[i] = place[:3]
 
     def overs(self) -> list[dict[str, Any] | None]:
         """Return how the games have ended; None of one that goes on."""
@@ -139,9 +152,10 @@ class OneByOneEngine:
             self._over[number] = dict(game.over)
         elif is_late:
             self._over[number] = {"reason": "max_turns", "winner": None, "truncated": True}
-        if self._over[number] is not None:
-            self._results[number] = self._result()
-        self._snapshots[number] = game.snapshot()
+        self._observe(number)
+        is_over = self._over[number] is not None
+        self._results[number] = self._result() if is_over else None
+        self._snapshots[number] = None if is_over else game.snapshot()
 
     def _result(self) -> Result:
         result = self._game.result()
@@ -149,12 +163,9 @@ class OneByOneEngine:
             result.reason = "max_turns"
         return result
 
-    def _names_of(self, team: Hashable) -> list[str]:
-        return sorted(agent.name for agent in self._game.ctx.agent.agents.values() if agent.team == team)
-
     def _checked(self, team: Hashable, given: object) -> IntArray:
         """Return actions as integers, (games, agents)."""
-        agents, actions = self._names_of(team), np.asarray(given)
+        agents, actions = self._roster.members(team), np.asarray(given)
         if actions.shape != (len(self.seeds), len(agents)) or actions.dtype.kind not in "iu":
             form = f"integers ({len(self.seeds)}, {len(agents)})"
             raise BadValue(
@@ -164,13 +175,36 @@ class OneByOneEngine:
         return actions
 
 
-def acting(names: Sequence[str], actions: IntArray) -> Callable[[dict[str, Any]], None]:
-    """Return a plan by which the agents of these names, if they are alive, take these actions."""
-    action_of = dict(zip(names, actions.tolist(), strict=True))
+@contextmanager
+def acting(game: PlayedGame, roster: Roster, given: Mapping[Hashable, IntArray], number: int) -> Iterator[None]:
+    """Let agents take actions that were given, instead of what their strategies and plans decide.
+
+    Args:
+        game: that is played.
+        roster: its agents.
+        given: team -> the actions of its agents, (games, agents).
+        number: of the game.
+    """
+    plans = game.plans
+    if given:
+        own = {}
+        for team, actions in given.items():
+            names = [roster.names[agent] for agent in roster.members(team).tolist()]
+            own[team] = Plan(_taking(dict(zip(names, actions[number].tolist(), strict=True))))
+        game.plans = {**plans, **own}
+    try:
+        yield
+    finally:
+        if given:
+            game.plans = plans
+
+
+def _taking(actions: Mapping[str, int]) -> Callable[[dict[str, Any]], None]:
+    """Return a plan by which agents, if they are alive, take actions, by name."""
 
     def plan(states: dict[str, Any]) -> None:
         for name, state in states.items():
-            legal, action = state["legal"], action_of[name]
+            legal, action = state["legal"], actions[name]
             if not 0 <= action < len(legal):
                 raise BadValue(
                     f"Action {action} of agent {shown(name)}, turn {state['turn']}, is not the number of a legal node: "

@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.columns import BoolArray
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 
 _MOST_BYTES = 512 * 2**20  # of tables
 _AT_ONCE = 1 << 20  # nodes and edges that are searched at once, in all
@@ -190,8 +190,7 @@ def _has_triangle(streets: Streets) -> BoolArray:
     is_edge = sources != streets.targets
     starts, ends = sources[is_edge], streets.targets[is_edge]
     keys = np.sort(starts * nodes + ends)
-    offsets = np.concatenate((streets.offsets, [len(streets.targets)]))
-    entries, runs = kernels.chosen_runs(offsets, ends)
+    entries, runs = kernels.chosen_runs(streets.offsets, ends)
     first, second = np.repeat(starts, np.diff(runs)), streets.targets[entries]
     among = np.repeat(ends, np.diff(runs))
     wanted = first * nodes + second

@@ -7,10 +7,10 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.batch.columns import BoolArray
 from gamms.game.batch.turn import GameArrays
 from gamms.ir.chances import chances_at
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent

@@ -7,10 +7,11 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.columns import BoolArray, Roster
+from gamms.game.batch.columns import Roster
 from gamms.game.streets import Streets
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 
 T = TypeVar("T")
@@ -220,20 +221,14 @@ class ArrayTurn:
         self.node, self.alive = state.node[games], state.alive[games]
         self.starts = self.ends = self.node
         self.took_part = self.alive
-        self.blocked: BoolArray = np.zeros_like(self.alive)
 
     def move(self, ends: IntArray, blocked: BoolArray) -> None:
         """Move the agents, and note which of them conflicts have stopped."""
-        self.starts, self.ends, self.took_part, self.blocked = self.node, ends, self.alive, blocked
+        self.starts, self.ends, self.took_part = self.node, ends, self.alive
         self.node, self.alive, self.turn = ends.copy(), self.alive.copy(), self.turn + 1
-        state = self._state
-        state.blocked[self.games] = blocked
-        if len(self.games) == len(state):
-            state.counts["moves"] += ends != self.starts
-            state.counts["blocked"] += blocked
-        else:
-            state.counts["moves"][self.games] += ends != self.starts
-            state.counts["blocked"][self.games] += blocked
+        self._state.blocked[self.games] = blocked
+        self._state.counts["moves"][self.games] += ends != self.starts
+        self._state.counts["blocked"][self.games] += blocked
 
     def close(self) -> None:
         """Write what has changed into the state of the batch."""

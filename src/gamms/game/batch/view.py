@@ -8,11 +8,12 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import BoolArray
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
 from gamms.game.batch.turn import Arrays, GameArrays, Places
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.game.random_streams import ArrayDraws
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 
@@ -24,7 +25,7 @@ IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show
 MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
 
 
-class ViewDraws:
+class ViewDraws(ArrayDraws):
     """The keyed draws of the agents of a view: each call gives one number for each, (games, agents).
 
     They are those that the agents get from `state["draw"]` in the same turn of the same game, call by call.
@@ -57,21 +58,6 @@ class ViewDraws:
             self._keys = kernels.later_key_rows(first, turns[:, None])
         count, self._count = self._count, self._count + counted
         return kernels.bits_at_rows(self._keys, count)
-
-    def random(self) -> FloatArray:
-        """Return a number in [0, 1) for each."""
-        return kernels.fraction_many(self.bits())
-
-    def below(self, n: IntArray | int) -> IntArray:
-        """Return an integer from 0 to `n - 1` for each; `n` is one number, or one for each.
-
-        Raises:
-            BadValue: one of `n` is not between 1 and 2 ** 32.
-        """
-        bounds = np.asarray(n)
-        if bounds.size and not (bounds.min() >= 1 and bounds.max() <= 1 << 32):
-            raise BadValue(f"view.draw.below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
-        return kernels.below_many(self.bits(), bounds)
 
 
 class ArrayView(Mapping[str, Any]):
