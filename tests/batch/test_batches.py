@@ -5,7 +5,7 @@ import pytest
 from batch_scenes import plain, scene
 
 import gamms
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -168,6 +168,24 @@ def test_a_batch_that_does_not_fit_is_refused_before_it_is_built():
         gamms.errors.TooLarge, match=r"10000000 games with 6 agents each, of which \d+ would fit, would take"
     ):
         scene().batch(10_000_000)
+
+
+def test_a_billion_games_are_refused_before_their_seeds_are_made():
+    with pytest.raises(TooLarge, match="A batch of 1000000000 games with 6 agents each"):
+        scene().batch(10**9)
+
+
+@pytest.mark.parametrize("play", ["run", "step"])
+def test_a_strategy_that_remembers_outside_of_its_game_is_refused(play):
+    calls = []
+
+    def count(state):
+        calls.append(1)
+        state["action"] = state["legal"][len(calls) % len(state["legal"])]
+
+    games = scene().batch(2, strategies={"red": count})
+    with games, pytest.raises(BadValue, match=r"closure variable 'calls' of count\(\) changed .* state\['memory'\]"):
+        getattr(games, play)()
 
 
 def test_an_error_of_a_strategy_names_game_agent_and_turn():

@@ -5,7 +5,7 @@
 
 Each raises `AssertionError` with a sentence that says what was promised and what was seen. A client: it uses what it
 checks as any program would. `contracts.py` checks graphs and sensors, `backends.py` picture formats,
-`reproducibility.py` rules and strategies, of which `hidden_state.py` finds what they remember in closures. To add a
+`reproducibility.py` rules and strategies. To add a
 check, write a function in one of these, or in a file beside, and name it below.
 """
 

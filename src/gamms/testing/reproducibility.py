@@ -8,9 +8,9 @@ from typing import Any, cast
 
 from gamms.context import Context
 from gamms.game import IllegalMutation
+from gamms.game.hidden_state import HiddenState
 from gamms.plain import why_not_plain
 from gamms.readonly import ReadOnly
-from gamms.testing.hidden_state import HiddenState
 from gamms.typing import AerialStrategy, AsyncStrategy, IAgent, Rule, State, Strategy
 
 _WHERE = "where (check)"  # the name of the collector

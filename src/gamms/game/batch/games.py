@@ -52,10 +52,11 @@ class Batch:
     """
 
     def __init__(self, source: BatchSource, seeds: Sequence[int], *, record: bool = False) -> None:
-        self._source, self.seeds = source, tuple(seeds)
+        self._source, self.seeds = source, seeds
         self.slow = source.follows_seed or why_not_in_arrays(source.game)
         self._roster = Roster.of(source.game.agents)
         self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
+        self.seeds = tuple(seeds)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is None:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))
@@ -260,7 +261,7 @@ class Batch:
         return np.array([[of_game[name] for name in self._roster.names] for of_game in nodes], np.int64)
 
 
-def as_seeds(num_games: int | None, seed: int, seeds: object) -> tuple[int, ...]:
+def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     """Return the seeds of a batch: those that were given, or so many that follow each other.
 
     Raises:
@@ -270,7 +271,7 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> tuple[int, ...]
         if num_games is None:
             raise BadValue("batch needs the number of games, or seeds=.")
         first = as_int(seed, "seed")
-        return tuple(range(first, first + as_count(num_games, "num_games")))
+        return range(first, first + as_count(num_games, "num_games"))
     given = tuple(as_int(one, "Each of seeds") for one in as_items(seeds, "seeds", "integers"))
     if not given or (num_games is not None and as_count(num_games, "num_games") != len(given)):
         raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")

@@ -10,6 +10,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.turn import GameArrays, Places
 from gamms.game.batch.view import ArrayView
+from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
 from gamms.game.settings import Plan
 from gamms.game.snapshots import Snapshot
@@ -39,6 +40,9 @@ class OneByOneEngine:
         self._last: int | None = game.settings()["max_turns"]
         self._observed = self._nothing_observed()
         self._is_observed = np.zeros(len(seeds), np.bool_)
+        functions = [agent.strategy for agent in roster.agents] + [one.rule for one in game.rules]
+        functions += [plan.function for plan in game.plans.values()]
+        self._hidden = [HiddenState(one) for one in {id(one): one for one in functions if one is not None}.values()]
 
     @property
     def is_over(self) -> BoolArray:
@@ -63,6 +67,7 @@ class OneByOneEngine:
             with self._named(number), acting(game, self._roster, wanted, number):
                 game.step()
             self._store(number)
+            self._refuse_hidden()
 
     def run(self, number: int) -> None:
         """Play a game to its end."""
@@ -71,6 +76,15 @@ class OneByOneEngine:
         with self._named(number):
             game.run(last)
         self._store(number)
+        self._refuse_hidden()
+
+    def _refuse_hidden(self) -> None:
+        """Refuse what has remembered the first game where the others would find it."""
+        hidden, self._hidden = self._hidden, []
+        for one in hidden:
+            changed = one.changed("A batch plays its games in turns: keep it in state['memory'] or ctx.game.data.")
+            if changed:
+                raise BadValue(changed)
 
     @contextmanager
     def _named(self, number: int) -> Iterator[None]:
