@@ -107,6 +107,12 @@ conflicts = st.builds(
     allow_swaps=st.booleans(),
     resolve=st.sampled_from([at_random(), nobody(), by_priority(["blue", None, "red", "green"])]),
 )
+orders = st.one_of(
+    st.none(),
+    st.permutations(TEAMS).flatmap(
+        lambda teams: st.integers(1, 4).map(lambda n: [one for k in range(n) if (one := list(teams[k::n]))])
+    ),
+)
 
 
 @st.composite
@@ -115,7 +121,7 @@ def maps(draw):
     return draw(st.lists(st.tuples(st.sampled_from([0.5, 0.7, 1.1]), st.booleans()), min_size=33, max_size=33))
 
 
-def open_game(streets, agents, rules, conflicts, early=()):
+def open_game(streets, agents, rules, conflicts, early=(), order=None):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     for number, node in enumerate(NODES):
         ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4})
@@ -131,7 +137,7 @@ def open_game(streets, agents, rules, conflicts, early=()):
     ctx.game.add(territory.published({node: "red" if node < 20 else "blue" for node in NODES}, "land"))
     for number, rule in enumerate(rules):
         ctx.game.add(rule, phase="before" if number in early else "after")
-    ctx.game.conflicts = conflicts
+    ctx.game.conflicts, ctx.game.order = conflicts, order
     return ctx
 
 
@@ -144,10 +150,13 @@ def open_game(streets, agents, rules, conflicts, early=()):
     seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
     restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
     early=st.sets(st.integers(0, 9), max_size=2),
+    order=orders,
 )
-def test_a_game_of_a_batch_is_the_game_that_is_played_alone(streets, places, rules, conflicts, seeds, restart, early):
+def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
+    streets, places, rules, conflicts, seeds, restart, early, order
+):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
-    with open_game(streets, agents, rules, conflicts, early) as ctx, ctx.game.batch(seeds=seeds) as games:
+    with open_game(streets, agents, rules, conflicts, early, order) as ctx, ctx.game.batch(seeds=seeds) as games:
         assert games.slow is None
         for _ in range(restart[0]):
             games.step()

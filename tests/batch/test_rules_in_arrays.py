@@ -4,7 +4,7 @@ import pytest
 from batch_scenes import plain, scene
 
 import gamms
-from gamms.errors import MissingKey, UnknownName
+from gamms.errors import BadValue, MissingKey, UnknownName
 from gamms.rules import Conflicts, by_priority, last_team
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
@@ -127,6 +127,24 @@ def test_carriers_of_flags_are_known_as_numbers_of_agents():
 def test_the_same_agents_have_to_stay(resolve, capacity, among, allow_swaps, same_as_one_by_one):
     conflicts = {"capacity": capacity, "among": among, "allow_swaps": allow_swaps, "resolve": resolve}
     same_as_one_by_one(scene([], red=5, blue=6, side=4, max_turns=10, conflicts=conflicts), SEEDS[:2])
+
+
+@pytest.mark.parametrize("order", [[["blue"], ["red"]], [["red"], ["blue"]]])
+@pytest.mark.parametrize(
+    "given",
+    [{}, {"hops": 1, "mutual": True}, {"metres": 15, "crossing": True}, {"passing": False, "then": "eliminate"}],
+)
+def test_teams_play_one_after_another_as_in_games_that_are_played_alone(given, order, same_as_one_by_one):
+    rules = [rule("tag", taggers="red", tagged="blue", **given), rule("capture_flag", flags={"red": 6, "blue": 18})]
+    conflicts = {"capacity": 1, "resolve": "at_random"}
+    same_as_one_by_one(scene(rules, conflicts=conflicts, settings={"order": order}), SEEDS)
+
+
+def test_an_order_of_play_without_a_team_is_refused_where_it_is_played():
+    with scene([], settings={"order": [["red"]]}).batch(2) as games:
+        assert games.slow == "an order of play without one of the teams"
+        with pytest.raises(BadValue, match="leaves out team 'blue'"):
+            games.run()
 
 
 def first_by_name(contest, ctx):

@@ -1,9 +1,10 @@
 """Contacts in many games at once: the same as in `contacts.py`, which says what they are.
 
-The agents of such games go one edge a turn at most, so the moments of a turn are 0 and 1.
+The agents of such games go one edge a turn at most, so the moments of a turn are 0 and 1, and with an order of play
+those between its parts.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -39,28 +40,91 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
         theirs: likewise.
         nearness: what counts as a contact.
     """
-    by_move, nodes, passing = turn.is_there_by_move, len(turn.streets.counts), nearness.passing
-    went = turn.starts != turn.ends
-    if nearness.unit is None:
-        at, a, b = _equal_pairs(turn.node, turn.alive, ours, theirs, nodes)
-        far = np.zeros(len(at))
-    else:
-        at, a, b, far = _near_pairs(turn, ours, theirs, nearness.unit, nearness.limit)
-    since = np.where(by_move & ~went, 0.0, 1.0) if passing else np.ones(went.shape)
-    places = turn.node[at, a], turn.node[at, b]
-    met = [(at, a, b, np.maximum(since[at, a], since[at, b]), far, np.zeros(len(at), np.bool_), *places)]
+    met = _on_nodes(turn, ours, theirs, nearness) if nearness.unit is None else _near(turn, ours, theirs, nearness)
     if nearness.crossing:
-        ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
-        at, a, b = _equal_pairs(ways, turn.alive & by_move & went, ours, theirs, nodes**2, back)
-        time, source = (0.0, turn.starts) if passing else (1.0, turn.node)
-        whole, places = np.ones(len(at)), (source[at, a], source[at, b])
-        met.append((at, a, b, whole * time, whole * 0.0, whole > 0, *places))
+        met.append(_on_edges(turn, ours, theirs, passing=nearness.passing))
     parts = [np.concatenate(columns) for columns in zip(*met, strict=True)]
     at, a, b, times, far, on_edge = parts[:6]
     draws = turn.draw_bits(at, _pair_keys(turn.roster.names, a, b), "contacts")
     order = np.lexsort((on_edge, draws, far, times, at))
     order = order[(a != b)[order]]
     return ArrayContacts(*(part[order] for part in (at, a, b, *parts[6:])))
+
+
+_Met = tuple[Any, ...]
+"""Contacts of one kind: the games, both agents, the time, how far apart, whether on an edge, and both nodes."""
+
+
+def _on_nodes(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[_Met]:
+    """Return the pairs that were on one node at one time: of those that wait for their moves, on their starts, too."""
+    nodes, left = len(turn.streets.counts), turn.pace.leaves
+    since = turn.since if nearness.passing else np.ones(turn.node.shape)
+    at, a, b = _equal_pairs(turn.node, turn.alive, ours, theirs, nodes)
+    met = [_met(at, a, b, np.maximum(since[at, a], since[at, b]), turn.node, turn.node)]
+    if not nearness.passing or not left.any():
+        return met
+    waited = turn.alive & turn.waited
+    at, a, b = _equal_pairs(turn.starts, waited, ours, theirs, nodes)
+    met.append(_met(at, a, b, np.zeros(len(at)), turn.starts, turn.starts))
+    at, a, b = _equal_pairs(turn.starts, waited, ours, theirs, nodes, (turn.node, turn.alive))
+    those = since[at, b] <= left[a]
+    at, a, b = at[those], a[those], b[those]
+    met.append(_met(at, a, b, since[at, b], turn.starts, turn.node))
+    at, b, a = _equal_pairs(turn.starts, waited, theirs, ours, nodes, (turn.node, turn.alive))
+    those = since[at, a] <= left[b]
+    at, a, b = at[those], a[those], b[those]
+    met.append(_met(at, a, b, since[at, a], turn.node, turn.starts))
+    return met
+
+
+def _on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, *, passing: bool) -> _Met:
+    """Return the pairs that went along one edge in opposite directions, when both were on it."""
+    nodes, (left, came) = len(turn.streets.counts), turn.pace
+    counts = turn.alive & turn.is_there_by_move & (turn.starts != turn.ends)
+    ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
+    at, a, b = _equal_pairs(ways, counts, ours, theirs, nodes**2, (back, counts))
+    if not passing:
+        return _met(at, a, b, np.ones(len(at)), turn.node, turn.node, is_on_edge=True)
+    those = (left[a] <= came[b]) & (left[b] <= came[a])
+    at, a, b = at[those], a[those], b[those]
+    return _met(at, a, b, np.maximum(left[a], left[b]), turn.starts, turn.starts, is_on_edge=True)
+
+
+def _near(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[_Met]:
+    """Return the pairs that were near each other at the end of the turn, or when one of them was to go or arrived."""
+    is_here = turn.node, turn.alive
+    at, a, b, far = _near_pairs(turn, is_here, ours, theirs, nearness)
+    since = turn.since if nearness.passing else np.ones(turn.node.shape)
+    times = np.maximum(since[at, a], since[at, b])
+    inner = turn.moments[1:-1] if nearness.passing else np.zeros(0)
+    those = (times == 0.0) | (times == 1.0)  # else they were found when the later of both had arrived
+    at, a, b, far, times = at[those], a[those], b[those], far[those], times[those]
+    met = [_met(at, a, b, times, turn.node, turn.node, far=far)]
+    went, by_move, waited = turn.starts != turn.ends, turn.is_there_by_move, turn.waited
+    for now in inner.tolist():
+        nodes = np.where(went & (turn.pace.arrives > now), turn.starts, turn.node)
+        came = by_move & ((went & (turn.pace.arrives == now)) | (waited & (turn.pace.leaves == now)))
+        at, a, b, far = _near_pairs(turn, (nodes, turn.alive & by_move), ours, theirs, nearness)
+        those = came[at, a] | came[at, b]
+        at, a, b, far = at[those], a[those], b[those], far[those]
+        met.append(_met(at, a, b, np.full(len(at), now), nodes, nodes, far=far))
+    return met
+
+
+def _met(
+    at: IntArray,
+    a: IntArray,
+    b: IntArray,
+    times: FloatArray,
+    a_nodes: IntArray,
+    b_nodes: IntArray,
+    *,
+    far: FloatArray | None = None,
+    is_on_edge: bool = False,
+) -> _Met:
+    """Return contacts; nodes are those of all agents, (games, agents)."""
+    far = np.zeros(len(at)) if far is None else far
+    return at, a, b, times, far, np.full(len(at), is_on_edge), a_nodes[at, a], b_nodes[at, b]
 
 
 def one_to_one_in_arrays(met: ArrayContacts, agents: int) -> BoolArray:
@@ -84,17 +148,26 @@ _FEW = 64  # pairs of agents of one game: so many are compared with each other
 
 
 def _equal_pairs(
-    keys: IntArray, counts: BoolArray, ours: IntArray, theirs: IntArray, bound: int, their_keys: IntArray | None = None
+    keys: IntArray,
+    counts: BoolArray,
+    ours: IntArray,
+    theirs: IntArray,
+    bound: int,
+    of_theirs: tuple[IntArray, BoolArray] | None = None,
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the games of pairs of agents that count and have equal keys below `bound`, and the numbers of both."""
-    left, right = keys[:, ours], (keys if their_keys is None else their_keys)[:, theirs]
+    """Return the games of pairs of agents that count and have equal keys below `bound`, and the numbers of both.
+
+    `of_theirs` are the keys of the other side and which of it counts, where these are others.
+    """
+    their_keys, they_count = (keys, counts) if of_theirs is None else of_theirs
+    left, right = keys[:, ours], their_keys[:, theirs]
     if len(ours) * len(theirs) <= _FEW:
-        equal = (left[:, :, None] == right[:, None]) & counts[:, ours][:, :, None] & counts[:, theirs][:, None]
+        equal = (left[:, :, None] == right[:, None]) & counts[:, ours][:, :, None] & they_count[:, theirs][:, None]
         found = np.flatnonzero(equal)  # which is faster than to look for three indices, where there are few
         at, i, j = np.unravel_index(found, equal.shape)
         return at, ours[i], theirs[j]
     at, i = np.nonzero(counts[:, ours])
-    others, j = np.nonzero(counts[:, theirs])
+    others, j = np.nonzero(they_count[:, theirs])
     key, other = at * bound + left[at, i], others * bound + right[others, j]
     order = np.argsort(other, kind="stable")
     ends = [np.searchsorted(other[order], key, side) for side in ("left", "right")]
@@ -115,9 +188,13 @@ _MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
 
 
 def _near_pairs(
-    turn: ArrayTurn, ours: IntArray, theirs: IntArray, unit: str, limit: float
+    turn: ArrayTurn, where: tuple[IntArray, BoolArray], ours: IntArray, theirs: IntArray, nearness: Nearness
 ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Return the games of pairs of agents that are near each other at the end, the numbers of both, and how far."""
+    """Return the games of pairs of agents that are near each other, the numbers of both, and how far.
+
+    `where` are the nodes of all agents, and which of them count.
+    """
+    unit, limit = nearness.unit, nearness.limit
     size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs)))
     near: _NearNodes | _Straight
     if unit == "euclid":
@@ -127,10 +204,10 @@ def _near_pairs(
     parts = []
     for first in range(0, len(turn.games), size):
         games = slice(first, first + size)
-        node, alive = turn.node[games], turn.alive[games]
+        node, counts = where[0][games], where[1][games]
         starts, ends = node[:, ours], node[:, theirs]
         may_meet = near.may_be_near(starts[:, :, None], ends[:, None])
-        may_meet &= alive[:, ours][:, :, None] & alive[:, theirs][:, None]
+        may_meet &= counts[:, ours][:, :, None] & counts[:, theirs][:, None]
         at, i, j = np.unravel_index(np.flatnonzero(may_meet), may_meet.shape)
         far = near.distances(starts[at, i], ends[at, j])
         parts.append((first + at, ours[i], theirs[j], far))

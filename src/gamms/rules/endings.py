@@ -262,39 +262,37 @@ def _arrive_in_arrays(
     turn: ArrayTurn, goals: Mapping[Any, frozenset[int] | str], *, passing: bool
 ) -> dict[Hashable, IntArray]:
     """Do what `_arrive` does for many games; return team -> the games in which its agents are first at a goal."""
-    arrived, earliest = [], np.full(len(turn.games), 2)  # the moment, 0 or 1; 2: never
+    arrived, earliest = [], np.full(len(turn.games), 2.0)  # the moment, from 0 to 1; 2: never
+    since = turn.since if passing else np.ones(turn.node.shape)
+    waited = turn.waited if passing else np.zeros(turn.node.shape, np.bool_)
     for team, goal in goals.items():
         members = np.flatnonzero(turn.roster.plays_for([team]))
-        if isinstance(goal, str):
-            is_there = _are_on_starts(turn, members, goal)
-        else:
-            is_there = _are_nodes(turn, goal)[turn.node[:, members]]
+        was_there = waited[:, members] & _are_at_goal(turn, turn.starts, members, goal)
+        is_there = was_there | _are_at_goal(turn, turn.node, members, goal)
         at, which = np.nonzero(is_there & turn.alive[:, members])
-        agents = members[which]
-        times = np.where(turn.stayed(at, agents), 0, 1) if passing else np.ones(len(at), np.int64)
+        agents, began_there = members[which], was_there[at, which]
+        times = np.where(began_there, 0.0, since[at, agents])
+        nodes = np.where(began_there, turn.starts[at, agents], turn.node[at, agents])
         np.minimum.at(earliest, at, times)
-        arrived.append((team, at, agents, times))
+        arrived.append((team, at, agents, times, nodes))
     first: dict[Hashable, IntArray] = {}
-    for team, at, agents, times in arrived:
+    for team, at, agents, times, nodes in arrived:
         is_first = times == earliest[at]
-        games, winners = at[is_first], agents[is_first]
-        turn.emit("reach", games, agents={"agent": winners}, nodes={"node": turn.node[games, winners]})
+        games = at[is_first]
+        turn.emit("reach", games, agents={"agent": agents[is_first]}, nodes={"node": nodes[is_first]})
         first[team] = np.unique(games)
     return first
 
 
-def _are_nodes(turn: ArrayTurn, ids: frozenset[int]) -> BoolArray:
-    """Return which nodes are among those of these ids, (nodes,)."""
-    return turn.shared(("nodes", ids), lambda: np.isin(turn.streets.columns.node_ids, sorted(ids)))
-
-
-def _are_on_starts(turn: ArrayTurn, members: IntArray, team: str) -> BoolArray:
-    """Return which agents are where those of the team of that text began, (games, members)."""
-    starts = turn.start_of(
-        np.flatnonzero(turn.roster.plays_for([one for one in turn.roster.teams if str(one) == team]))
-    )
-    is_there: BoolArray = (turn.node[:, members][:, :, None] == starts[:, None]).any(axis=2)
-    return is_there
+def _are_at_goal(turn: ArrayTurn, nodes: IntArray, members: IntArray, goal: frozenset[int] | str) -> BoolArray:
+    """Return which members of a team are at its goal when all agents are on these nodes, (games, members)."""
+    here = nodes[:, members]
+    if isinstance(goal, str):  # where those of the team of that text began
+        ours = turn.roster.plays_for([one for one in turn.roster.teams if str(one) == goal])
+        starts = turn.start_of(np.flatnonzero(ours))
+        return np.asarray((here[:, :, None] == starts[:, None]).any(axis=2))
+    is_goal = turn.shared(("nodes", goal), lambda: np.isin(turn.streets.columns.node_ids, sorted(goal)))
+    return np.asarray(is_goal[here])
 
 
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:

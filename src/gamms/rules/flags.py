@@ -240,8 +240,8 @@ class _Turn:
 class _FlagsInArrays:
     """A turn of the rule in many games.
 
-    The agents of such games go one edge a turn at most, so the moments are 0, for those that stay, and 1; and a flag
-    that is taken in a turn is not captured in it.
+    The agents of such games go one edge a turn at most, so the moments are 0, for those that stay or wait, and 1, and
+    with an order of play those between its parts.
 
     Attributes:
         flags: the arguments.
@@ -252,6 +252,9 @@ class _FlagsInArrays:
             `captures` (games, teams).
         carriers: those of the games of this turn.
         going: in which of them the rule goes on, (games,).
+        since: when agents came to where they are, (games, agents).
+        waited: which agents were on their starts before they left, (games, agents).
+        taken_at: the moment at which a flag was taken in this turn, else -1, (games, flags).
     """
 
     def __init__(self, flags: _Flags, turn: ArrayTurn) -> None:
@@ -259,25 +262,28 @@ class _FlagsInArrays:
         self.kept = turn.keep(("capture_flag", flags.key), flags.start_of(turn.roster))
         self.carriers = self.kept["carriers"][turn.games]
         self.going = np.ones(len(turn.games), np.bool_)
+        self.since = turn.since if flags.passing else np.ones(turn.node.shape)
+        self.waited = turn.alive & turn.waited if flags.passing else np.zeros(turn.node.shape, np.bool_)
+        self.taken_at = np.full(self.carriers.shape, -1.0)
 
     def play(self) -> None:
         """Play the turn."""
-        turn, (at, which) = self.turn, np.nonzero(self.carriers >= 0)
-        if len(at):
-            at, which = self._drop(at, which)
-            is_home = self._are_home(at, self.carriers[at, which])
-            at, which = at[is_home], which[is_home]
+        turn, is_carried = self.turn, bool((self.carriers >= 0).any())
+        if is_carried:
+            self._drop()
         is_base = turn.shared(("bases", self.flags.key), self._bases)
         there, agents = np.nonzero(is_base[turn.node] & turn.alive)
-        if len(at) or len(there):
-            late, came_late = (self._came_late(*ones) for ones in ((at, self.carriers[at, which]), (there, agents)))
-            for now in (False, True):
-                is_now = (late == now) & self.going[at]
-                self._capture(at[is_now], which[is_now])
-                is_there = (came_late <= now) & self.going[there]
-                self._take(there[is_there], agents[is_there])
-                if is_now.any() and self.flags.goal is not None:
-                    self._end(self.flags.goal)
+        before, waiting = np.nonzero(is_base[turn.starts] & self.waited)
+        came, left = self.since[there, agents], turn.pace.leaves[waiting]
+        for now in turn.moments.tolist() if is_carried or len(there) or len(before) else ():
+            is_captured = self._capture(now)
+            has_come, waits = came <= now, left >= now
+            at, takers = np.append(there[has_come], before[waits]), np.append(agents[has_come], waiting[waits])
+            bases = np.append(turn.node[there, agents][has_come], turn.starts[before, waiting][waits])
+            is_going = self.going[at]
+            self._take(now, at[is_going], takers[is_going], bases[is_going])
+            if is_captured and self.flags.goal is not None:
+                self._end(self.flags.goal)
         self.kept["carriers"][turn.games] = self.carriers
         at, which = np.nonzero(self.carriers >= 0)
         self.kept["stops"][turn.games[at], which] = turn.stops(at, self.carriers[at, which])
@@ -291,27 +297,23 @@ class _FlagsInArrays:
         bases, rows = self.flags.bases, self.turn.streets.rows
         return np.array([rows([bases[team]])[0] if team in bases else -1 for team in self.turn.roster.teams])
 
-    def _came_late(self, at: IntArray, agents: IntArray) -> BoolArray:
-        """Return which agents are where they are only at the end of the turn."""
-        return ~self.turn.stayed(at, agents) if self.flags.passing else np.ones(len(at), np.bool_)
-
-    def _drop(self, at: IntArray, which: IntArray) -> tuple[IntArray, IntArray]:
-        """Let carriers drop these flags if they were stopped; return the others."""
-        turn, agents = self.turn, self.carriers[at, which]
+    def _drop(self) -> None:
+        """Let carriers drop their flags that were stopped."""
+        turn, (at, which) = self.turn, np.nonzero(self.carriers >= 0)
+        agents = self.carriers[at, which]
         is_lost = ~turn.alive[at, agents] | (turn.stops(at, agents) != self.kept["stops"][turn.games[at], which])
-        self._emit("drop", at[is_lost], which[is_lost])
-        self.carriers[at[is_lost], which[is_lost]] = -1
-        return at[~is_lost], which[~is_lost]
+        at, which = at[is_lost], which[is_lost]
+        self._emit("drop", at, which, turn.node[at, self.carriers[at, which]])
+        self.carriers[at, which] = -1
 
-    def _emit(self, kind: str, at: IntArray, which: IntArray) -> None:
-        """Note what became of flags, where their carriers are."""
+    def _emit(self, kind: str, at: IntArray, which: IntArray, nodes: IntArray) -> None:
+        """Note what became of flags on these nodes."""
         if len(at):
             agents, flags = self.carriers[at, which], [self.names[number] for number in which.tolist()]
-            nodes = {"node": self.turn.node[at, agents]}
-            self.turn.emit(kind, at, agents={"agent": agents}, values={"flag": flags}, nodes=nodes)
+            self.turn.emit(kind, at, agents={"agent": agents}, values={"flag": flags}, nodes={"node": nodes})
 
-    def _are_home(self, at: IntArray, agents: IntArray) -> BoolArray:
-        turn, node, team_of = self.turn, self.turn.node[at, agents], self.turn.roster.team_of[agents]
+    def _are_home(self, at: IntArray, agents: IntArray, node: IntArray) -> BoolArray:
+        turn, team_of = self.turn, self.turn.roster.team_of[agents]
         if self.flags.ground is not None:
             owned: BoolArray = self.flags.ground.in_arrays(turn)[node] == team_of
             return owned
@@ -325,20 +327,28 @@ class _FlagsInArrays:
                 is_home[of_team] = (starts == node[of_team][:, None]).any(axis=1)
         return is_home
 
-    def _capture(self, at: IntArray, which: IntArray) -> None:
-        """Let carriers capture these flags."""
-        if len(at):
-            turn, agents = self.turn, self.carriers[at, which]
-            self._emit("capture", at, which)
-            turn.add_scores(at, agents, self.flags.score)
-            np.add.at(self.kept["captures"], (turn.games[at], turn.roster.team_of[agents]), 1)
-            self.carriers[at, which] = -1
+    def _capture(self, now: float) -> bool:
+        """Let carriers that reach a node of their team now capture the flags; return whether one has."""
+        turn, (at, which) = self.turn, np.nonzero((self.carriers >= 0) & self.going[:, None])
+        agents = self.carriers[at, which]
+        arrives, leaves = self.since[at, agents] == now, self.waited[at, agents]
+        leaves &= (turn.pace.leaves[agents] == now) | (now == 0.0)
+        those = np.flatnonzero((arrives | leaves) & (now > self.taken_at[at, which]))
+        at, which, agents = at[those], which[those], agents[those]
+        nodes = np.where(arrives[those], turn.node[at, agents], turn.starts[at, agents])
+        those = np.flatnonzero(self._are_home(at, agents, nodes))
+        at, which, agents = at[those], which[those], agents[those]
+        self._emit("capture", at, which, nodes[those])
+        turn.add_scores(at, agents, self.flags.score)
+        np.add.at(self.kept["captures"], (turn.games[at], turn.roster.team_of[agents]), 1)
+        self.carriers[at, which] = -1
+        return bool(len(at))
 
-    def _take(self, at: IntArray, agents: IntArray) -> None:
+    def _take(self, now: float, at: IntArray, agents: IntArray, bases: IntArray) -> None:
         """Let these agents, which are on bases, take flags."""
         turn, roster, carriers = self.turn, self.turn.roster, self.carriers
         for number, (flag, base) in enumerate(self.flags.bases.items() if len(at) else ()):
-            may_take = (turn.streets.ids(turn.node[at, agents]) == base) & (carriers[at, number] < 0)
+            may_take = (turn.streets.ids(bases) == base) & (carriers[at, number] < 0)
             may_take &= ~roster.plays_for([flag, None])[agents] & ~(carriers[at] == agents[:, None]).any(axis=1)
             those = np.flatnonzero(may_take)
             if len(those):
@@ -346,8 +356,8 @@ class _FlagsInArrays:
                 draws = turn.draw_bits(at[those], roster.keys[agents[those]], *purpose)
                 those = those[np.lexsort((draws, at[those]))]
                 those = those[np.unique(at[those], return_index=True)[1]]
-                carriers[at[those], number] = agents[those]
-                self._emit("take", at[those], np.full(len(those), number))
+                carriers[at[those], number], self.taken_at[at[those], number] = agents[those], now
+                self._emit("take", at[those], np.full(len(those), number), bases[those])
 
     def _end(self, goal: int) -> None:
         """End the games in which a team has captured as many flags as it needs."""

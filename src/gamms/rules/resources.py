@@ -214,7 +214,7 @@ class _Tank(NamedTuple):
         prices = np.where(goes, self.per_edge, 0.0)
         if self.per_metre:
             prices += np.where(goes, _lengths_in_arrays(turn, ends), 0.0) * self.per_metre
-        kept["prices"][turn.games] = prices
+        kept["prices"][turn.games] = np.where(goes, prices, kept["prices"][turn.games])
         is_too_dear = (left <= 0) | (prices > left * (1 + _SLACK))
         is_refused: BoolArray = is_too_dear & goes & turn.alive & turn.roster.plays_for(self.teams)
         return is_refused

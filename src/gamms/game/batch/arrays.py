@@ -9,7 +9,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.sight import why_not_seen
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays, Pace
 from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.game.order import COUNTED
 from gamms.game.result import Result
@@ -19,7 +19,7 @@ from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
-from gamms.typing import AgentType
+from gamms.typing import AgentType, IAgent
 
 _FORM, _CHECK = "array_form", "array_check"  # the attributes of rules, strategies and resolvers
 
@@ -51,6 +51,13 @@ class ArrayEngine:
         settings = game.settings()
         self._last: int | None = settings["max_turns"]
         self._groups = _groups(roster)
+        self._parts: list[IntArray | None] = [None]  # the agents that move at once, one part after the other; None: all
+        if settings["order"] is not None and len(settings["order"]) > 1:
+            move_now = np.stack([roster.plays_for(teams) for teams in settings["order"]])  # (parts, agents)
+            self._parts = [np.flatnonzero(of_part) for of_part in move_now]
+            self.state.pace = Pace(
+                move_now.argmax(axis=0) / len(move_now), (move_now.argmax(axis=0) + 1) / len(move_now)
+            )
         self._rules = {
             phase: [(one, _form_of(one.rule)) for one in game.rules if one.phase == phase]
             for phase in ("before", "after")
@@ -86,6 +93,8 @@ class ArrayEngine:
         state = self.state
         for named, form in self._rules["before"]:  # a game that one of them ends is over for the others
             turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
+            if not len(turn.games):
+                return
             starts, ends, took_part = state.last_moves
             turn.starts, turn.ends, turn.took_part = starts[turn.games], ends[turn.games], took_part[turn.games]
             self._call(named, form, turn)
@@ -93,13 +102,14 @@ class ArrayEngine:
         turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
         if not len(turn.games):
             return
-        actions = self._decided(turn, given)
-        wanted = ends = state.streets.step(turn.node, actions)
-        for check in self._checks:
-            ends = np.where(check(turn, wanted), turn.node, ends)
-        if self._conflicts is not None:
-            ends = np.where(self._conflicts(turn, ends), turn.node, ends)
-        turn.move(ends, ends != wanted)
+        actions, is_given = self._given(turn, given)
+        for members in self._parts:
+            wanted, is_decided = actions, is_given
+            if members is not None:
+                moves = np.isin(np.arange(len(is_given)), members)
+                wanted, is_decided = np.where(moves, actions, 0), is_given | ~moves
+            self._play_part(turn, self._decided(turn, wanted, is_decided), members)
+        turn.end_moves()
         if self._rules["before"]:
             for column, values in zip(state.last_moves, (turn.starts, turn.ends, turn.took_part), strict=True):
                 column[turn.games] = values
@@ -109,10 +119,21 @@ class ArrayEngine:
         finally:  # the agents have moved: the turn is played, without the rules that follow
             turn.close()
 
-    def _decided(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> IntArray:
-        """Return what all agents do, (games, agents) of this turn."""
-        actions = np.zeros(turn.node.shape, np.int64)
-        taken = np.zeros(len(turn.roster.names), np.bool_)
+    def _play_part(self, turn: ArrayTurn, actions: IntArray, members: IntArray | None) -> None:
+        """Let some agents move at once, by what they have decided; None: all."""
+        wanted = ends = turn.streets.step(turn.node, actions)
+        for check in self._checks:
+            ends = np.where(check(turn, wanted), turn.node, ends)
+        is_stopped = np.zeros(ends.shape, np.bool_)
+        if self._conflicts is not None:
+            is_stopped = (ends != turn.node) & self._conflicts(turn, ends)
+            ends = np.where(is_stopped, turn.node, ends)
+        self.state.counts["blocked"][turn.games] += ends != wanted
+        turn.move(ends, is_stopped, members)
+
+    def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> tuple[IntArray, BoolArray]:
+        """Return the actions that were given, (games, agents) of this turn, and to which agents, (agents,)."""
+        actions, is_given = np.zeros(turn.node.shape, np.int64), np.zeros(len(turn.roster.names), np.bool_)
         for team, wanted in given.items():
             agents = turn.roster.members(team)
             of_all = np.asarray(wanted)
@@ -124,9 +145,14 @@ class ArrayEngine:
                 )
             view = ArrayView(self.state, turn.games, agents)
             actions[:, agents] = view.checked(of_all[turn.games], f"team {shown(team)}")
-            taken[agents] = True
+            is_given[agents] = True
+        return actions, is_given
+
+    def _decided(self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray) -> IntArray:
+        """Return these actions with those of the agents, (agents,), whose strategies are to be asked."""
+        actions = given.copy()
         for group in self._groups:
-            agents = group.agents[~taken[group.agents]]
+            agents = group.agents[~is_decided[group.agents]]
             if len(agents):
                 view = ArrayView(self.state, turn.games, agents)
                 try:
@@ -197,7 +223,7 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     unit, legal, conflicts = (settings[name] for name in ("speed_unit", "legal", "conflicts"))
     reasons = [
         (unit != "edges" or legal != "edges", f"speed_unit={unit!r}, legal={legal!r}"),
-        (settings["order"] is not None, "an order of play"),
+        (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
         (bool(settings["deeds"]), "deeds"),
         (bool(settings["channels"]), "channels"),
         (bool(settings["plans"]), "plans of teams"),
@@ -229,6 +255,10 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     if conflicts is not None:
         reasons.append((_form_of(conflicts) is None, f"the conflicts {as_code(conflicts)}"))
     return next((reason for is_there, reason in reasons if is_there), None)
+
+
+def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
+    return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)
 
 
 def _rule_lacks_form(named: NamedRule) -> bool:

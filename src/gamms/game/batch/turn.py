@@ -87,6 +87,13 @@ class Places(NamedTuple):
     xy: FloatArray  # (games, agents, 2)  map units
 
 
+class Pace(NamedTuple):
+    """When agents that move leave their nodes and arrive, from 0 to 1, in the order of play; arrays (agents,)."""
+
+    leaves: FloatArray
+    arrives: FloatArray
+
+
 class GameArrays:
     """The state of all games of a batch.
 
@@ -111,6 +118,7 @@ class GameArrays:
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
         places: where agents on edges are, in games by metres; None: all are on their nodes.
+        pace: when agents move in a turn.
     """
 
     def __init__(self, roster: Roster, streets: Streets, seeds: Sequence[int], start: IntArray) -> None:
@@ -132,6 +140,7 @@ class GameArrays:
         self.events = EventLog(games)
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
+        self.pace = Pace(np.zeros(shape[1]), np.ones(shape[1]))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None
@@ -210,6 +219,7 @@ class ArrayTurn:
         starts: where the agents were before they moved; before a turn, in the last one.
         ends: where they went, conflicts included.
         took_part: which of them were alive then.
+        pace: when those that move leave their nodes and arrive.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
     """
@@ -220,15 +230,31 @@ class ArrayTurn:
         self.turn, self.seeds = state.turn[games], np.array(state.seeds)[games]
         self.node, self.alive = state.node[games], state.alive[games]
         self.starts = self.ends = self.node
-        self.took_part = self.alive
+        self.took_part, self.pace = self.alive, state.pace
 
-    def move(self, ends: IntArray, blocked: BoolArray) -> None:
-        """Move the agents, and note which of them conflicts have stopped."""
-        self.starts, self.ends, self.took_part = self.node, ends, self.alive
-        self.node, self.alive, self.turn = ends.copy(), self.alive.copy(), self.turn + 1
-        self._state.blocked[self.games] = blocked
-        self._state.counts["moves"][self.games] += ends != self.starts
-        self._state.counts["blocked"][self.games] += blocked
+    def move(self, ends: IntArray, stopped: BoolArray, members: IntArray | None = None) -> None:
+        """Move agents, and note which of them conflicts have stopped.
+
+        Args:
+            ends: (games, agents) where they go; the others stay.
+            stopped: by conflicts.
+            members: the agents that move now, by the order of play; None: all.
+        """
+        counts, games = self._state.counts, self.games
+        counts["moves"][games] += ends != self.node
+        if members is None:
+            self.starts, self.ends, self.took_part = self.node, ends, self.alive
+            self._state.blocked[games] = stopped
+        else:
+            self._state.blocked[np.ix_(games, members)] = stopped[:, members]
+            went = ends != self.node
+            self.starts, self.ends = np.where(went, self.node, self.starts), np.where(went, ends, self.ends)
+            self._state.node[games] = ends  # those after them see it
+        self.node = ends.copy()
+
+    def end_moves(self) -> None:
+        """Let the turn be played: what follows are its rules."""
+        self.alive, self.turn = self.alive.copy(), self.turn + 1
 
     def close(self) -> None:
         """Write what has changed into the state of the batch."""
@@ -241,12 +267,22 @@ class ArrayTurn:
         by_move: BoolArray = self.took_part & (self.node == self.ends)
         return by_move
 
-    def stayed(self, at: IntArray, agents: IntArray) -> BoolArray:
-        """Return which agents are where they were when the turn began, rather than come or put there since."""
-        which = at, agents
-        node = self.node[which]
-        has_stayed: BoolArray = self.took_part[which] & (self.starts[which] == node) & (self.ends[which] == node)
-        return has_stayed
+    @property
+    def since(self) -> FloatArray:
+        """When agents came to where they are, from 0 to 1: 0 for those that stayed, 1 for those put there since."""
+        came = np.where(self.starts != self.ends, self.pace.arrives, 0.0)
+        return np.where(self.is_there_by_move, came, 1.0)
+
+    @property
+    def waited(self) -> BoolArray:
+        """Which agents were on their starts for a part of the turn, until they left, (games, agents)."""
+        has_left: BoolArray = self.is_there_by_move & (self.starts != self.ends) & (self.pace.leaves > 0.0)
+        return has_left
+
+    @property
+    def moments(self) -> FloatArray:
+        """The moments of a turn at which agents leave or arrive, 0 and 1 among them, ascending."""
+        return np.unique([0.0, 1.0, *self.pace.leaves.tolist(), *self.pace.arrives.tolist()])
 
     # -- what rules do ------------------------------------------------------------------------------------------
 
