@@ -64,6 +64,15 @@ class TurnMoves:
             slot.agent = twin_of(slot.agent)
         return TurnMoves(order, self.starts, self.ends, self.actions)
 
+    def are_single_steps(self, block: AgentBlock) -> bool:
+        """Whether all living agents are on the ground, went along one edge or none, and are where that has led."""
+        order = self.order
+        return (
+            not (self.actions or block.flyers or block.travellers)
+            and order.structure_version == block.structure_version
+            and order.selection.of(block.node) == self.ends
+        )
+
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, of all on the ground, in the order of the names."""
         if self._by_name is None:

@@ -1,6 +1,6 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from itertools import chain, pairwise
 from math import floor, inf
 from operator import add, ne
@@ -17,7 +17,7 @@ from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Plan, Settings
 from gamms.game.streets import Streets
 from gamms.game.travel import Travel, Way
-from gamms.ir.agents import Position, Progress, Quat, Selection
+from gamms.ir.agents import AgentBlock, Position, Progress, Quat, Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.text import shown
@@ -211,27 +211,30 @@ class TurnOrder:
 
     Args:
         slots: of the agents, sorted by name.
-        progress: by row of the agents, on the edge that one has covered part of.
+        block: of the agents.
         plans: by team.
         order: the teams that move at once, in their order; None: all.
 
     Attributes:
-        slots, progress: as given.
+        slots: as given.
+        progress: by row of the agents, on the edge that one has covered part of.
         whole: all of them.
         parts: those that move at once, in their order.
         unlisted: the first of an agent whose team is in no part; None: there is no such.
         selection: the rows of all.
         index_of: name -> index of the slot.
+        structure_version: of the agents.
     """
 
     def __init__(
         self,
         slots: list[AgentSlot],
-        progress: list[Any],
+        block: AgentBlock,
         plans: Mapping[Any, Plan],
         order: Sequence[Sequence[Any]] | None,
     ) -> None:
-        self.slots, self.progress = slots, progress
+        self.slots, self.progress, self.structure_version = slots, block.progress, block.structure_version
+        progress = block.progress
         self.whole = Part(slots, None, progress, plans)
         self.parts, self.unlisted = [self.whole], None
         if order is not None:
@@ -242,6 +245,16 @@ class TurnOrder:
         self.selection = Selection([slot.row for slot in slots])
         self.index_of = {slot.name: i for i, slot in enumerate(slots)}
         self._moved = [0] * len(slots)
+        self._of_team: dict[Hashable, Selection] = {}
+
+    def of_side(self, side: Hashable | Callable[[IAgent], object]) -> Selection:
+        """Return the slots of the agents of a team, or of those for which a function says so."""
+        known = self._of_team.get(side)
+        if known is None:
+            known = Selection([i for i, slot in enumerate(self.slots) if plays_for(slot.agent, side)])
+            if not callable(side):
+                self._of_team[side] = known
+        return known
 
     def count_moves(self, starts: list[int], ends: list[int]) -> None:
         """Count the agents that have moved."""
@@ -257,6 +270,11 @@ class TurnOrder:
     def restart_counts(self) -> None:
         """Count moves from here."""
         self._moved = [0] * len(self.slots)
+
+
+def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> bool:
+    """Whether an agent is of a team, or a function says that it is on this side."""
+    return bool(side(agent) if callable(side) else agent.team == side)
 
 
 def _commanded(slots: list[AgentSlot], team: Hashable, plan: Plan) -> Commanded:

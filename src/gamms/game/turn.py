@@ -79,7 +79,7 @@ class TurnEngine:
             access_of = agents.storage.turn_access
             groups = self._groups if self.is_moving else settings.order
             slots = [AgentSlot(one, access_of(one), state, self._ctx.seed, self._facts, settings) for _, one in living]
-            self._order, self._order_key = TurnOrder(slots, block.progress, settings.plans, groups), key
+            self._order, self._order_key = TurnOrder(slots, block, settings.plans, groups), key
             state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
 

@@ -16,6 +16,8 @@ from gamms import kernels
 from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
+from gamms.game.moves import TurnMoves
+from gamms.game.order import plays_for
 from gamms.graph import Graph
 from gamms.ir.agents import Position
 from gamms.rules import meetings
@@ -98,7 +100,7 @@ def contacts(  # noqa: PLR0913 - all that makes a contact, in one call
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
     first: dict[tuple[str, str], Contact] = {}
-    for contact in found(as_context(ctx, "contacts"), as_test(a), as_test(b), nearness):
+    for contact in found(as_context(ctx, "contacts"), as_side(a), as_side(b), nearness):
         first.setdefault(contact[:2], contact)
     return list(first.values())
 
@@ -140,19 +142,22 @@ def as_nearness(
     return Nearness(unit, limit, on_edges, as_flag(air, "air"), as_flag(passing, "passing"))
 
 
-def as_test(side: Side) -> Test:
-    """Return the function that says whether an agent is on a side."""
-    if callable(side):
-        return side
-    team = as_key(side, "A team")
-    return lambda agent: bool(agent.team == team)
+def as_side(side: Side) -> Side:
+    """Check that a side is a team, or a function of an agent.
+
+    Raises:
+        BadType: a team is no key.
+    """
+    return side if callable(side) else as_key(side, "A team")
 
 
-def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Contact]:
+def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
     """Return all contacts of a turn in the order that `contacts` promises; two agents may have several."""
+    if _are_apart(ctx, a, b, nearness):
+        return []
     agents = [agent for agent in ctx.game.agents if nearness.air or agent.type is not AgentType.AERIAL]
-    ours, theirs = [agent for agent in agents if is_a(agent)], [agent for agent in agents if is_b(agent)]
-    if not ours or not theirs or (nearness.unit is None and _are_apart(ctx, ours, theirs)):
+    ours, theirs = ([agent for agent in agents if plays_for(agent, side)] for side in (a, b))
+    if not ours or not theirs:
         return []
     sides = _tracked(ctx, ours, passing=nearness.passing), _tracked(ctx, theirs, passing=nearness.passing)
     in_space = agents if nearness.unit == "euclid" and nearness.air else ()
@@ -168,19 +173,23 @@ def found(ctx: Context, is_a: Test, is_b: Test, nearness: Nearness) -> list[Cont
     return [Contact(a, b, distance, time, *nodes) for time, distance, _, a, b, *nodes in _ranked(ctx, met)]
 
 
-def _are_apart(ctx: Context, ours: list[IAgent], theirs: list[IAgent]) -> bool:
-    """Whether all went one edge or none, to nodes of their own, and no two towards each other: then none have met."""
+def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:
+    """Whether all went one edge or none, to nodes that are not near each other, and no two passed: then none met."""
     # NOTE: most turns are like that; tracks of all agents take a quarter of a small game (benchmarks/README.md).
-    moves = ctx.game.internals.state.moves
-    if moves is None or moves.actions:
+    moves: TurnMoves | None = ctx.game.internals.state.moves
+    if moves is None or not moves.are_single_steps(ctx.agent.block):
         return False
-    here = {agent.current_node_id for agent in ours}
-    if not here.isdisjoint([agent.current_node_id for agent in theirs]):
-        return False
-    index_of, starts, ends = moves.order.index_of, moves.starts, moves.ends
-    rows, others = ([index_of[one.name] for one in side if one.name in index_of] for side in (ours, theirs))
-    ways = {(starts[i], ends[i]) for i in rows}
-    return not any((ends[i], starts[i]) in ways for i in others)
+    ours, theirs = moves.order.of_side(a), moves.order.of_side(b)
+    here, there = ours.of(moves.ends), theirs.of(moves.ends)
+    if nearness.unit is None:
+        are_near = not set(here).isdisjoint(there)
+    else:
+        are_near = bool(_MEASURES[nearness.unit](ctx.graph.graph, nearness.limit)(here, there))
+    if are_near or not nearness.crossing:
+        return not are_near
+    return set(zip(ours.of(moves.starts), here, strict=True)).isdisjoint(
+        zip(there, theirs.of(moves.starts), strict=True)
+    )
 
 
 def _met_on_travels(

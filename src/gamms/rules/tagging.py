@@ -10,7 +10,7 @@ from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.turn import ArrayTurn
-from gamms.rules.contacts import Contact, Side, as_nearness, as_test, found, one_to_one
+from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
 from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, one_to_one_in_arrays
 from gamms.rules.endings import Rank, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
@@ -71,7 +71,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         BadType, BadValue: an argument is not one of these.
     """
     nearness = as_nearness(hops, metres, euclid, crossing=crossing, air=air, passing=passing)
-    sides = as_test(taggers), as_test(tagged)
+    sides = as_side(taggers), as_side(tagged)
     follow, points, ground = _as_then(then), as_float(score, "score"), as_territory(territory)
     both = as_flag(mutual, "mutual")
 

@@ -62,8 +62,10 @@ def random_walk(state: State | AerialState) -> None:
     elif (edge := state.get("edge")) is not None:
         state["action"] = edge[1]
     else:
-        legal = legal_nodes(state, "random_walk")
-        state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
+        legal = state["legal"] if "legal" in state else legal_nodes(state, "random_walk")
+        draw = state.get("draw")
+        number = drawn_below(state, len(legal), "random_walk") if draw is None else draw.below(len(legal))
+        state["action"] = legal[number]
 
 
 def _stay_in_arrays(view: ArrayView) -> IntArray:
