@@ -94,6 +94,13 @@ def test_agents_that_are_near_are_tagged_as_in_games_that_are_played_alone(given
     same_as_one_by_one(scene([rule("tag", taggers="red", tagged="blue", **given)], max_turns=10), SEEDS)
 
 
+@pytest.mark.parametrize("given", [{"euclid": 15, "mutual": True}, {"euclid": 0, "then": "eliminate"}])
+def test_near_agents_of_large_teams_are_found_by_cells(given, monkeypatch, same_as_one_by_one):
+    monkeypatch.setattr("gamms.rules.contacts_in_arrays._MANY", 3)
+    tag = rule("tag", taggers="red", tagged="blue", **given)
+    same_as_one_by_one(scene([tag], red=7, blue=9, max_turns=8), SEEDS)
+
+
 def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):
     tag = rule("tag", taggers="red", tagged="red", hops=1)
     same_as_one_by_one(scene([tag], red=12, side=9, max_turns=6), SEEDS[:2])

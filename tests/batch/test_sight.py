@@ -104,9 +104,13 @@ def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(mon
             for _ in range(3):
                 games.step()
             expected = games.observe("red").seen()
-            monkeypatch.setattr(sight, "_AT_ONCE", 21)
-            found = games.observe("red").seen()
-            assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
+            for what, number in (("_AT_ONCE", 21), ("_FEW", 1)):
+                monkeypatch.setattr(sight, what, number)
+                games.reset()
+                for _ in range(3):
+                    games.step()
+                found = games.observe("red").seen()
+                assert all(np.array_equal(one, other) for one, other in zip(found, expected, strict=True))
             assert found.mask.any()
 
 

@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import UnknownName
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.typing.routes import RouteQueries
 
 
@@ -28,6 +28,7 @@ class Streets:
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
         self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")
         self._padded: IntArray | None = None
+        self._axes: FloatArray | None = None
 
     def ids(self, rows: IntArray) -> IntArray:
         """Return the ids of nodes."""
@@ -49,6 +50,13 @@ class Streets:
         if missing.size:
             raise UnknownName("node", int(missing.flat[0]))
         return found
+
+    @property
+    def axes(self) -> FloatArray:
+        """The x and the y of all nodes, (2, nodes), each in one piece."""
+        if self._axes is None:
+            self._axes = np.ascontiguousarray(self.columns.xy.T)
+        return self._axes
 
     @property
     def legal(self) -> IntArray:

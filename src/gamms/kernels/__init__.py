@@ -4,7 +4,15 @@ The NumPy versions are the specification; faster twins must match them exactly.
 Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
-from gamms.kernels.cells import CellIndex, build_cells, candidate_rows, pairs_within, rows_between
+from gamms.kernels.cells import (
+    Area,
+    CellIndex,
+    build_cells,
+    candidate_rows,
+    near_each_other,
+    pairs_within,
+    rows_between,
+)
 from gamms.kernels.csr import (
     chosen_runs,
     closed_rings,

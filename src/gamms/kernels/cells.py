@@ -1,12 +1,12 @@
 """A cell grid over points: rows near a place, at a cost that does not grow with the number of points."""
 
+from collections.abc import Iterator
 from math import floor
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.kernels.csr import expand_ranges
 
 _POINTS_PER_CELL = 4.0
 _MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
@@ -14,6 +14,7 @@ _FAR = 1e150  # coordinates beyond are as far away as this: their squares would 
 _MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
 _MOST_PAIRS = 1 << 18  # that are compared at a time
 _FEW_PAIRS = 1 << 10  # that are compared without cells
+_MOST_CELLS_OF_AREA = 1 << 20  # per axis of an area
 
 
 class CellIndex(NamedTuple):
@@ -79,46 +80,99 @@ def pairs_within(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, 
     Returns:
         `rows` of `a` and `others` of `b` (pairs,), by row, then by other row, and how far apart these are (pairs,).
     """
-    first, last, order = _near_ranges(a, b, limit)
-    rows, others, squares = list[IntArray](), list[IntArray](), list[FloatArray]()
-    ends = np.cumsum((last - first).sum(axis=1))
+    if len(a) * len(b) <= _FEW_PAIRS or limit >= _FAR:
+        rows, others = (part.reshape(-1) for part in np.indices((len(a), len(b))))
+    else:
+        (x, y), (x1, y1) = (np.clip(points[:, :2], -_FAR, _FAR).T for points in (a, b))
+        here, there = Area(x, y, np.zeros(len(x), np.int64)), Area(x1, y1, np.zeros(len(x1), np.int64))
+        parts = [*near_each_other(here, there, limit)]
+        rows, others = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
+    with np.errstate(over="ignore"):
+        dx, dy, dz = (a[rows] - b[others]).T
+        squares = dx * dx + dy * dy + dz * dz
+        near = squares <= limit * limit
+    return rows[near], others[near], np.sqrt(squares[near])
+
+
+class Area(NamedTuple):
+    """Points on maps of their own that have the same coordinates, such as the agents of several games.
+
+    Attributes:
+        x: (points,) finite.
+        y: (points,) likewise.
+        group: (points,) the number of the map, from 0.
+    """
+
+    x: FloatArray
+    y: FloatArray
+    group: IntArray
+
+
+def near_each_other(a: Area, b: Area, limit: float) -> Iterator[tuple[IntArray, IntArray]]:
+    """Find the pairs of points of one map, one of each set, that are at most `limit` apart, some at a time.
+
+    dx * dx + dy * dy <= limit * limit is what is compared, in 64-bit floats.
+
+    Args:
+        a: points.
+        b: others.
+        limit: not negative, at most 1e150; so are all coordinates.
+
+    Yields:
+        Rows of `a` and of `b`, (pairs,), by row of `a`, then by row of `b`.
+    """
+    if not len(a.x) or not len(b.x):
+        return
+    first, last, order = _stripes(a, b, limit)
+    counts = last - first
+    ends = np.cumsum(counts.sum(axis=1))
+    x, y = b.x[order], b.y[order]
     begin = 0
-    while begin < len(a):
+    while begin < len(a.x):
         before = int(ends[begin - 1]) if begin else 0
         end = max(begin + 1, int(np.searchsorted(ends, before + _MOST_PAIRS, side="right")))
-        group, place = expand_ranges(first[begin:end].ravel(), last[begin:end].ravel())
-        row, other = begin + group // first.shape[1], order[place]
-        with np.errstate(over="ignore"):
-            dx, dy, dz = (a[row] - b[other]).T
-            square = dx * dx + dy * dy + dz * dz
-            near = square <= limit * limit
-        rows.append(row[near])
-        others.append(other[near])
-        squares.append(square[near])
+        runs = counts[begin:end].ravel()
+        shift = first[begin:end].ravel() - (np.cumsum(runs) - runs)
+        place = np.arange(int(ends[end - 1]) - before) + np.repeat(shift, runs)
+        row = np.repeat(np.arange(end - begin), np.diff(ends[begin:end], prepend=before))
+        dx, dy = x[place], y[place]
+        dx -= a.x[begin:end][row]
+        dy -= a.y[begin:end][row]
+        dx *= dx
+        dy *= dy
+        dx += dy
+        near = np.flatnonzero(dx <= limit * limit)
+        pairs = row[near] * len(b.x) + order[place[near]]
+        pairs.sort()
+        row = pairs // len(b.x)
+        yield begin + row, pairs - row * len(b.x)
         begin = end
-    found = [np.concatenate([np.zeros(0, np.int64), *parts]) for parts in (rows, others)]
-    sorting = np.lexsort(found[::-1])
-    return found[0][sorting], found[1][sorting], np.sqrt(np.concatenate([np.zeros(0), *squares])[sorting])
 
 
-def _near_ranges(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, IntArray, IntArray]:
+def _stripes(a: Area, b: Area, limit: float) -> tuple[IntArray, IntArray, IntArray]:
     """Return the ranges of candidates (points, ranges), first and one behind the last, in an order of the others."""
-    everything = np.arange(len(b))
-    if len(a) * len(b) <= _FEW_PAIRS:
-        return np.zeros((len(a), 1), np.int64), np.full((len(a), 1), len(b)), everything
-    a, b = (np.clip(points[:, :2], -_FAR, _FAR) for points in (a, b))
-    low = np.minimum(a.min(axis=0), b.min(axis=0))
-    greatest = max(float(np.abs(a).max()), float(np.abs(b).max()))
-    size = max(limit * (1.0 + 1e-9) + greatest * 1e-8, 1.0 / _FAR)  # smaller cells drown in rounding
-    cells_a, cells_b = (np.floor((points - low) / size).astype(np.int64) + 1 for points in (a, b))
-    keys = _key(cells_b[:, 0], cells_b[:, 1])
+    low = [min(float(getattr(points, axis).min()) for points in (a, b)) for axis in "xy"]
+    high = [max(float(getattr(points, axis).max()) for points in (a, b)) for axis in "xy"]
+    span = max(high[0] - low[0], high[1] - low[1])
+    greatest = max(map(abs, (*low, *high)))
+    least = max(greatest * 1e-8, 1.0 / _FAR)  # smaller cells drown in rounding
+    size = max(limit * (1.0 + 1e-9) + least, span / _MOST_CELLS_OF_AREA)
+    wide, tall = (int((top - bottom) / size) + 4 for bottom, top in zip(low, high, strict=True))
+    near, keys = (
+        (points.group * tall + ((points.y - low[1]) / size).astype(np.int64) + 1) * wide
+        + ((points.x - low[0]) / size).astype(np.int64)
+        + 1
+        for points in (a, b)
+    )
     order = np.argsort(keys, kind="stable")
+    cells = (1 + max(int(a.group.max()), int(b.group.max()))) * tall * wide
+    near = near[:, None] + wide * np.array([-1, 0, 1])
+    if cells <= _POINTS_PER_CELL * (len(a.x) + len(b.x)):
+        begins = np.zeros(cells + 1, np.int64)
+        np.cumsum(np.bincount(keys, minlength=cells), out=begins[1:])
+        return begins[near - 1], begins[near + 2], order
     keys = keys[order]
-    stripes = cells_a[:, 1, None] + np.array([-1, 0, 1])
-    columns = cells_a[:, 0, None]
-    first = np.searchsorted(keys, _key(columns - 1, stripes), side="left")
-    last = np.searchsorted(keys, _key(columns + 1, stripes), side="right")
-    return first, last, order
+    return np.searchsorted(keys, near - 1), np.searchsorted(keys, near + 2), order
 
 
 def _cell_of(value: float, origin: float, size: float) -> int:

@@ -184,6 +184,8 @@ def _pair_keys(names: tuple[str, ...], a: IntArray, b: IntArray) -> BitArray:
 # -- pairs that are near each other -----------------------------------------------------------------------------------
 
 _AT_ONCE = 1 << 20  # pairs of agents that are compared
+_MANY = 128  # agents of one side: in straight lines, of so many those that are near are found by cells of the map
+_FAR = 1e150  # map units, of which squares are not infinite
 _MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
 
 
@@ -195,6 +197,8 @@ def _near_pairs(
     `where` are the nodes of all agents, and which of them count.
     """
     unit, limit = nearness.unit, nearness.limit
+    if unit == "euclid" and len(theirs) > _MANY and limit < _FAR:
+        return _near_by_cells(turn.streets, where, ours, theirs, limit)
     size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs)))
     near: _NearNodes | _Straight
     if unit == "euclid":
@@ -216,11 +220,27 @@ def _near_pairs(
     return at[is_near], a[is_near], b[is_near], far[is_near]
 
 
+def _near_by_cells(
+    streets: Streets, where: tuple[IntArray, BoolArray], ours: IntArray, theirs: IntArray, limit: float
+) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
+    """Return what `_near_pairs` does in straight lines."""
+    (x, y), (nodes, counts) = streets.axes, where
+    (at, i), (there, j) = (np.nonzero(counts[:, side]) for side in (ours, theirs))
+    a, b = ours[i], theirs[j]
+    here, beside = nodes[at, a], nodes[there, b]
+    areas = kernels.Area(x[here], y[here], at), kernels.Area(x[beside], y[beside], there)
+    none = np.zeros(0, np.int64)
+    found = [(none, none), *kernels.near_each_other(areas[0], areas[1], limit)]
+    rows, others = (np.concatenate([part[side] for part in found]) for side in (0, 1))
+    far = _Straight(streets, limit).distances(here[rows], beside[others])
+    return at[rows], a[rows], b[others], far
+
+
 class _Straight:
     """How far nodes are from each other in a straight line."""
 
     def __init__(self, streets: Streets, limit: float) -> None:
-        self._x, self._y = streets.columns.xy.T
+        self._x, self._y = streets.axes
         self._limit = limit
 
     def may_be_near(self, starts: IntArray, ends: IntArray) -> BoolArray:

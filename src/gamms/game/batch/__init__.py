@@ -3,7 +3,7 @@
 `games.py` is the front; read it first. A batch plays in arrays (`arrays.py`) where strategies, rules and conflicts of
 the game have an array form, and one game after the other (`one_by_one.py`) where some have none; both give the same
 games. `turn.py` is what array forms of rules get, `view.py` what those of strategies get: `sight.py` says whom sensors
-show them, `routes.py` how far it is. `columns.py` has who plays where,
+show them, `vectors.py` puts that into numbers, `routes.py` knows how far it is. `columns.py` has who plays where,
 `alone.py` plays array strategies in games that are played alone.
 """
 

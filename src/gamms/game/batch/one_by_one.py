@@ -116,6 +116,7 @@ class OneByOneEngine:
         state.turn[number], state.node[number] = self._game.turn, nodes
         state.alive[number] = [agent.alive for agent in agents]
         self._is_observed[number] = True
+        state.now.clear()
         if state.places is None:
             return
         edge, offset_m, xy = (column[number] for column in state.places)

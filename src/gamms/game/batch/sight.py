@@ -1,13 +1,17 @@
 """Which agents the sensors of agents show, in all games of a view at once."""
 
-from collections.abc import Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.game.batch.columns import Roster
 from gamms.game.batch.turn import GameArrays
+from gamms.game.streets import Streets
 from gamms.ir.chances import chances_at
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -17,7 +21,9 @@ from gamms.typing.agent_engine import IAgent
 from gamms.typing.sensor_engine import SensorType
 
 SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
-_AT_ONCE = 1 << 20  # pairs of agents that are compared at once
+_AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in the cache of the processor
+_FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
+_MOST_HIDDEN = 1 << 22  # pairs of nodes of which it is known whether something is between them
 _MOST_DENSE = 1 << 28  # pairs in a mask
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 
@@ -54,21 +60,34 @@ class Seen(NamedTuple):
         found[self.at, self.viewers, self.others] = True
         return found
 
+    def in_games(self, games: IntArray) -> "Seen":
+        """Return the pairs of some games, which ascend, as a view of these has them."""
+        number = np.full(self.shape[0], -1)
+        number[games] = np.arange(len(games))
+        at = number[self.at]
+        return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
+
     def of(self, chosen: BoolArray) -> "Seen":
         """Return some of the pairs, (pairs,)."""
         return Seen(self.shape, self.at[chosen], self.viewers[chosen], self.others[chosen], self.nodes[chosen])
 
 
 class Lookout(NamedTuple):
-    """Sensors that look alike, and the agents that carry them.
+    """Sensors that look alike, the agents of a view that carry them, and the agents that they show if they are in view.
 
     Attributes:
         look: what they show.
-        agents: (agents,) numbers in the roster.
+        columns: (carriers,) numbers in the view, ascending.
+        carriers: (carriers,) numbers in the roster.
+        others: (others,) numbers in the roster, ascending.
+        draws: (carriers,) the names that what is drawn follows from; see `AgentLook`.
     """
 
     look: AgentLook
-    agents: IntArray
+    columns: IntArray
+    carriers: IntArray
+    others: IntArray
+    draws: list[tuple[str, str] | None]
 
 
 def looks_of(agent: IAgent, names: Sequence[str]) -> list[AgentLook]:
@@ -99,21 +118,37 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in SHOWING_AGENTS})
 
 
-def lookouts(agents: Sequence[IAgent], numbers: IntArray, names: Sequence[str]) -> list[Lookout]:
+def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str]) -> list[Lookout]:
     """Return the sensors of agents of a roster, those that look alike together; of these names, or all.
 
     Raises:
         UnknownName (KeyError): no agent carries one of a name.
         BadValue: one has no array form.
     """
+    agents = roster.agents
     unknown = [name for name in names if name not in names_of(agents, numbers)]
     if unknown:
         raise UnknownName("sensor that shows agents", unknown[0], names_of(agents, numbers))
-    found: dict[AgentLook, tuple[AgentLook, list[int]]] = {}
-    for number in numbers.tolist():
+    found: dict[tuple[AgentLook, int], tuple[AgentLook, list[int], list[tuple[str, str] | None]]] = {}
+    for column, number in enumerate(numbers.tolist()):
+        carried = Counter[AgentLook]()  # an agent may carry several that look alike
         for look in looks_of(agents[number], names):
-            found.setdefault(look._replace(hides=None), (look, []))[1].append(number)
-    return [Lookout(look, np.array(carriers)) for look, carriers in found.values()]
+            key = look._replace(hides=None, draws=None)
+            _, columns, draws = found.setdefault((key, carried[key]), (look, [], []))
+            columns.append(column)
+            draws.append(look.draws)
+            carried[key] += 1
+    made = []
+    for look, listed, draws in found.values():
+        among = np.array(listed)
+        made.append(Lookout(look, among, numbers[among], _shown(roster, look), draws))
+    return made
+
+
+def _shown(roster: Roster, look: AgentLook) -> IntArray:
+    """Return the numbers of the agents that a sensor shows where they are in view."""
+    is_shown = [(look.teams is None or team in look.teams) and team not in look.others for team in roster.teams]
+    return np.flatnonzero(np.array(is_shown, np.bool_)[roster.team_of])
 
 
 def seen(
@@ -135,92 +170,176 @@ def seen(
         looks: their sensors.
         with_own: whether sensors at fixed places show the agents that carry them.
     """
-    roster, found = len(state.roster.names), [np.zeros(0, np.int64)]
-    for look, carriers in looks:
-        columns = np.flatnonzero(np.isin(agents, carriers))
-        others = _shown(state, look)
-        if not len(columns) or not len(others):
-            continue
-        wide = max(1, _AT_ONCE // len(others))  # agents that look at once
-        games_at_once = max(1, wide // len(columns))
-        for first in range(0, len(games), games_at_once):
-            rows = slice(first, first + games_at_once)
-            for begin in range(0, len(columns), wide):
-                some = columns[begin : begin + wide]
-                scene = _Scene(state, games[rows], agents[some], others)
-                is_seen = scene.looked(look, asked[rows, some], is_own_hidden=look.place is None or not with_own)
-                at, viewers, seen = is_seen.nonzero()
-                found.append(((at + first) * len(agents) + some[viewers]) * roster + others[seen])
-    keys = np.concatenate(found)
+    world, roster, found = _World(state, games), len(state.roster.names), list[IntArray]()
+    for lookout in looks:
+        if len(lookout.columns) and len(lookout.others):
+            for at, carriers, others in _pairs(world, lookout, asked, with_own=with_own):
+                looking = at * len(agents) + lookout.columns[carriers]
+                found.append(looking * roster + lookout.others[others])
+    keys = np.concatenate(found) if found else np.zeros(0, np.int64)
     if len(looks) > 1:
         keys = np.unique(keys)
-    looking, shown_agents = np.divmod(keys, roster)
-    at, viewers = np.divmod(looking, max(len(agents), 1))
-    shape = len(games), len(agents), roster
-    return Seen(shape, at, viewers, shown_agents, state.node[games[at], shown_agents])
+    looking, shown_agents = _split(keys, roster)
+    at, viewers = _split(looking, len(agents))
+    return Seen((len(games), len(agents), roster), at, viewers, shown_agents, world.node[at, shown_agents])
 
 
-def _shown(state: GameArrays, look: AgentLook) -> IntArray:
-    """Return the numbers of the agents that a sensor shows where they are in view."""
-    roster = state.roster
-    is_shown = [(look.teams is None or team in look.teams) and team not in look.others for team in roster.teams]
-    return np.flatnonzero(np.array(is_shown, np.bool_)[roster.team_of])
+def _split(numbers: IntArray, size: int) -> tuple[IntArray, IntArray]:
+    """Return what `np.divmod` returns of numbers that are not negative, in half the time."""
+    quotients = numbers // max(size, 1)
+    return quotients, numbers - quotients * size
 
 
-class _Scene:
-    """Some games, agents in them that look, and others that may be seen."""
+class _World:
+    """Where all agents are in some games."""
 
-    def __init__(self, state: GameArrays, games: IntArray, agents: IntArray, others: IntArray) -> None:
-        self._state, self._games, self._agents, self._others = state, games, agents, others
-        self._node, self._there = state.node[np.ix_(games, agents)], state.node[np.ix_(games, others)]
+    def __init__(self, state: GameArrays, games: IntArray) -> None:
+        self.state, self.games = state, games
+        chosen = slice(None) if len(games) == len(state) else games
+        self.node: IntArray = state.node[chosen]
+        self.alive: BoolArray = state.alive[chosen]
 
-    def looked(self, look: AgentLook, asked: BoolArray, *, is_own_hidden: bool) -> BoolArray:
-        """Return who is seen, (games, agents, others)."""
-        found: BoolArray = asked[:, :, None] & self._state.alive[np.ix_(self._games, self._others)][:, None]
-        if is_own_hidden:
-            columns, own = np.nonzero(self._agents[:, None] == self._others)
-            found[:, columns, own] = False
-        if look.radius == np.inf and look.cone is None and look.chances is None and look.hides is None:
-            return found
-        x, y = np.ascontiguousarray(self._state.streets.columns.xy.T)
-        x0, y0 = (x[self._node], y[self._node]) if look.place is None else np.array(look.place)[:, None, None]
-        dx, dy = x[self._there][:, None] - x0[..., None], y[self._there][:, None] - y0[..., None]
-        found &= _within(dx, dy, look.radius)
-        if look.cone is not None:
-            found &= kernels.in_cone(dx, dy, *look.cone)
-        if look.hides is not None:
-            self._hide(found, look)
-        if look.chances is not None and look.draws is not None:
-            at, _, seen = places = found.nonzero()
-            dx, dy = (np.broadcast_to(offsets, found.shape)[places] for offsets in (dx, dy))
-            chances = chances_at(np.hypot(dx, dy), np.array(look.chances))
-            found[places] = self._drawn(look.draws, at, self._others[seen]) < chances
+    @cached_property
+    def axes(self) -> tuple[FloatArray, FloatArray]:
+        """Return x and y of the nodes where agents are, (games, agents) each."""
+        x, y = self.state.streets.axes
+        return x[self.node], y[self.node]
+
+
+Pairs = tuple[IntArray, IntArray, IntArray]  # games of the view, and carriers and others of a lookout, by their places
+
+
+def _pairs(world: _World, lookout: Lookout, asked: BoolArray, *, with_own: bool) -> Iterator[Pairs]:
+    """Yield who sees whom, in the order of the games, then of the carriers, then of the others."""
+    look = lookout.look
+    by_cells = look.place is None and len(lookout.others) > _FEW and _LEAST < look.radius < _MOST
+    for found in (_near_by_cells if by_cells else _near)(world, lookout, asked):
+        at, carriers, others = found
+        if look.place is None or not with_own:
+            is_other = lookout.carriers[carriers] != lookout.others[others]
+            at, carriers, others = at[is_other], carriers[is_other], others[is_other]
+        for is_left in (_ahead, _unhidden, _noticed):
+            left = is_left(world, lookout, (at, carriers, others))
+            if left is not None:
+                at, carriers, others = at[left], carriers[left], others[left]
+        yield at, carriers, others
+
+
+def _near(world: _World, lookout: Lookout, asked: BoolArray) -> Iterator[Pairs]:
+    """Yield who is in range of whom, by comparing all with all."""
+    look, columns, wide, size = lookout.look, _few(lookout.columns), len(lookout.columns), len(lookout.others)
+    carriers, others = _few(lookout.carriers), _few(lookout.others)
+    at_once = max(1, _AT_ONCE // size)  # agents that look
+    step = max(1, at_once // wide)  # games
+    for first in range(0, len(world.games), step):
+        games = slice(first, first + step)
+        is_asked, is_there = asked[games, columns], world.alive[games, others]
+        if look.radius < np.inf:
+            (x, x0), (y, y0) = ((axis[games, others], axis[games, carriers]) for axis in world.axes)
+            if look.place is not None:
+                x0, y0 = (np.full(x0.shape, place) for place in look.place)
+        for begin in range(0, wide, at_once):
+            some = slice(begin, begin + at_once)
+            found = is_asked[:, some, None] & is_there[:, None]
+            if look.radius < np.inf:
+                found &= _within(x[:, None] - x0[:, some, None], y[:, None] - y0[:, some, None], look.radius)
+            looking, seen = _split(np.flatnonzero(found), size)
+            at, looking = _split(looking, found.shape[1])
+            yield at + first, looking + begin, seen
+
+
+def _few(numbers: IntArray) -> IntArray | slice:
+    """Return numbers as a slice where they follow each other, which takes no copy."""
+    first, last = int(numbers[0]), int(numbers[-1])
+    return slice(first, last + 1) if last - first == len(numbers) - 1 else numbers
+
+
+def _near_by_cells(world: _World, lookout: Lookout, asked: BoolArray) -> Iterator[Pairs]:
+    """Yield who is in range of whom, by cells of the map."""
+    x, y = world.axes
+    at, carriers = np.nonzero(asked[:, lookout.columns])
+    there, others = np.nonzero(world.alive[:, lookout.others])
+    looking, seen = lookout.carriers[carriers], lookout.others[others]
+    here, beside = (kernels.Area(x[on, who], y[on, who], on) for on, who in ((at, looking), (there, seen)))
+    for rows, near in kernels.near_each_other(here, beside, lookout.look.radius):
+        yield at[rows], carriers[rows], others[near]
+
+
+def _offsets(world: _World, lookout: Lookout, pairs: Pairs) -> tuple[FloatArray, FloatArray]:
+    """Return how far east and north of the agents that look the others are, (pairs,)."""
+    (x, y), (at, carriers, others), place = world.axes, pairs, lookout.look.place
+    there, here = (at, lookout.others[others]), (at, lookout.carriers[carriers])
+    x0, y0 = (x[here], y[here]) if place is None else place
+    return x[there] - x0, y[there] - y0
+
+
+def _ahead(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
+    """Return which pairs are in the field of view; None: all."""
+    cone = lookout.look.cone
+    return None if cone is None else kernels.in_cone(*_offsets(world, lookout, pairs), *cone)
+
+
+def _unhidden(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
+    """Return between which pairs no obstacle is; None: all."""
+    look, (at, carriers, others) = lookout.look, pairs
+    if look.hides is None:
+        return None
+    key = "hidden", look._replace(hides=None, draws=None, chances=None, teams=None, others=())
+    known = world.state.shared.setdefault(key, _KnownSights(world.state.streets, look.hides))
+    starts = world.node[at, lookout.carriers[carriers]] if look.place is None else np.zeros_like(at)
+    is_hidden: BoolArray = known.hidden(starts, world.node[at, lookout.others[others]])
+    return ~is_hidden
+
+
+class _KnownSights:
+    """Between which nodes obstacles are, of those that were asked for."""
+
+    def __init__(self, streets: Streets, hides: Callable[[int, IntArray], BoolArray]) -> None:
+        self._streets, self._hides = streets, hides
+        self._keys, self._is_hidden = np.zeros(0, np.int64), np.zeros(0, np.bool_)
+
+    def hidden(self, starts: IntArray, ends: IntArray) -> BoolArray:
+        """Return which nodes are hidden from others, by rows, (pairs,)."""
+        pairs, which = np.unique(starts * len(self._streets.counts) + ends, return_inverse=True)
+        new = pairs[~np.isin(pairs, self._keys, assume_unique=True)]
+        if len(new):
+            if len(self._keys) + len(new) > _MOST_HIDDEN:
+                self._keys, self._is_hidden, new = np.zeros(0, np.int64), np.zeros(0, np.bool_), pairs
+            keys = np.concatenate((self._keys, new))
+            order = np.argsort(keys, kind="stable")
+            self._keys, self._is_hidden = keys[order], np.concatenate((self._is_hidden, self._looked(new)))[order]
+        found: BoolArray = self._is_hidden[np.searchsorted(self._keys, pairs)][which]
         return found
 
-    def _hide(self, found: BoolArray, look: AgentLook) -> None:
-        """Take away whom obstacles hide."""
-        at, viewers, seen = found.nonzero()
-        nodes, ids, hides = len(self._state.streets.counts), self._state.streets.columns.node_ids, look.hides
-        starts = self._node[at, viewers] if look.place is None else np.zeros_like(at)  # all look from one place
-        pairs, which = np.unique(starts * nodes + self._there[at, seen], return_inverse=True)
-        first, last = np.divmod(pairs, nodes)
-        is_hidden = np.zeros(len(pairs), np.bool_)
-        for run in np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(first)) + 1):
-            if len(run) and hides is not None:
-                is_hidden[run] = hides(int(ids[first[run[0]]]), ids[last[run]])
-        found[at, viewers, seen] = ~is_hidden[which]
+    def _looked(self, pairs: IntArray) -> BoolArray:
+        ids = self._streets.columns.node_ids
+        first, last = _split(pairs, len(ids))
+        runs = np.split(np.arange(len(pairs)), np.flatnonzero(np.diff(first)) + 1)
+        return np.concatenate([self._hides(int(ids[first[run[0]]]), ids[last[run]]) for run in runs])
 
-    def _drawn(self, draws: tuple[str, str], at: IntArray, others: IntArray) -> FloatArray:
-        """Return the numbers in [0, 1) that decide who is noticed."""
-        state, games = self._state, self._games[at]
-        purposes = state.purposes("detection", *draws)[games]
-        return kernels.fraction_many(kernels.draw_bits_rows(purposes, state.roster.keys[others], state.turn[games]))
+
+def _noticed(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
+    """Return which pairs are such that the one notices the other; None: all."""
+    look, state, (at, carriers, others) = lookout.look, world.state, pairs
+    if look.chances is None or not len(at):
+        return None
+    games = world.games[at]
+    used, which = np.unique(carriers, return_inverse=True)
+    keys = np.array([state.purposes("detection", *(lookout.draws[i] or ())) for i in used.tolist()])
+    names = state.roster.keys[lookout.others[others]]
+    drawn = kernels.fraction_many(kernels.draw_bits_rows(keys[which, games], names, state.turn[games]))
+    is_noticed: BoolArray = drawn < chances_at(np.hypot(*_offsets(world, lookout, pairs)), np.array(look.chances))
+    return is_noticed
 
 
 def _within(dx: FloatArray, dy: FloatArray, radius: float) -> BoolArray:
-    """Return which offsets are no longer than a radius, to the bit as the index of the nodes finds them."""
+    """Return which offsets are no longer than a radius, as the index of nodes finds them; they are overwritten."""
     with np.errstate(over="ignore"):
-        found: BoolArray = (
-            dx * dx + dy * dy <= radius * radius if _LEAST < radius < _MOST else np.hypot(dx, dy) <= radius
-        )
-    return found
+        if not _LEAST < radius < _MOST:
+            found: BoolArray = np.hypot(dx, dy) <= radius
+            return found
+        dx *= dx
+        dy *= dy
+        dx += dy
+    near: BoolArray = dx <= radius * radius
+    return near

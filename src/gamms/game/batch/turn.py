@@ -119,6 +119,7 @@ class GameArrays:
         shared: what was worked out once for all games, from what does not change, by what it is.
         places: where agents on edges are, in games by metres; None: all are on their nodes.
         pace: when agents move in a turn.
+        now: what was worked out of how the games are now, by what it is; emptied when they change.
     """
 
     def __init__(self, roster: Roster, streets: Streets, seeds: Sequence[int], start: IntArray) -> None:
@@ -141,6 +142,7 @@ class GameArrays:
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.pace = Pace(np.zeros(shape[1]), np.ones(shape[1]))
+        self.now: dict[Hashable, Any] = {}
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None
@@ -164,6 +166,7 @@ class GameArrays:
         for purpose, keys in self._purposes.items():
             keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
         self._draw_keys = None
+        self.now.clear()
         self.events.forget(games)
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
@@ -260,6 +263,7 @@ class ArrayTurn:
         """Write what has changed into the state of the batch."""
         state, games = self._state, self.games
         state.node[games], state.alive[games], state.turn[games] = self.node, self.alive, self.turn
+        state.now.clear()
 
     @property
     def is_there_by_move(self) -> BoolArray:

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
 from gamms.game.batch.turn import Arrays, GameArrays, Places
+from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ArrayDraws
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -149,17 +151,47 @@ class ArrayView(Mapping[str, Any]):
 
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
-        state, key = self._state, ("lookouts", self.agents.tobytes(), names)
+        state, key = self._state, ("seen", self.agents.tobytes(), names)
+        are_all = len(self.games) == len(state)
+        known: Seen | None = state.now.get(key)
+        if known is not None:
+            return known if are_all else known.in_games(self.games)
         if key not in state.shared:
-            state.shared[key] = lookouts(state.roster.agents, self.agents, names)
-        return seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
+            state.shared[key] = lookouts(state.roster, self.agents, names)
+        found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
+        if are_all:
+            state.now[key] = found
+        return found
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
-        found, roster = self.seen(), self.roster
+        found = self.seen()
+        return found.of(~self._are_mates(found))
+
+    def _are_mates(self, found: Seen) -> BoolArray:
+        """Return which of those that are seen are of the team of the agent that sees them, (pairs,)."""
+        roster = self.roster
+        is_team = np.array([team is not None for team in roster.teams], np.bool_)
         own, other = roster.team_of[self.agents[found.viewers]], roster.team_of[found.others]
-        is_free = np.array([team is None for team in roster.teams], np.bool_)
-        return found.of((own != other) | is_free[own])
+        are_mates: BoolArray = (own == other) & is_team[own]
+        return are_mates
+
+    def vector(self, others: int = 4) -> Vectors:
+        """Return what the agents observe as numbers, (games, agents, entries): a vector of one length for each.
+
+        The entries are `x` and `y`, the own place; of each action `is_legal`, `dx` and `dy`; of each of the nearest
+        agents that sensors show `is_seen`, `is_mate`, `dx` and `dy`. Offsets are those in a straight line; 1 is
+        half of the longer side of the map, whose centre is 0.
+
+        Args:
+            others: of how many agents that are seen.
+        """
+        shared, key = self._state.shared, ("encoder", as_count(others, "others", least=0))
+        if key not in shared:
+            shared[key] = Encoder(self.streets, others)
+        found, encoder = self.seen(), shared[key]
+        made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found))
+        return made
 
     @property
     def blocked(self) -> BoolArray:

@@ -1,0 +1,87 @@
+"""Agents are observed as vectors of numbers, which say what their states say."""
+
+from math import hypot
+
+import numpy as np
+import pytest
+from batch_scenes import scene
+
+import gamms
+from gamms.errors import BadValue
+
+NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+WALKS = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]}
+TEAMS = {"red": WALKS, "blue": WALKS}
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+
+
+def entries_of(ctx, name, others):
+    """What a vector says of an agent, from the states of a game that is played alone; the map is 40 m wide."""
+    state, graph = ctx.game.observation(name), ctx.graph.graph
+
+    def place(node):
+        found = graph.get_node(node)
+        return (found.x - 20.0) / 20.0, (found.y - 20.0) / 20.0
+
+    x, y = place(state["curr_pos"])
+    values = {"x": x, "y": y}
+    for number, node in enumerate(state["legal"]):
+        there = place(node)
+        moves = {"is_legal": 1.0, "dx": there[0] - x, "dy": there[1] - y}
+        values |= {f"action_{number}.{key}": value for key, value in moves.items()}
+    seen = sorted(state["sensor"]["near"][1].items())
+    offsets = [(place(node)[0] - x, place(node)[1] - y, other) for other, node in seen]
+    for number, (dx, dy, other) in enumerate(sorted(offsets, key=lambda one: round(hypot(*one[:2]), 9))[:others]):
+        entries = {"is_seen": 1.0, "is_mate": float(other[:3] == name[:3]), "dx": dx, "dy": dy}
+        values |= {f"other_{number}.{key}": value for key, value in entries.items()}
+    return values
+
+
+def test_a_vector_says_what_the_state_says():
+    scenario = scene([TAG], teams=TEAMS, sensors=NEAR)
+    with scenario.build(seed=2) as ctx, scenario.batch(seeds=[5, 2]) as games:
+        for _ in range(8):
+            found = games.observe("red").vector(others=2)
+            assert found.values.dtype == np.float32
+            assert found.values.shape == (2, 3, len(found.names))
+            for number in range(3):
+                expected = entries_of(ctx, f"red_{number}", 2)
+                values = dict(zip(found.names, found.values[1, number].tolist(), strict=True))
+                assert values == {name: pytest.approx(expected.get(name, 0.0), abs=1e-6) for name in found.names}
+            games.step()
+            ctx.game.step()
+
+
+def test_vectors_of_dead_agents_are_zero_and_only_to_stay_is_legal():
+    with scene([TAG], teams=TEAMS, sensors=NEAR).batch(20, seed=1) as games:
+        games.run()
+        found = games.observe("blue").vector()
+        assert not found.mask.all()
+        assert not found.values[~found.mask].any()
+        assert found.legal[~found.mask].sum(axis=1).tolist() == [1] * int((~found.mask).sum())
+        assert (found.legal[found.mask].sum(axis=1) >= 3).all()
+
+
+def test_vectors_of_some_games_are_those_of_all_games():
+    scenario = scene(teams=TEAMS, sensors=NEAR)
+    with scenario.batch(5, seed=1) as games, scenario.batch(1, seed=4) as one:
+        for _ in range(4):
+            games.step()
+            one.step()
+        assert (games.observe("red").vector().values[3:4] == one.observe("red").vector().values).all()
+        with pytest.raises(BadValue, match="others"):
+            games.observe("red").vector(others=-1)
+
+
+@gamms.array_strategy
+def away(view):
+    """Go away from the nearest agent that is seen."""
+    found = view.vector(others=1)
+    values = dict(zip(found.names, np.moveaxis(found.values, -1, 0), strict=True))
+    actions = range(found.legal.shape[-1])
+    gained = np.stack([-values["other_0.dx"] * values[f"action_{k}.dx"] for k in actions], axis=-1)
+    return np.where(found.legal, gained, -np.inf).argmax(axis=-1)
+
+
+def test_a_strategy_of_vectors_plays_the_same_alone_and_in_batches(same_as_one_by_one):
+    same_as_one_by_one(scene([TAG], teams=TEAMS, sensors=NEAR), [1, 2, 3], {"red": away})
