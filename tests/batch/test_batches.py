@@ -109,6 +109,36 @@ def test_games_that_are_reset_begin_again_with_their_seeds():
         assert games.turn.tolist() == [0, 20, 20, 20]
 
 
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_games_can_begin_again_with_other_seeds(one_by_one):
+    with scene([TAG]).batch(3, seed=5, one_by_one=one_by_one) as games:
+        games.step()
+        games.reset([2, 0], seeds=[11, 12])
+        assert games.turn.tolist() == [0, 1, 0]
+        assert games.seeds == (12, 6, 11)
+        assert games.observe("red").turn.tolist() == [0, 1, 0]
+        games.run()
+        for number, seed in enumerate([12, 6, 11]):
+            assert plain(games.result(number)) == plain(scene([TAG]).play(seed=seed))
+        for wrong in ([1], [1, "a"]):
+            with pytest.raises((BadType, BadValue), match="seeds"):
+                games.reset([0, 1], seeds=wrong)
+        games.reset([])
+        assert games.is_over.all()
+
+
+def test_the_context_of_a_game_shows_it_as_it_is():
+    with scene([TAG]).batch(2, seed=5, one_by_one=True) as games:
+        games.step()
+        games.step()
+        for number in (0, 1):
+            ctx, nodes = games.context(number), games.observe("red")["curr_pos"][number]
+            assert (ctx.seed, ctx.game.turn) == (5 + number, 2)
+            assert [ctx.agent.get_agent(f"red_{i}").current_node_id for i in range(3)] == nodes.tolist()
+    with scene().batch(1) as games, pytest.raises(BadValue, match="one_by_one=True"):
+        games.context(0)
+
+
 def test_the_table_has_a_row_for_each_game():
     with scene([TAG, {"rule": "time_limit", "with": {"turns": 6}}]).batch(8) as games:
         games.run()

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
 from typing import Any
 
-from gamms.arguments import as_mapping, as_path
+from gamms.arguments import as_bool, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
 from gamms.game.batch.games import Batch, BatchSource, as_seeds
@@ -229,6 +229,7 @@ class Scenario:
         seeds: Iterable[int] | None = None,
         strategies: Strategies | None = None,
         record: bool = False,
+        one_by_one: bool = False,
     ) -> Batch:
         """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
 
@@ -241,6 +242,7 @@ class Scenario:
             seeds: of each game, instead of both.
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
+            one_by_one: play them so also where they could be played in arrays, as `batch.context` needs.
 
         Raises:
             ScenarioError: something cannot be done as it is written.
@@ -250,6 +252,7 @@ class Scenario:
         chosen = as_seeds(num_games, seed, seeds)
         values = [code.path for code in code_in(self.spec) if code.what == "value" and code.keys[0] != "map"]
         reason = f"{values[0]}, which a function makes for each game" if values else None
+        reason = "one_by_one=True" if as_bool(one_by_one, "one_by_one") else reason
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
         ctx = self.build(chosen[0], strategies)
         build = partial(self.build, strategies=strategies)

@@ -74,9 +74,9 @@ class ArrayEngine:
                 if prepare is not None:
                     prepare(self.state)
 
-    def start(self, game: int, start: IntArray) -> None:
-        """Begin a game again, with the seed that it has now, its agents on these nodes."""
-        self.state.reset(np.array([game]), [self.state.seeds[game]], self.state.streets.rows(start)[None])
+    def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
+        """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
+        self.state.reset(games, seeds, self.state.streets.rows(start))
 
     @property
     def is_over(self) -> BoolArray:

@@ -1,7 +1,7 @@
 """The front of a batch: many games of one kind, played together."""
 
 import os
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple, Self
 
 import numpy as np
@@ -142,29 +142,33 @@ class Batch:
         if self._log is not None:
             self._log += [{}] * int((self.turn - before).max())
 
-    def reset(self, which: Any = None) -> None:
-        """Begin games again, each with its seed.
+    def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
+        """Begin games again.
 
         Args:
             which: the numbers of games, or an array (games,) of booleans; None: all.
+            seeds: of each of them; None: those that they have.
 
         Raises:
-            BadValue: a number is not that of a game.
+            BadType, BadValue: a number is not that of a game, or there is not one seed for each.
         """
         games = np.arange(len(self)) if which is None else np.asarray(which)
         if games.dtype == np.bool_:
             games = np.flatnonzero(games)
-        for game in games.tolist():
-            self._start_again(self._as_game(game))
-        if len(games) == len(self):
+        numbers = [self._as_game(game) for game in games.tolist()]
+        if not numbers:
+            return
+        given = [self.seeds[game] for game in numbers] if seeds is None else as_seeds(len(numbers), 0, seeds)
+        changed = dict(zip(numbers, given, strict=True))
+        self.seeds = tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds))
+        if isinstance(self._engine, ArrayEngine):
+            self._engine.start(games, given, self._starts(given))
+        else:
+            for game, seed in changed.items():
+                self._engine.start(game, seed)
+        if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[games] = len(self._log or ())
-
-    def _start_again(self, game: int) -> None:
-        if isinstance(self._engine, ArrayEngine):
-            self._engine.start(game, self._starts([self.seeds[game]])[0])
-        else:
-            self._engine.start(game)
 
     # -- seeing -------------------------------------------------------------------------------------------------
 
@@ -236,6 +240,17 @@ class Batch:
                 given = {} if self._log is None else self._log[self._begun[number] + turn]
                 with acting(ctx.game, self._roster, given, number):
                     ctx.game.step()
+
+    def context(self, game: int) -> Any:
+        """Return the context that has a game as it is now, to look at it, until another game is played.
+
+        Raises:
+            BadValue: the games are played in arrays: make the batch with `one_by_one=True`.
+        """
+        number = self._as_game(game)
+        if isinstance(self._engine, ArrayEngine):
+            raise BadValue("Games in arrays have no context: make the batch with one_by_one=True.")
+        return self._engine.load(number).ctx
 
     # -- inside -------------------------------------------------------------------------------------------------
 

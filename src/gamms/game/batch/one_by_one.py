@@ -32,7 +32,8 @@ class OneByOneEngine:
 
     def __init__(self, game: PlayedGame, roster: Roster, seeds: Sequence[int]) -> None:
         self._game, self._roster, self.seeds = game, roster, list(seeds)
-        self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, or over
+        self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, over, or in the context
+        self._loaded: int | None = None  # the game that the context has
         self._results: list[Result | None] = [None] * len(seeds)
         self._over: list[dict[str, Any] | None] = [None] * len(seeds)
         self._turns = np.zeros(len(seeds), np.int64)
@@ -49,10 +50,14 @@ class OneByOneEngine:
         """Which games have ended, (games,)."""
         return np.array([over is not None for over in self._over])
 
-    def start(self, game: int) -> None:
-        """Begin a game again, with the seed that it has now."""
+    def start(self, game: int, seed: int) -> None:
+        """Begin a game again, with another seed."""
+        self.seeds[game] = seed
+        if game == self._loaded:
+            self._loaded = None
         self._snapshots[game] = self._results[game] = self._over[game] = None
         self._turns[game], self._scores[game] = 0, {}
+        self._observed.reset(np.array([game]), [seed], self._observed.node[[game]])
         self._is_observed[game] = False
 
     def step(self, given: Mapping[Hashable, Any]) -> None:
@@ -63,7 +68,7 @@ class OneByOneEngine:
         """
         wanted = {team: self._checked(team, actions) for team, actions in given.items()}
         for number in np.flatnonzero(~self.is_over).tolist():
-            game = self._load(number)
+            game = self.load(number)
             with self._named(number), acting(game, self._roster, wanted, number):
                 game.step()
             self._store(number)
@@ -71,7 +76,7 @@ class OneByOneEngine:
 
     def run(self, number: int) -> None:
         """Play a game to its end."""
-        game = self._load(number)
+        game = self.load(number)
         last = None if self._last is None else max(0, self._last - game.turn)
         with self._named(number):
             game.run(last)
@@ -98,7 +103,7 @@ class OneByOneEngine:
     def view(self, team: Hashable) -> ArrayView:
         """Return what the agents of a team observe, in all games, on the streets as they were at the start."""
         for number in np.flatnonzero(~self._is_observed).tolist():
-            self._load(number)
+            self.load(number)
             self._observe(number)
         return ArrayView(self._observed, np.arange(len(self.seeds)), self._roster.members(team))
 
@@ -145,17 +150,23 @@ class OneByOneEngine:
         """Return the result of a game so far."""
         known = self._results[number]
         if known is None:
-            self._load(number)
+            self.load(number)
             known = self._results[number] = self._result()
         return known
 
-    def _load(self, number: int) -> PlayedGame:
+    def load(self, number: int) -> PlayedGame:
         """Let the context have a game as it is now."""
         game, snapshot = self._game, self._snapshots[number]
+        if self._loaded == number:
+            return game
+        if self._loaded is not None and self._over[self._loaded] is None:
+            self._snapshots[self._loaded] = game.snapshot()
+        self._loaded, self._snapshots[number] = None, None
         if snapshot is None:
             game.reset(seed=self.seeds[number])
         else:
             game.restore(snapshot)
+        self._loaded = number
         return game
 
     def _store(self, number: int) -> None:
@@ -168,9 +179,8 @@ class OneByOneEngine:
         elif is_late:
             self._over[number] = {"reason": "max_turns", "winner": None, "truncated": True}
         self._observe(number)
-        is_over = self._over[number] is not None
-        self._results[number] = self._result() if is_over else None
-        self._snapshots[number] = None if is_over else game.snapshot()
+        if self._over[number] is not None:
+            self._results[number] = self._result()
 
     def _result(self) -> Result:
         result = self._game.result()
