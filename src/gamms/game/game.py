@@ -445,7 +445,7 @@ class Game(RuleVerbs):
         self._global_random.forget()
 
     def _apply_rules(self, phase: str) -> None:
-        if self._ruleset.rules:
+        if phase in self._ruleset.phases:
             began = perf_counter()
             self._ruleset.apply(phase, self._state)
             self._state.timings["rules"] += perf_counter() - began

@@ -314,7 +314,7 @@ class RuleSet:
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
         self.rules: tuple[NamedRule, ...] = ()
-        self._looked_at: tuple[tuple[NamedRule, ...], bool] = ((), False)
+        self._looked_at: tuple[tuple[NamedRule, ...], frozenset[str]] = ((), frozenset())
         self._unchecked: list[NamedRule] = []
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
@@ -378,11 +378,17 @@ class RuleSet:
     @property
     def act_before_moves(self) -> bool:
         """Whether a rule checks moves and deeds, or carries out deeds."""
-        rules, do_act = self._looked_at
+        return not self.phases.isdisjoint(("check", "deeds"))
+
+    @property
+    def phases(self) -> frozenset[str]:
+        """The phases in which a rule is called; "check" is one of them."""
+        rules, phases = self._looked_at
         if rules is not self.rules:
-            do_act = any(one.phase == "deeds" or hasattr(one.rule, "check") for one in self.rules)
-            self._looked_at = self.rules, do_act
-        return do_act
+            checks = ["check" for one in self.rules if hasattr(one.rule, "check")]
+            phases = frozenset([*checks, *(one.phase for one in self.rules)])
+            self._looked_at = self.rules, phases
+        return phases
 
     def check(self, state: GameState) -> bool:
         """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""

@@ -262,10 +262,12 @@ class TurnEngine:
         """
         starts, state = order.selection.of(self._ctx.agent.block.node), self._state
         decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
-        self._stand_on_edges(order, part, decisions)
+        if part.paced:
+            self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
         try:
-            seen = self._observe_first(order, part, observers)
+            sees_first = observers or not part.see_world_only
+            seen = self._observe_first(order, part, observers) if sees_first else None
             settings, has_channels = self._settings, bool(self._settings.channels)
             is_usual = settings.team_memory and not state.team_memories and settings.time_budget is None
             if seen is not None or has_channels or not is_usual:
@@ -442,12 +444,8 @@ class TurnEngine:
             if noted:
                 note(i, noted)
 
-    def _observe_first(
-        self, order: TurnOrder, part: Part, observers: list[Observer]
-    ) -> dict[int, dict[str, Any]] | None:
-        """Return the states of all by slot, where none may decide before all have observed; else None."""
-        if part.see_world_only and not observers:
-            return None
+    def _observe_first(self, order: TurnOrder, part: Part, observers: list[Observer]) -> dict[int, dict[str, Any]]:
+        """Return the states of all by slot, where none may decide before all have observed."""
         seen = {i: self.observation(order.slots[i]) for i in part.observing}
         for observe in observers:
             observe([order.slots[i].agent for i in seen], list(seen.values()))

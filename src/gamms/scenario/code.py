@@ -12,12 +12,12 @@ import os
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from functools import partial, update_wrapper
+from functools import lru_cache, partial, update_wrapper
 from importlib.util import find_spec
 from inspect import Parameter, signature
 from itertools import islice
 from pathlib import Path, PureWindowsPath
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
 from gamms.arguments import as_items
@@ -523,7 +523,14 @@ def plain_defaults(function: Function) -> dict[str, Plain]:
 
 def _parameters_of(function: Function) -> list[Parameter] | None:
     """Return the parameters of a function; None of one in C that does not say."""
+    # NOTE: asked for each agent at each reset of a scenario, which has few functions (benchmarks/README.md, turns).
+    read = _read_parameters if isinstance(function, FunctionType) else _read_parameters.__wrapped__
     try:
-        return list(signature(function).parameters.values())
+        return read(function)
     except (TypeError, ValueError):
         return None
+
+
+@lru_cache(maxsize=64)
+def _read_parameters(function: Function) -> list[Parameter]:
+    return list(signature(function).parameters.values())

@@ -67,7 +67,7 @@ def place(ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> dict[
     map, rows = _Places(ctx), dict[str, dict[str, int]]()
     for name, team in spec.teams.items():
         rows[name] = _Team(map, name, team, rows).place(agents[name])
-    return {agent: map.ids[row] for of_team in rows.values() for agent, row in of_team.items()}
+    return {agent: int(map.ids[row]) for of_team in rows.values() for agent, row in of_team.items()}
 
 
 def starts(ctx: Context, spec: Spec, seed: int) -> dict[str, int]:
@@ -103,12 +103,12 @@ class _Places:
 
     def __init__(self, ctx: Context) -> None:
         self.ctx, columns = ctx, ctx.graph.columns()
-        self.ids: list[int] = columns.node_ids.tolist()
+        self.ids = columns.node_ids
         self.xy: FloatArray = columns.xy
 
     @cached_property
     def row_of(self) -> dict[int, int]:
-        return {id: row for row, id in enumerate(self.ids)}
+        return {id: row for row, id in enumerate(self.ids.tolist())}
 
     def metres(self, x: float, y: float) -> FloatArray:
         """Return how far all nodes are from a place, in a straight line."""

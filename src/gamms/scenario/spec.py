@@ -6,6 +6,7 @@
 import re
 import types
 from collections.abc import Iterator, Mapping
+from functools import cache
 from itertools import count
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
@@ -289,8 +290,12 @@ def checked(value: object, kind: Any, path: str = "") -> Any:  # Any: a type, or
 
 def in_full(kind: type[_T], given: str | _T) -> _T:
     """Return a mapping of the schema; a text stands for one with that value for its first key that is required."""
-    required = (field.name for field in msgspec.structs.fields(kind) if field.required)
-    return kind(**{next(required): given}) if isinstance(given, str) else given
+    return kind(**{_first_required(kind): given}) if isinstance(given, str) else given
+
+
+@cache
+def _first_required(kind: type) -> str:
+    return next(field.name for field in msgspec.structs.fields(kind) if field.required)
 
 
 def to_plain(part: msgspec.Struct) -> Values:
