@@ -196,6 +196,62 @@ def turns(capacity=None):
     return make
 
 
+def turns_of(agents, side):
+    """The turn engine with a NEIGHBOR sensor for each agent, against a bare loop that builds states of ten keys."""
+
+    def make():
+        ctx, seed, rng = lattice(side), 1, random.Random(7)
+        starts = [rng.randrange(side * side) for _ in range(agents)]
+
+        def strategy(state):
+            nonlocal seed
+            seed = (seed * 1103515245 + 12345) & 0x7FFFFFFF
+            for _, ways in state["sensor"].values():
+                state["action"] = ways[(seed >> 8) % len(ways)]
+
+        names = [f"a_{i}" for i in range(agents)]
+        for i, start in enumerate(starts):
+            near = ctx.sensor.create_sensor(f"s_{i}", ST.NEIGHBOR)
+            ctx.agent.create_agent(names[i], start_node_id=start, sensors=[near], strategy=strategy)
+        count = max(1, 20_000 // agents)
+
+        def ours():
+            for _ in range(count):
+                ctx.game.step()
+            return count * agents
+
+        near = [ctx.graph.graph.neighborhoods[node] for node in range(side * side)]
+        here, before, sensors = list(starts), list(starts), [f"s_{i}" for i in range(agents)]
+        draw, rng, facts = object(), object(), {}
+        memories = [{} for _ in range(agents)]
+
+        def floor():
+            for turn in range(count):
+                for i in range(agents):
+                    node = here[i]
+                    ways = near[node]
+                    state = {
+                        "curr_pos": node,
+                        "sensor": {sensors[i]: (ST.NEIGHBOR, list(ways))},
+                        "name": names[i],
+                        "team": None,
+                        "turn": turn,
+                        "legal": ways,
+                        "draw": draw,
+                        "rng": rng,
+                        "memory": memories[i],
+                        "facts": facts,
+                    }
+                    strategy(state)
+                    before[i] = node
+                    here[i] = state["action"]
+            return count * agents
+
+        return ours, floor
+
+    return make
+
+
 CITY_SENSORS = {"near": ST.NEIGHBOR, "around": ST.RANGE, "others": ST.AGENT_RANGE}
 
 
@@ -560,6 +616,9 @@ CASES = [
     Case("scenario: 1,000 agents look around in Helsinki", "agent-step", crowded_city),
     Case("scenario: turns of 1,000 agents", "agent-step", turns()),
     Case("scenario: turns of 1,000 agents, capacity 1", "agent-step", turns(capacity=1)),
+    Case("scenario: turns of 10 agents, ten keys", "agent-step", turns_of(10, 20)),
+    Case("scenario: turns of 1,000 agents, ten keys", "agent-step", turns_of(1000, 100)),
+    Case("scenario: turns of 100,000 agents, ten keys", "agent-step", turns_of(100_000, 316)),
     Case("scenario: messages of 100 agents to all", "delivery", messages(100)),
     Case("scenario: a game of 5 against 5 after a reset", "game", lambda: batches.one_by_one(is_fresh=False)),
     Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True)),

@@ -176,6 +176,7 @@ class Decisions:
         observe: gives the state of an agent now.
 
     Attributes:
+        starts: as given.
         ends: the node that each agent goes to, by slot.
         actions: what agents do that not only go to a node, by slot.
     """
@@ -190,7 +191,7 @@ class Decisions:
         legality: Legality,
         observe: Callable[[AgentSlot], State],
     ) -> None:
-        self._slots, self._starts, self._settings, self._state = slots, starts, settings, state
+        self._slots, self.starts, self._settings, self._state = slots, starts, settings, state
         self._phase, self._legality, self._observe = phase, legality, observe
         self.ends = starts.copy()
         self.actions: dict[int, ResolvedAction] = {}
@@ -228,7 +229,7 @@ class Decisions:
                 f"The plan of team {shown(commanded.team)} decides in arrays, and agent {flying[0]!r} flies. Use "
                 "command(team, plan) with a plan of states."
             )
-        nodes = self._starts if is_all else [self._starts[i] for i in indices]
+        nodes = self.starts if is_all else [self.starts[i] for i in indices]
         legal = (
             None
             if self._settings.legal == "any"
@@ -280,6 +281,8 @@ class Decisions:
 
         Return the slots of those that did not do what they wanted, and why; one may be there more than once.
         """
+        if not (self._failures or self._written):
+            return []
         failures = sorted(self._failures, key=itemgetter(0))
         for i, kind, message in failures:
             slot = self._slots[i]
@@ -298,7 +301,7 @@ class Decisions:
 
     def take(self, i: int, state: State) -> None:
         """Take the action that is in the state of an agent."""
-        slot, here = self._slots[i], self._starts[i]
+        slot, here = self._slots[i], self.starts[i]
         if "action" in state:
             action = state["action"]
             if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
@@ -373,7 +376,7 @@ class Decisions:
         self._note(question)
 
     def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
-        starts, ends, slots, indices = self._starts, self.ends, self._slots, question.indices
+        starts, ends, slots, indices = self.starts, self.ends, self._slots, question.indices
         chosen, is_known = nodes.tolist(), arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
             # NOTE: all at once, for teams of many (benchmarks/README.md, teams).
@@ -392,7 +395,7 @@ class Decisions:
 
     def _decide(self, i: int, action: object, *, is_default: bool = False) -> None:
         try:
-            resolved = self._legality.resolve(self._slots[i], self._starts[i], action)
+            resolved = self._legality.resolve(self._slots[i], self.starts[i], action)
         except GammsError as error:
             if not is_default:  # an agent for which it is not legal stays
                 self._refuse(i, error)

@@ -266,22 +266,7 @@ class TurnEngine:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
         try:
-            sees_first = observers or not part.see_world_only
-            seen = self._observe_first(order, part, observers) if sees_first else None
-            settings, has_channels = self._settings, bool(self._settings.channels)
-            is_usual = settings.team_memory and not state.team_memories and settings.time_budget is None
-            if seen is not None or has_channels or not is_usual:
-                for i, *_ in part.individuals:
-                    decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
-            else:
-                self._ask_individuals(order, part, starts, decisions)
-            for commanded in part.commanded:
-                if commanded.plan.arrays:
-                    decisions.ask_arrays(commanded, self._ctx.seed, FactsOf(state, commanded.team, None))
-                else:
-                    slots = [(i, order.slots[i]) for i in commanded.indices]
-                    states = [self.observation(slot) if seen is None else seen[i] for i, slot in slots]
-                    decisions.ask_plan(commanded, states)
+            self._ask_part(order, part, observers, decisions)
             if decisions.are_awaited:
                 if self._loop is None:
                     from gamms.game.awaiting import EventLoop  # which loads asyncio
@@ -291,7 +276,7 @@ class TurnEngine:
         finally:
             self._phase.agent, self.is_deciding = None, False
             decisions.drop()
-        unsent = self._take_outboxes(order, part, decisions.failed) if has_channels else []
+        unsent = self._take_outboxes(order, part, decisions.failed) if self._settings.channels else []
         if state.blocked:
             self._forget_blocked(order, part)
         for i, why in decisions.close():
@@ -299,6 +284,25 @@ class TurnEngine:
         for slot, why in unsent:
             self._note_illegal(slot, why)
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
+
+    def _ask_part(self, order: TurnOrder, part: Part, observers: list[Observer], decisions: Decisions) -> None:
+        """Ask the strategies of the agents of a part, and the plans of its teams."""
+        settings, state = self._settings, self._state
+        sees_first = observers or not part.see_world_only
+        seen = self._observe_first(order, part, observers) if sees_first else None
+        is_usual = settings.team_memory and not state.team_memories and settings.time_budget is None
+        if seen is not None or settings.channels or not is_usual:
+            for i, *_ in part.individuals:
+                decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
+        else:
+            self._ask_individuals(order, part, decisions)
+        for commanded in part.commanded:
+            if commanded.plan.arrays:
+                decisions.ask_arrays(commanded, self._ctx.seed, FactsOf(state, commanded.team, None))
+            else:
+                slots = [(i, order.slots[i]) for i in commanded.indices]
+                states = [self.observation(slot) if seen is None else seen[i] for i, slot in slots]
+                decisions.ask_plan(commanded, states)
 
     def _ask_at_arrivals(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
         """Ask the agents of a part what they do, first those that are not on their way, then each where it arrives."""
@@ -405,10 +409,10 @@ class TurnEngine:
             if self._state.blocked.pop(order.slots[i].name, None) is not None:
                 order.slots[i].show_blocked()
 
-    def _ask_individuals(self, order: TurnOrder, part: Part, starts: list[int], decisions: Decisions) -> None:
+    def _ask_individuals(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
         """Ask agents one by one, where neither memories of teams nor a time budget count."""
         near, phase, turn = self._ctx.graph.graph.neighborhoods, self._phase, self._state.turn
-        ends, note, wait_for = decisions.ends, decisions.note, decisions.wait_for
+        starts, ends, note, wait_for = decisions.starts, decisions.ends, decisions.note, decisions.wait_for
         for i, agent, template, carried, last in part.individuals:
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:

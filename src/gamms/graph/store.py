@@ -22,7 +22,8 @@ from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
-_FEW, _MANY = 32, 4096  # neighbourhoods that are asked for before those of all nodes are made, and of large graphs
+_FEW, _MANY = 32, 4096  # neighbourhoods that are asked for before they are read from arrays, and of large graphs
+_SHARE = 8  # when one node in so many was asked for, the neighbourhoods of all are made
 _GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
 
 ClosedEdges = Mapping[int, Mapping[str, Any]]
@@ -30,9 +31,10 @@ Arrays = TypeVar("Arrays", bound=tuple["np.ndarray[Any, Any] | memoryview", ...]
 
 
 class Neighborhoods(dict[int, tuple[int, ...]]):
-    """Node id -> the node itself, then its neighbours; filled when asked: one by one, after a few all at once.
+    """Node id -> the node itself, then its neighbours; filled when asked.
 
-    Of a large graph the last ones are kept, and the others are read from arrays of all edges.
+    The first are looked up one by one, the next are read from arrays of all edges, and when a share of the nodes was
+    asked for, those of all are made at once. Of a large graph the last ones are kept.
     """
 
     # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
@@ -62,18 +64,21 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
     def __missing__(self, id: int) -> tuple[int, ...]:
         if self.source is not None:
             return self._keep(id, self.source[id])
+        self._misses += 1
+        nodes = len(self._store.nodes)
+        is_large = nodes > _MOST_NEIGHBORHOODS
+        if self._misses == max(_FEW, nodes // _SHARE) and not is_large:
+            self.update(self._store.indexes.all_neighborhoods(_MOST_NEIGHBORHOODS))
+            self._runs = None
+        elif self._runs is None and self._misses == (_MANY if is_large else _FEW):
+            self._runs = self._store.indexes.targets_by_row()
+            self._changed.clear()
         if self._runs is not None and id not in self._changed and type(id) is int:
             (offsets, ids), row = self._runs, self._store.nodes.index.row(id)
             if 0 <= row < len(offsets) - 1:
                 return self._keep(id, tuple(dict.fromkeys((id, *ids[offsets[row] : offsets[row + 1]]))))
         id = records.as_id(id, "a node")
         made = (id, *(other for other in self._store.indexes.neighbors(id) if other != id))
-        self._misses += 1
-        if self._misses == _FEW:
-            self.update(self._store.indexes.all_neighborhoods(_MOST_NEIGHBORHOODS))
-        elif self._misses >= _MANY and len(self._store.nodes) > _MOST_NEIGHBORHOODS and self._runs is None:
-            self._runs = self._store.indexes.targets_by_row()
-            self._changed.clear()
         return self._keep(id, made)
 
     def _keep(self, id: int, made: tuple[int, ...]) -> tuple[int, ...]:

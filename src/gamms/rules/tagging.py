@@ -76,9 +76,6 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
     both = as_flag(mutual, "mutual")
 
     def tag(ctx: Context) -> None:
-        met = found(ctx, *sides, nearness)
-        if not met:
-            return
         owners = None if ground is None else ground.of(ctx.game.facts)
 
         def tags_of(contact: Contact) -> list[_Tag]:
@@ -86,8 +83,8 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
             tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * both
             return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
 
-        tags = {contact: some for contact in met if (some := tags_of(contact))}
-        made = [one for contact in one_to_one(tags) for one in tags[contact]]
+        tags = {contact: some for contact in found(ctx, *sides, nearness) if (some := tags_of(contact))}
+        made = [one for contact in one_to_one(tags) for one in tags[contact]] if tags else []
         for tagger, other, node in made:
             ctx.game.emit("tag", agent=tagger.name, other=other.name, node=node)
             if points:
