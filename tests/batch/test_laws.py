@@ -21,9 +21,20 @@ from gamms.rules import (
     territory,
     time_limit,
 )
-from gamms.strategies import random_walk
+from gamms.strategies import (
+    chase,
+    first,
+    flee,
+    follow_path,
+    goto,
+    guard,
+    mix,
+    patrol,
+    random_walk,
+    random_waypoints,
+)
 
-LAWS = settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+LAWS = settings(max_examples=90, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 TEAMS = ("red", "blue", "green", None)
 NODES = [3 * number + 2 for number in range(14)]  # ids that are no rows
 
@@ -121,7 +132,7 @@ def maps(draw):
     return draw(st.lists(st.tuples(st.sampled_from([0.5, 0.7, 1.1]), st.booleans()), min_size=33, max_size=33))
 
 
-def open_game(streets, agents, rules, conflicts, early=(), order=None):
+def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     for number, node in enumerate(NODES):
         ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4})
@@ -132,13 +143,42 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None):
             ways = {"id": edge, "source": NODES[source], "target": NODES[target], "length": length}
             ctx.graph.graph.add_edge(ways)
             edge += 1
-    for name, (team, node) in agents.items():
-        ctx.agent.create_agent(name, start_node_id=node, team=team, strategy=random_walk)
+    motion = motion or {}
+    for number, (name, (team, node)) in enumerate(agents.items()):
+        made = [random_walk, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
+        sees = [ctx.sensor.create_sensor(f"eyes of {name}", "AGENT_RANGE", sensor_range=4.0).sensor_id]
+        agent = ctx.agent.create_agent(
+            name, start_node_id=node, team=team, strategy=made[number % len(made)], sensors=sees
+        )
+        if motion.get("speeds"):
+            agent.speed = motion["speeds"][number % len(motion["speeds"])]
+    ctx.game.legal = motion.get("legal", "edges")
     ctx.game.add(territory.published({node: "red" if node < 20 else "blue" for node in NODES}, "land"))
     for number, rule in enumerate(rules):
         ctx.game.add(rule, phase="before" if number in early else "after")
     ctx.game.conflicts, ctx.game.order = conflicts, order
     return ctx
+
+
+PACED = {
+    "goto": lambda ctx: goto(ctx, 17),
+    "patrol": lambda ctx: patrol(ctx, [5, 32, 20]),
+    "waypoints": lambda ctx: random_waypoints(ctx, pause=1),
+    "chase": chase,
+    "flee": flee,
+    "guard": lambda ctx: guard(ctx, 23, 1.9),
+    "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),
+}
+motions = st.one_of(
+    st.none(),
+    st.just({"legal": "any", "strategies": ["chase", "flee", "guard"]}),
+    st.fixed_dictionaries(
+        {
+            "speeds": st.lists(st.sampled_from([None, 0.4, 1.0, 1.5, 2, 2.7, 3]), min_size=1, max_size=3),
+            "strategies": st.lists(st.sampled_from(sorted(PACED)), max_size=3),
+        }
+    ),
+)
 
 
 @LAWS
@@ -151,12 +191,16 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None):
     restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
     early=st.sets(st.integers(0, 9), max_size=2),
     order=orders,
+    motion=motions,
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order
+    streets, places, rules, conflicts, seeds, restart, early, order, motion
 ):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
-    with open_game(streets, agents, rules, conflicts, early, order) as ctx, ctx.game.batch(seeds=seeds) as games:
+    with (
+        open_game(streets, agents, rules, conflicts, early, order, motion) as ctx,
+        ctx.game.batch(seeds=seeds) as games,
+    ):
         assert games.slow is None
         for _ in range(restart[0]):
             games.step()

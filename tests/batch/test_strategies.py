@@ -60,6 +60,37 @@ def test_strategies_play_the_same_in_arrays(name, team, same_as_one_by_one):
     same_as_one_by_one(hunted(), [1, 2, 3], {team: MADE[name]})
 
 
+@pytest.mark.parametrize("speeds", [(2, 3), (1.4, None)])
+def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_as_one_by_one):
+    fast, slow = speeds
+    scenario = hunted(conflicts={"capacity": 2}).replace(**{"teams.red.speed": fast})
+    scenario = scenario if slow is None else scenario.replace(**{"teams.blue.speed": slow})
+    same_as_one_by_one(scenario, [1, 2], {"red": MADE["first"], "blue": MADE["random_waypoints"]})
+    same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
+    with scenario.batch(1, strategies={"red": MADE["unblock"]}) as games:
+        assert games.slow == "unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds"
+
+
+def test_actions_of_agents_with_speeds_are_numbers_of_all_nodes_in_reach():
+    scenario = hunted().replace(**{"teams.red.speed": 2.5})
+    with scenario.batch(2, seed=4) as games, scenario.build(seed=5) as ctx:
+        games.step({"red": 7 * np.ones((2, 3), np.int64) % games.observe("red").counts})
+        seen = {}
+        for agent in ctx.agent.agents.values():
+            agent.register_strategy(lambda state: seen.__setitem__(state["name"], state))
+        ctx.game.step()
+        games.reset()
+        legal = games.observe("red")["legal"][1]
+        assert [row[row >= 0].tolist() for row in legal] == [list(seen[f"red_{i}"]["legal"]) for i in range(3)]
+
+
+def test_agents_that_may_go_anywhere_do_so_in_arrays(same_as_one_by_one):
+    scenario = hunted(settings={"legal": "any"})
+    fuel = {"rule": "resource", "with": {"name": "fuel", "start": 99, "per_metre": 1}}
+    scenario = scenario.replace(rules=[TAG, fuel])
+    same_as_one_by_one(scenario, [1, 2], {"red": MADE["chase"]})
+
+
 def test_agents_that_block_each_other_give_way_in_arrays_as_alone(same_as_one_by_one):
     scenario = hunted(conflicts={"capacity": 1})
     strategies = {team: lambda ctx: unblock(goto(ctx, 20), after=1) for team in ("red", "blue")}

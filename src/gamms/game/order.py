@@ -311,7 +311,7 @@ def _speed(agent: IAgent) -> float | None:
         raise
 
 
-_SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding
+SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding
 
 
 class IllegalAction(GammsError, ValueError):
@@ -414,7 +414,7 @@ class Legality:
         near = [*graph.neighborhoods[here], *self._around(here, speed)]
         begun, covered = self._begun(mover, here)
         if begun is not None:
-            left = _limit(speed + covered) - 1.0  # less than the speed
+            left = edges_within(speed + covered) - 1.0  # less than the speed
             near += [node for node, far in self._around(begun, speed).items() if far <= left]
         return tuple(dict.fromkeys(near))
 
@@ -482,9 +482,9 @@ class Legality:
     def _advance_along(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
         """Follow a path as far as the edges of this turn go; `covered` is the part of one that was gone before it."""
         budget = speed + covered
-        whole = len(route) if budget >= len(route) else floor(_limit(budget))
+        whole = len(route) if budget >= len(route) else floor(edges_within(budget))
         path, left, progress = (here, *route[:whole]), budget - whole, None
-        if whole < len(route) and route[whole] != path[-1] and _SLACK < left < 1.0:
+        if whole < len(route) and route[whole] != path[-1] and SLACK < left < 1.0:
             progress = Progress(path[-1], route[whole], left)
         return ResolvedAction(path[-1], path, progress=progress)
 
@@ -499,7 +499,7 @@ class Legality:
     def _around(self, node: int, speed: float) -> dict[int, float]:
         """Return the nodes within one turn at a speed, with the number of edges to each."""
         # NOTE: always by a speed, because the graph keeps what it has found around a node for one cutoff.
-        cutoff = None if speed == inf else _limit(speed)
+        cutoff = None if speed == inf else edges_within(speed)
         near: dict[int, float] = self._ctx.graph.graph.distances(source=node, weight=None, cutoff=cutoff)
         return near
 
@@ -509,6 +509,6 @@ def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
     return ResolvedAction(way.path[-1], way.path, times=way.times, progress=way.progress, legs=way.legs, begun=begun)
 
 
-def _limit(budget: float) -> float:
-    """Return the largest number of edges that counts as within a budget."""
-    return budget * (1.0 + _SLACK)
+def edges_within(budget: Any) -> Any:
+    """Return the largest number of edges that counts as within a budget; of a number or an array."""
+    return budget * (1.0 + SLACK)

@@ -1,14 +1,15 @@
 """Contacts in many games at once: the same as in `contacts.py`, which says what they are.
 
-The agents of such games go one edge a turn at most, so the moments of a turn are 0 and 1, and with an order of play
-those between its parts.
+Where agents go one edge a turn at most, the moments of a turn are 0 and 1; `_met_on_paths` is for all others.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Iterator
+from typing import NamedTuple
 
 import numpy as np
 
 from gamms import kernels
+from gamms.game.batch.movement import Paths
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
@@ -40,9 +41,9 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
         theirs: likewise.
         nearness: what counts as a contact.
     """
-    met = _on_nodes(turn, ours, theirs, nearness) if nearness.unit is None else _near(turn, ours, theirs, nearness)
-    if nearness.crossing:
-        met.append(_on_edges(turn, ours, theirs, passing=nearness.passing))
+    met = _met_on_edges(turn, ours, theirs, nearness) if turn.paths is None else []
+    if turn.paths is not None:
+        met = _met_on_paths(turn, turn.paths, (ours, theirs), nearness)
     parts = [np.concatenate(columns) for columns in zip(*met, strict=True)]
     at, a, b, times, far, on_edge = parts[:6]
     draws = turn.draw_bits(at, _pair_keys(turn.roster.names, a, b), "contacts")
@@ -51,80 +52,103 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
     return ArrayContacts(*(part[order] for part in (at, a, b, *parts[6:])))
 
 
-_Met = tuple[Any, ...]
-"""Contacts of one kind: the games, both agents, the time, how far apart, whether on an edge, and both nodes."""
+_Met = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, BoolArray, IntArray, IntArray]
+"""Contacts: games, agents of both sides, times, distances, whether on an edge, where both were."""
 
 
-def _on_nodes(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[_Met]:
-    """Return the pairs that were on one node at one time: of those that wait for their moves, on their starts, too."""
-    nodes, left = len(turn.streets.counts), turn.pace.leaves
-    since = turn.since if nearness.passing else np.ones(turn.node.shape)
-    at, a, b = _equal_pairs(turn.node, turn.alive, ours, theirs, nodes)
-    met = [_met(at, a, b, np.maximum(since[at, a], since[at, b]), turn.node, turn.node)]
-    if not nearness.passing or not left.any():
-        return met
-    waited = turn.alive & turn.waited
-    at, a, b = _equal_pairs(turn.starts, waited, ours, theirs, nodes)
-    met.append(_met(at, a, b, np.zeros(len(at)), turn.starts, turn.starts))
-    at, a, b = _equal_pairs(turn.starts, waited, ours, theirs, nodes, (turn.node, turn.alive))
-    those = since[at, b] <= left[a]
-    at, a, b = at[those], a[those], b[those]
-    met.append(_met(at, a, b, since[at, b], turn.starts, turn.node))
-    at, b, a = _equal_pairs(turn.starts, waited, theirs, ours, nodes, (turn.node, turn.alive))
-    those = since[at, a] <= left[b]
-    at, a, b = at[those], a[those], b[those]
-    met.append(_met(at, a, b, since[at, a], turn.node, turn.starts))
+def _met_on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[_Met]:
+    """Return the contacts of agents that go along one edge at most."""
+    by_move, nodes, passing = turn.is_there_by_move, len(turn.streets.counts), nearness.passing
+    went = turn.starts != turn.ends
+    if nearness.unit is None:
+        at, a, b = _equal_pairs(turn.node, turn.alive, ours, theirs, nodes)
+        far = np.zeros(len(at))
+    else:
+        at, a, b, far = _near_pairs(turn, turn.node, turn.alive, (ours, theirs), nearness)
+    since = np.where(by_move & ~went, 0.0, 1.0) if passing else np.ones(went.shape)
+    places = turn.node[at, a], turn.node[at, b]
+    met: list[_Met] = [(at, a, b, np.maximum(since[at, a], since[at, b]), far, np.zeros(len(at), np.bool_), *places)]
+    if nearness.crossing:
+        ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
+        at, a, b = _equal_pairs(ways, turn.alive & by_move & went, ours, theirs, nodes**2, back)
+        time, source = (0.0, turn.starts) if passing else (1.0, turn.node)
+        whole, places = np.ones(len(at)), (source[at, a], source[at, b])
+        met.append((at, a, b, whole * time, whole * 0.0, whole > 0, *places))
     return met
 
 
-def _on_edges(turn: ArrayTurn, ours: IntArray, theirs: IntArray, *, passing: bool) -> _Met:
-    """Return the pairs that went along one edge in opposite directions, when both were on it."""
-    nodes, (left, came) = len(turn.streets.counts), turn.pace
-    counts = turn.alive & turn.is_there_by_move & (turn.starts != turn.ends)
-    ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
-    at, a, b = _equal_pairs(ways, counts, ours, theirs, nodes**2, (back, counts))
-    if not passing:
-        return _met(at, a, b, np.ones(len(at)), turn.node, turn.node, is_on_edge=True)
-    those = (left[a] <= came[b]) & (left[b] <= came[a])
-    at, a, b = at[those], a[those], b[those]
-    return _met(at, a, b, np.maximum(left[a], left[b]), turn.starts, turn.starts, is_on_edge=True)
-
-
-def _near(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> list[_Met]:
-    """Return the pairs that were near each other at the end of the turn, or when one of them was to go or arrived."""
-    is_here = turn.node, turn.alive
-    at, a, b, far = _near_pairs(turn, is_here, ours, theirs, nearness)
-    since = turn.since if nearness.passing else np.ones(turn.node.shape)
-    times = np.maximum(since[at, a], since[at, b])
-    inner = turn.moments[1:-1] if nearness.passing else np.zeros(0)
-    those = (times == 0.0) | (times == 1.0)  # else they were found when the later of both had arrived
-    at, a, b, far, times = at[those], a[those], b[those], far[those], times[those]
-    met = [_met(at, a, b, times, turn.node, turn.node, far=far)]
-    went, by_move, waited = turn.starts != turn.ends, turn.is_there_by_move, turn.waited
-    for now in inner.tolist():
-        nodes = np.where(went & (turn.pace.arrives > now), turn.starts, turn.node)
-        came = by_move & ((went & (turn.pace.arrives == now)) | (waited & (turn.pace.leaves == now)))
-        at, a, b, far = _near_pairs(turn, (nodes, turn.alive & by_move), ours, theirs, nearness)
-        those = came[at, a] | came[at, b]
-        at, a, b, far = at[those], a[those], b[those], far[those]
-        met.append(_met(at, a, b, np.full(len(at), now), nodes, nodes, far=far))
+def _met_on_paths(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], nearness: Nearness) -> list[_Met]:
+    """Return the contacts of agents that go along several edges."""
+    met = [_on_nodes(turn, sides, passing=nearness.passing)] if nearness.unit is None else []
+    if nearness.unit is not None:
+        met = list(_near_on_paths(turn, paths, sides, nearness))
+    if nearness.crossing:
+        met.append(_on_edges(turn, paths, sides, passing=nearness.passing))
     return met
 
 
-def _met(
-    at: IntArray,
-    a: IntArray,
-    b: IntArray,
-    times: FloatArray,
-    a_nodes: IntArray,
-    b_nodes: IntArray,
-    *,
-    far: FloatArray | None = None,
-    is_on_edge: bool = False,
-) -> _Met:
-    """Return contacts; nodes are those of all agents, (games, agents)."""
-    far = np.zeros(len(at)) if far is None else far
-    return at, a, b, times, far, np.full(len(at), is_on_edge), a_nodes[at, a], b_nodes[at, b]
+def _of_sides(turn: ArrayTurn, agents: IntArray, sides: tuple[IntArray, IntArray]) -> list[IntArray]:
+    """Return which rows of a column of agents are of each side."""
+    return [np.flatnonzero(np.isin(np.arange(len(turn.roster.names)), side)[agents]) for side in sides]
+
+
+def _on_nodes(turn: ArrayTurn, sides: tuple[IntArray, IntArray], *, passing: bool) -> _Met:
+    """Return the pairs that were at one node at one time."""
+    visits = turn.visits(turn.alive, passing=passing)
+    ours, theirs = (visits.those(rows) for rows in _of_sides(turn, visits.agents, sides))
+    nodes = len(turn.streets.counts)
+    i, j = _equal_keys(ours.at * nodes + ours.nodes, theirs.at * nodes + theirs.nodes)
+    together = (ours.begin[i] <= theirs.end[j]) & (theirs.begin[j] <= ours.end[i])
+    one, other = ours.those(i[together]), theirs.those(j[together])
+    times, where = np.maximum(one.begin, other.begin), one.nodes
+    return one.at, one.agents, other.agents, times, times * 0.0, times < 0.0, where, where
+
+
+def _on_edges(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], *, passing: bool) -> _Met:
+    """Return the pairs that were on one edge at one time, or, unless passing counts, at any, in opposite directions."""
+    counts = (np.arange(paths.nodes.shape[-1] - 1) + 1 < paths.lengths[..., None]) & (
+        turn.is_there_by_move & turn.alive
+    )[..., None]
+    counts &= paths.nodes[..., 1:] != paths.nodes[..., :-1]
+    at, agents, number = np.nonzero(counts)
+    ends = [paths.nodes[at, agents, number + k] for k in (0, 1)]
+    since, until = ((paths.times[at, agents, number + k] if passing else np.ones(len(at))) for k in (0, 1))
+    ours, theirs = _of_sides(turn, agents, sides)
+    ways, back = ((at * len(turn.streets.counts) + a) * len(turn.streets.counts) + b for a, b in (ends, ends[::-1]))
+    i, j = _equal_keys(ways[ours], back[theirs])
+    i, j = ours[i], theirs[j]
+    together = (since[i] <= until[j]) & (since[j] <= until[i])
+    i, j = i[together], j[together]
+    times, games, (a, b) = np.maximum(since[i], since[j]), at[i], (agents[i], agents[j])
+    where = (ends[0][i], ends[0][j]) if passing else (turn.node[games, a], turn.node[games, b])
+    return games, a, b, times, times * 0.0, times >= 0.0, *where
+
+
+def _near_on_paths(
+    turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], nearness: Nearness
+) -> Iterator[_Met]:
+    """Yield the pairs that were near enough, at each moment at which one of two agents reached a node."""
+    goes = turn.is_there_by_move & turn.alive & np.isin(np.arange(turn.alive.shape[1]), np.concatenate(sides))
+    times = np.where(goes[..., None], paths.times, np.inf)
+    moments = np.unique(times[..., 1:]).tolist() if nearness.passing else ()
+    for now in [moment for moment in moments if moment < 1.0]:
+        came = (times[..., 1:] == now).any(axis=-1)
+        last = np.maximum((times <= now).sum(axis=-1) - 1, 0)
+        node = np.take_along_axis(paths.nodes, last[..., None], axis=-1)[..., 0]
+        counts = goes & came.any(axis=1)[:, None]
+        at, a, b, far = _near_pairs(turn, node, counts, sides, nearness)
+        some = came[at, a] | came[at, b]
+        at, a, b, far = at[some], a[some], b[some], far[some]
+        yield at, a, b, np.full(len(at), now), far, far < 0.0, node[at, a], node[at, b]
+    at, a, b, far = _near_pairs(turn, turn.node, turn.alive, sides, nearness)
+    since = np.ones(turn.node.shape)
+    if nearness.passing:
+        last = np.take_along_axis(paths.times, paths.lengths[..., None] - 1, axis=-1)[..., 0]
+        since = np.where(turn.is_there_by_move, last, 1.0)
+    together = np.maximum(since[at, a], since[at, b])
+    some = (together == 0.0) | (together == 1.0)  # else they were found when the later of both had arrived
+    at, a, b, far, together = at[some], a[some], b[some], far[some], together[some]
+    yield at, a, b, together, far, far < 0.0, turn.node[at, a], turn.node[at, b]
 
 
 def one_to_one_in_arrays(met: ArrayContacts, agents: int) -> BoolArray:
@@ -148,31 +172,26 @@ _FEW = 64  # pairs of agents of one game: so many are compared with each other
 
 
 def _equal_pairs(
-    keys: IntArray,
-    counts: BoolArray,
-    ours: IntArray,
-    theirs: IntArray,
-    bound: int,
-    of_theirs: tuple[IntArray, BoolArray] | None = None,
+    keys: IntArray, counts: BoolArray, ours: IntArray, theirs: IntArray, bound: int, their_keys: IntArray | None = None
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the games of pairs of agents that count and have equal keys below `bound`, and the numbers of both.
-
-    `of_theirs` are the keys of the other side and which of it counts, where these are others.
-    """
-    their_keys, they_count = (keys, counts) if of_theirs is None else of_theirs
-    left, right = keys[:, ours], their_keys[:, theirs]
+    """Return the games of pairs of agents that count and have equal keys below `bound`, and the numbers of both."""
+    left, right = keys[:, ours], (keys if their_keys is None else their_keys)[:, theirs]
     if len(ours) * len(theirs) <= _FEW:
-        equal = (left[:, :, None] == right[:, None]) & counts[:, ours][:, :, None] & they_count[:, theirs][:, None]
+        equal = (left[:, :, None] == right[:, None]) & counts[:, ours][:, :, None] & counts[:, theirs][:, None]
         found = np.flatnonzero(equal)  # which is faster than to look for three indices, where there are few
         at, i, j = np.unravel_index(found, equal.shape)
         return at, ours[i], theirs[j]
     at, i = np.nonzero(counts[:, ours])
-    others, j = np.nonzero(they_count[:, theirs])
-    key, other = at * bound + left[at, i], others * bound + right[others, j]
-    order = np.argsort(other, kind="stable")
-    ends = [np.searchsorted(other[order], key, side) for side in ("left", "right")]
-    rows, places = kernels.expand_ranges(*ends)
-    return at[rows], ours[i[rows]], theirs[j[order[places]]]
+    others, j = np.nonzero(counts[:, theirs])
+    rows, places = _equal_keys(at * bound + left[at, i], others * bound + right[others, j])
+    return at[rows], ours[i[rows]], theirs[j[places]]
+
+
+def _equal_keys(keys: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the rows of all pairs of equal keys of two columns."""
+    order = np.argsort(others, kind="stable")
+    rows, places = kernels.expand_ranges(*(np.searchsorted(others[order], keys, side) for side in ("left", "right")))
+    return rows, order[places]
 
 
 def _pair_keys(names: tuple[str, ...], a: IntArray, b: IntArray) -> BitArray:
@@ -190,15 +209,12 @@ _MOST_KNOWN = 1 << 25  # pairs of nodes that are kept
 
 
 def _near_pairs(
-    turn: ArrayTurn, where: tuple[IntArray, BoolArray], ours: IntArray, theirs: IntArray, nearness: Nearness
+    turn: ArrayTurn, nodes: IntArray, counts: BoolArray, sides: tuple[IntArray, IntArray], nearness: Nearness
 ) -> tuple[IntArray, IntArray, IntArray, FloatArray]:
-    """Return the games of pairs of agents that are near each other, the numbers of both, and how far.
-
-    `where` are the nodes of all agents, and which of them count.
-    """
-    unit, limit = nearness.unit, nearness.limit
+    """Return the games of pairs of agents that count and are on nodes near each other, both agents, and how far."""
+    (ours, theirs), unit, limit = sides, nearness.unit, nearness.limit
     if unit == "euclid" and len(theirs) > _MANY and limit < _FAR:
-        return _near_by_cells(turn.streets, where, ours, theirs, limit)
+        return _near_by_cells(turn.streets, (nodes, counts), ours, theirs, limit)
     size = max(1, _AT_ONCE // max(1, len(ours) * len(theirs)))
     near: _NearNodes | _Straight
     if unit == "euclid":
@@ -208,10 +224,10 @@ def _near_pairs(
     parts = []
     for first in range(0, len(turn.games), size):
         games = slice(first, first + size)
-        node, counts = where[0][games], where[1][games]
+        node, alive = nodes[games], counts[games]
         starts, ends = node[:, ours], node[:, theirs]
         may_meet = near.may_be_near(starts[:, :, None], ends[:, None])
-        may_meet &= counts[:, ours][:, :, None] & counts[:, theirs][:, None]
+        may_meet &= alive[:, ours][:, :, None] & alive[:, theirs][:, None]
         at, i, j = np.unravel_index(np.flatnonzero(may_meet), may_meet.shape)
         far = near.distances(starts[at, i], ends[at, j])
         parts.append((first + at, ours[i], theirs[j], far))

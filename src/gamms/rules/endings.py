@@ -9,7 +9,7 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.turn import ArrayTurn, GameArrays
+from gamms.game.batch.turn import ArrayTurn, GameArrays, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of
@@ -262,37 +262,39 @@ def _arrive_in_arrays(
     turn: ArrayTurn, goals: Mapping[Any, frozenset[int] | str], *, passing: bool
 ) -> dict[Hashable, IntArray]:
     """Do what `_arrive` does for many games; return team -> the games in which its agents are first at a goal."""
-    arrived, earliest = [], np.full(len(turn.games), 2.0)  # the moment, from 0 to 1; 2: never
-    since = turn.since if passing else np.ones(turn.node.shape)
-    waited = turn.waited if passing else np.zeros(turn.node.shape, np.bool_)
+    arrived, earliest = [], np.full(len(turn.games), np.inf)  # the moment
     for team, goal in goals.items():
-        members = np.flatnonzero(turn.roster.plays_for([team]))
-        was_there = waited[:, members] & _are_at_goal(turn, turn.starts, members, goal)
-        is_there = was_there | _are_at_goal(turn, turn.node, members, goal)
-        at, which = np.nonzero(is_there & turn.alive[:, members])
-        agents, began_there = members[which], was_there[at, which]
-        times = np.where(began_there, 0.0, since[at, agents])
-        nodes = np.where(began_there, turn.starts[at, agents], turn.node[at, agents])
-        np.minimum.at(earliest, at, times)
-        arrived.append((team, at, agents, times, nodes))
+        are_members = turn.roster.plays_for([team])
+        if isinstance(goal, str):
+            visits = turn.visits(turn.alive & are_members, passing=passing)
+            visits = visits.those(_are_starts(turn, visits, goal))
+        else:
+            visits = turn.visits(_are_nodes(turn, goal), passing=passing)
+            visits = visits.those(are_members[visits.agents])
+        _, first_visit = np.unique(visits.at * len(are_members) + visits.agents, return_index=True)
+        visits = visits.those(first_visit)
+        np.minimum.at(earliest, visits.at, visits.begin)
+        arrived.append((team, visits))
     first: dict[Hashable, IntArray] = {}
-    for team, at, agents, times, nodes in arrived:
-        is_first = times == earliest[at]
-        games = at[is_first]
-        turn.emit("reach", games, agents={"agent": agents[is_first]}, nodes={"node": nodes[is_first]})
-        first[team] = np.unique(games)
+    for team, visits in arrived:
+        winning = visits.those(visits.begin == earliest[visits.at])
+        turn.emit("reach", winning.at, agents={"agent": winning.agents}, nodes={"node": winning.nodes})
+        first[team] = np.unique(winning.at)
     return first
 
 
-def _are_at_goal(turn: ArrayTurn, nodes: IntArray, members: IntArray, goal: frozenset[int] | str) -> BoolArray:
-    """Return which members of a team are at its goal when all agents are on these nodes, (games, members)."""
-    here = nodes[:, members]
-    if isinstance(goal, str):  # where those of the team of that text began
-        ours = turn.roster.plays_for([one for one in turn.roster.teams if str(one) == goal])
-        starts = turn.start_of(np.flatnonzero(ours))
-        return np.asarray((here[:, :, None] == starts[:, None]).any(axis=2))
-    is_goal = turn.shared(("nodes", goal), lambda: np.isin(turn.streets.columns.node_ids, sorted(goal)))
-    return np.asarray(is_goal[here])
+def _are_nodes(turn: ArrayTurn, ids: frozenset[int]) -> BoolArray:
+    """Return which nodes are among those of these ids, (nodes,)."""
+    return turn.shared(("nodes", ids), lambda: np.isin(turn.streets.columns.node_ids, sorted(ids)))
+
+
+def _are_starts(turn: ArrayTurn, visits: Visits, team: str) -> BoolArray:
+    """Return which visits are those of nodes where agents of the team of that text began, (visits,)."""
+    starts = turn.start_of(
+        np.flatnonzero(turn.roster.plays_for([one for one in turn.roster.teams if str(one) == team]))
+    )
+    are_starts: BoolArray = (visits.nodes[:, None] == starts[visits.at]).any(axis=1)
+    return are_starts
 
 
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:

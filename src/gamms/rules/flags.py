@@ -10,7 +10,7 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
-from gamms.game.batch.turn import Arrays, ArrayTurn, GameArrays
+from gamms.game.batch.turn import Arrays, ArrayTurn, GameArrays, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of
@@ -240,9 +240,6 @@ class _Turn:
 class _FlagsInArrays:
     """A turn of the rule in many games.
 
-    The agents of such games go one edge a turn at most, so the moments are 0, for those that stay or wait, and 1, and
-    with an order of play those between its parts.
-
     Attributes:
         flags: the arguments.
         names: of the flags: the teams that own them.
@@ -251,38 +248,33 @@ class _FlagsInArrays:
             the agents that carry flags, -1 for none, and how often these had been tagged or put back before;
             `captures` (games, teams).
         carriers: those of the games of this turn.
+        taken: (games, flags) the moments at which flags were taken in this turn.
         going: in which of them the rule goes on, (games,).
-        since: when agents came to where they are, (games, agents).
-        waited: which agents were on their starts before they left, (games, agents).
-        taken_at: the moment at which a flag was taken in this turn, else -1, (games, flags).
     """
 
     def __init__(self, flags: _Flags, turn: ArrayTurn) -> None:
         self.flags, self.names, self.turn = flags, list(flags.bases), turn
         self.kept = turn.keep(("capture_flag", flags.key), flags.start_of(turn.roster))
         self.carriers = self.kept["carriers"][turn.games]
+        self.taken = np.full(self.carriers.shape, -1.0)
         self.going = np.ones(len(turn.games), np.bool_)
-        self.since = turn.since if flags.passing else np.ones(turn.node.shape)
-        self.waited = turn.alive & turn.waited if flags.passing else np.zeros(turn.node.shape, np.bool_)
-        self.taken_at = np.full(self.carriers.shape, -1.0)
 
     def play(self) -> None:
         """Play the turn."""
-        turn, is_carried = self.turn, bool((self.carriers >= 0).any())
-        if is_carried:
-            self._drop()
-        is_base = turn.shared(("bases", self.flags.key), self._bases)
-        there, agents = np.nonzero(is_base[turn.node] & turn.alive)
-        before, waiting = np.nonzero(is_base[turn.starts] & self.waited)
-        came, left = self.since[there, agents], turn.pace.leaves[waiting]
-        for now in turn.moments.tolist() if is_carried or len(there) or len(before) else ():
-            is_captured = self._capture(now)
-            has_come, waits = came <= now, left >= now
-            at, takers = np.append(there[has_come], before[waits]), np.append(agents[has_come], waiting[waits])
-            bases = np.append(turn.node[there, agents][has_come], turn.starts[before, waiting][waits])
-            is_going = self.going[at]
-            self._take(now, at[is_going], takers[is_going], bases[is_going])
-            if is_captured and self.flags.goal is not None:
+        turn, (at, which) = self.turn, np.nonzero(self.carriers >= 0)
+        if len(at):
+            self._drop(at, which)
+        there = turn.visits(turn.shared(("bases", self.flags.key), self._bases), passing=self.flags.passing)
+        are_involved = np.zeros(turn.alive.shape, np.bool_)
+        are_involved[there.at, there.agents] = True
+        at, which = np.nonzero(self.carriers >= 0)
+        are_involved[at, self.carriers[at, which]] = True
+        visits = turn.visits(are_involved, passing=self.flags.passing)
+        for now in np.unique(visits.begin).tolist():
+            reached = visits.those((visits.begin == now) & self.going[visits.at])
+            has_captured = [self._capture(reached, number, now) for number in range(len(self.names))]
+            self._take(there.those((there.begin <= now) & (now <= there.end) & self.going[there.at]), now)
+            if any(has_captured) and self.flags.goal is not None:
                 self._end(self.flags.goal)
         self.kept["carriers"][turn.games] = self.carriers
         at, which = np.nonzero(self.carriers >= 0)
@@ -297,23 +289,23 @@ class _FlagsInArrays:
         bases, rows = self.flags.bases, self.turn.streets.rows
         return np.array([rows([bases[team]])[0] if team in bases else -1 for team in self.turn.roster.teams])
 
-    def _drop(self) -> None:
-        """Let carriers drop their flags that were stopped."""
-        turn, (at, which) = self.turn, np.nonzero(self.carriers >= 0)
-        agents = self.carriers[at, which]
+    def _drop(self, at: IntArray, which: IntArray) -> None:
+        """Let carriers drop these flags if they were stopped."""
+        turn, agents = self.turn, self.carriers[at, which]
         is_lost = ~turn.alive[at, agents] | (turn.stops(at, agents) != self.kept["stops"][turn.games[at], which])
-        at, which = at[is_lost], which[is_lost]
-        self._emit("drop", at, which, turn.node[at, self.carriers[at, which]])
+        at, which, agents = at[is_lost], which[is_lost], agents[is_lost]
+        self._emit("drop", at, which, turn.node[at, agents])
         self.carriers[at, which] = -1
 
     def _emit(self, kind: str, at: IntArray, which: IntArray, nodes: IntArray) -> None:
-        """Note what became of flags on these nodes."""
+        """Note what became of flags, on these nodes."""
         if len(at):
             agents, flags = self.carriers[at, which], [self.names[number] for number in which.tolist()]
             self.turn.emit(kind, at, agents={"agent": agents}, values={"flag": flags}, nodes={"node": nodes})
 
-    def _are_home(self, at: IntArray, agents: IntArray, node: IntArray) -> BoolArray:
-        turn, team_of = self.turn, self.turn.roster.team_of[agents]
+    def _are_home(self, visits: Visits) -> BoolArray:
+        """Return which visits are those of nodes that are home for a carrier."""
+        turn, node, team_of = self.turn, visits.nodes, self.turn.roster.team_of[visits.agents]
         if self.flags.ground is not None:
             owned: BoolArray = self.flags.ground.in_arrays(turn)[node] == team_of
             return owned
@@ -323,32 +315,28 @@ class _FlagsInArrays:
         for number in np.flatnonzero(bases < 0).tolist():
             of_team = np.flatnonzero(team_of == number)
             if len(of_team):
-                starts = turn.start_of(turn.roster.members(teams[number]))[at[of_team]]
+                starts = turn.start_of(turn.roster.members(teams[number]))[visits.at[of_team]]
                 is_home[of_team] = (starts == node[of_team][:, None]).any(axis=1)
         return is_home
 
-    def _capture(self, now: float) -> bool:
-        """Let carriers that reach a node of their team now capture the flags; return whether one has."""
-        turn, (at, which) = self.turn, np.nonzero((self.carriers >= 0) & self.going[:, None])
-        agents = self.carriers[at, which]
-        arrives, leaves = self.since[at, agents] == now, self.waited[at, agents]
-        leaves &= (turn.pace.leaves[agents] == now) | (now == 0.0)
-        those = np.flatnonzero((arrives | leaves) & (now > self.taken_at[at, which]))
-        at, which, agents = at[those], which[those], agents[those]
-        nodes = np.where(arrives[those], turn.node[at, agents], turn.starts[at, agents])
-        those = np.flatnonzero(self._are_home(at, agents, nodes))
-        at, which, agents = at[those], which[those], agents[those]
-        self._emit("capture", at, which, nodes[those])
-        turn.add_scores(at, agents, self.flags.score)
-        np.add.at(self.kept["captures"], (turn.games[at], turn.roster.team_of[agents]), 1)
-        self.carriers[at, which] = -1
-        return bool(len(at))
+    def _capture(self, reached: Visits, number: int, now: float) -> bool:
+        """Let carriers of one flag that reach nodes now capture it; return whether some do."""
+        carried = reached.those(self.carriers[reached.at, number] == reached.agents)
+        home = carried.those((now > self.taken[carried.at, number]) & self._are_home(carried))
+        home = home.those(np.unique(home.at, return_index=True)[1])
+        if not len(home.at):
+            return False
+        self._emit("capture", home.at, np.full(len(home.at), number), home.nodes)
+        self.turn.add_scores(home.at, home.agents, self.flags.score)
+        np.add.at(self.kept["captures"], (self.turn.games[home.at], self.turn.roster.team_of[home.agents]), 1)
+        self.carriers[home.at, number] = -1
+        return True
 
-    def _take(self, now: float, at: IntArray, agents: IntArray, bases: IntArray) -> None:
-        """Let these agents, which are on bases, take flags."""
-        turn, roster, carriers = self.turn, self.turn.roster, self.carriers
+    def _take(self, there: Visits, now: float) -> None:
+        """Let agents that are on bases take flags."""
+        turn, roster, carriers, at, agents = self.turn, self.turn.roster, self.carriers, there.at, there.agents
         for number, (flag, base) in enumerate(self.flags.bases.items() if len(at) else ()):
-            may_take = (turn.streets.ids(bases) == base) & (carriers[at, number] < 0)
+            may_take = (turn.streets.ids(there.nodes) == base) & (carriers[at, number] < 0)
             may_take &= ~roster.plays_for([flag, None])[agents] & ~(carriers[at] == agents[:, None]).any(axis=1)
             those = np.flatnonzero(may_take)
             if len(those):
@@ -356,8 +344,8 @@ class _FlagsInArrays:
                 draws = turn.draw_bits(at[those], roster.keys[agents[those]], *purpose)
                 those = those[np.lexsort((draws, at[those]))]
                 those = those[np.unique(at[those], return_index=True)[1]]
-                carriers[at[those], number], self.taken_at[at[those], number] = agents[those], now
-                self._emit("take", at[those], np.full(len(those), number), bases[those])
+                carriers[at[those], number], self.taken[at[those], number] = agents[those], now
+                self._emit("take", at[those], np.full(len(those), number), there.nodes[those])
 
     def _end(self, goal: int) -> None:
         """End the games in which a team has captured as many flags as it needs."""

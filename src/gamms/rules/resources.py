@@ -210,13 +210,14 @@ class _Tank(NamedTuple):
     def check_in_arrays(self, turn: ArrayTurn, ends: IntArray) -> BoolArray:
         """Return which moves to these nodes cost more than is left, (games, agents)."""
         kept = self._kept(turn.keep, ends.shape[1])
-        left, goes = kept["amounts"][turn.games], ends != turn.node
-        prices = np.where(goes, self.per_edge, 0.0)
+        left = kept["amounts"][turn.games]
+        edges = ends != turn.node if turn.paths is None else turn.paths.lengths - 1
+        prices = edges * self.per_edge
         if self.per_metre:
-            prices += np.where(goes, _lengths_in_arrays(turn, ends), 0.0) * self.per_metre
-        kept["prices"][turn.games] = np.where(goes, prices, kept["prices"][turn.games])
+            prices = prices + _lengths_in_arrays(turn, ends) * self.per_metre
+        kept["prices"][turn.games] = np.where(edges > 0, prices, kept["prices"][turn.games])
         is_too_dear = (left <= 0) | (prices > left * (1 + _SLACK))
-        is_refused: BoolArray = is_too_dear & goes & turn.alive & turn.roster.plays_for(self.teams)
+        is_refused: BoolArray = is_too_dear & turn.alive & turn.roster.plays_for(self.teams)
         return is_refused
 
     def charge_in_arrays(self, turn: ArrayTurn) -> None:
@@ -285,7 +286,17 @@ class _Tank(NamedTuple):
 
 
 def _lengths_in_arrays(turn: ArrayTurn, ends: IntArray) -> FloatArray:
-    """Return how long the edges of moves are, (games, agents); anything for those that stay."""
+    """Return how long moves are, (games, agents), each edge added to those before it."""
+    if turn.paths is None:
+        return _edges_in_arrays(turn, turn.node, ends)
+    nodes, total = turn.paths.nodes, np.zeros(ends.shape)
+    for number in range(nodes.shape[-1] - 1):
+        total += _edges_in_arrays(turn, nodes[..., number], nodes[..., number + 1])
+    return total
+
+
+def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:
+    """Return how long it is from nodes to others, (games, agents): along an edge, else in a straight line."""
     nodes, columns = len(turn.streets.counts), turn.streets.columns
 
     def make() -> tuple[IntArray, FloatArray]:
@@ -295,8 +306,15 @@ def _lengths_in_arrays(turn: ArrayTurn, ends: IntArray) -> FloatArray:
         return known, columns.lengths[order][first]
 
     known, lengths = turn.shared("lengths of ways", make)
-    at = np.searchsorted(known, turn.node * nodes + ends)
-    found: FloatArray = lengths[np.minimum(at, len(known) - 1)] if len(known) else np.zeros(ends.shape)
+    ways = starts * nodes + ends
+    at = np.minimum(np.searchsorted(known, ways), max(len(known) - 1, 0))
+    found: FloatArray = lengths[at] if len(known) else np.zeros(ends.shape)
+    found[starts == ends] = 0.0
+    straight = np.nonzero((starts != ends) & (known[at] != ways if len(known) else True))
+    pairs, which = np.unique(ways[straight], return_inverse=True)
+    xy = columns.xy.tolist()
+    apart = [dist(xy[start], xy[end]) for start, end in zip(*np.divmod(pairs, nodes), strict=True)]
+    found[straight] = np.array(apart)[which] if apart else 0.0
     return found
 
 

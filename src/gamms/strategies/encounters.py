@@ -112,8 +112,7 @@ def _flee_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
 
 def _legal_of(view: ArrayView, which: tuple[IntArray, ...]) -> tuple[IntArray, BoolArray]:
     """Return the rows of the legal nodes of some agents, (agents, most), and which of these count."""
-    legal = view.streets.legal[view.node[which]]
-    return legal, np.arange(legal.shape[1]) < view.counts[which][:, None]
+    return view.movement.legal(view.choices[which])
 
 
 def _lowest(view: ArrayView, legal: IntArray, is_chosen: BoolArray) -> IntArray:
@@ -165,8 +164,8 @@ def _guard_in_arrays(post: int, reach: float, view: ArrayView) -> IntArray:
     seen = view.enemies()
     targets = nearest_seen(view, seen.of(is_near[seen.nodes]), is_near[view.node])
     after = np.nonzero(targets >= 0)
-    actions = routes.actions(view.node, np.broadcast_to(place, view.node.shape))
-    actions[after] = routes.actions(view.node[after], targets[after], is_near)
+    actions = view.towards(np.broadcast_to(place, view.node.shape))
+    actions[after] = view.towards(targets[after], after, is_near)
     return np.maximum(actions, 0)
 
 
@@ -276,7 +275,7 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         else:
             state["action"] = max(_out_of_reach(ctx, state, enemies), key=lead)
 
-    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True)
+    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True, one_edge=True)
     return strategy
 
 

@@ -18,7 +18,7 @@ from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.sight import Seen
-from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
+from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -357,6 +357,7 @@ def offer_form(
     parts: Iterable[object] = (),
     looks: bool = False,
     may_skip: bool | None = None,
+    one_edge: bool = False,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
 
@@ -367,6 +368,7 @@ def offer_form(
         parts: the strategies that it calls.
         looks: whether it asks what sensors show, besides its parts.
         may_skip: whether it may set no action; None: where one of its parts may.
+        one_edge: whether it is for agents without speeds.
     """
     forms = [getattr(part, "array_form", None) for part in parts]
     if None in forms:
@@ -375,6 +377,7 @@ def offer_form(
     setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
+    setattr(made, ONE_EDGE, one_edge or any(getattr(one, ONE_EDGE, False) for one in forms))
     strategy.__dict__["array_form"] = made
 
 
@@ -399,7 +402,7 @@ def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy) -> Int
     """Return what `move_to` does for all agents of a view; targets are rows of nodes (games, agents), -1: none."""
     actions, going = no_actions(view), np.nonzero(view.mask & (targets >= 0))
     if len(going[0]):
-        actions[going] = view.routes().actions(view.node[going], targets[going])
+        actions[going] = view.towards(targets[going], going)
     return asked(view, actions, fallback, actions < 0)
 
 

@@ -375,7 +375,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on])
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], one_edge=True)
     return unblock
 
 
@@ -393,7 +393,7 @@ def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -
         left = np.where(yields, turns, left)
     aside = view.only(left > 0)
     actions = asked(view, _drawn_aside(aside, known["ahead"]), goes_on, left <= 0)
-    follows = np.where(actions < 0, -1, view.streets.step(view.node, np.maximum(actions, 0)))
+    follows = np.where(actions < 0, -1, view.movement.nodes(view.choices, np.maximum(actions, 0)))
     ahead = np.where(aside.mask, view.node, follows)
     remember(view, "unblock", blocked=blocked, calm=calm, often=often, left=left, ahead=ahead)
     return actions
@@ -404,8 +404,7 @@ def _drawn_aside(view: ArrayView, ahead: IntArray) -> IntArray:
     actions = no_actions(view)
     at = np.nonzero(view.mask)
     if len(at[0]):
-        here, nodes = view.node[at], view.streets.legal[view.node[at]]
-        is_legal = np.arange(nodes.shape[-1]) < view.counts[at][:, None]
+        here, (nodes, is_legal) = view.node[at], view.movement.legal(view.choices[at])
         is_free = is_legal & (nodes != here[:, None]) & (nodes != ahead[at][:, None])
         options = np.where(is_free.any(axis=1, keepdims=True), is_free, is_legal)
         counts = np.ones(view.node.shape, np.int64)

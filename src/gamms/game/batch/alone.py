@@ -10,6 +10,7 @@ import numpy as np
 from gamms.arguments import as_context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.columns import Roster
+from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen
 from gamms.game.batch.turn import GameArrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
@@ -20,7 +21,7 @@ from gamms.text import shown
 from gamms.typing import IContext
 
 _KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
-_worlds: WeakKeyDictionary[Any, tuple[Any, Streets, dict[Any, Any]]] = WeakKeyDictionary()
+_worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyDictionary()
 
 
 def array_strategy(form: ArrayStrategy) -> Callable[[IContext], Callable[[Any], None]]:
@@ -73,9 +74,10 @@ class _ViewOfOne(ArrayView):
 
     def __init__(self, ctx: IContext, state: dict[str, Any]) -> None:
         roster = Roster.of(ctx.agent.agents.values())
-        streets, shared = _world(ctx)
+        movement, shared = _world(ctx)
+        streets = movement.streets
         number, node = roster.names.index(state["name"]), streets.rows(state["curr_pos"])
-        game = GameArrays(roster, streets, [ctx.seed], np.full((1, len(roster.names)), node))
+        game = GameArrays(roster, movement, [ctx.seed], np.full((1, len(roster.names)), node))
         game.turn[0], game.facts, game.shared = state["turn"], state["facts"], shared
         game.blocked[0, number] = "in conflict" in (state.get("blocked") or "")
         game.kept = state["memory"].setdefault(_KEPT, {})
@@ -102,10 +104,10 @@ class _ViewOfOne(ArrayView):
         return Seen((1, 1, len(self.roster.names)), none, none, np.array([*number.values()], np.int64), nodes)
 
 
-def _world(ctx: IContext) -> tuple[Streets, dict[Any, Any]]:
+def _world(ctx: IContext) -> tuple[Movement, dict[Any, Any]]:
     """Return the streets of a context, and what was worked out of them; made once for each revision of the graph."""
     revision = ctx.graph.graph.revision
     known = _worlds.get(ctx)
     if known is None or revision is None or known[0] != revision:
-        known = _worlds[ctx] = revision, Streets(ctx.graph.columns(), ctx.graph.routes), {}
+        known = _worlds[ctx] = revision, Movement(Streets(ctx.graph.columns(), ctx.graph.routes)), {}
     return known[1], known[2]

@@ -8,18 +8,18 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.movement import movement_of, why_not_moved
 from gamms.game.batch.sight import why_not_seen
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays, Pace
-from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ArrayStrategy, ArrayView
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays, TurnPart
+from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, ArrayView
 from gamms.game.order import COUNTED
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
-from gamms.game.streets import Streets
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
-from gamms.typing import AgentType, IAgent
+from gamms.typing import IAgent
 
 _FORM, _CHECK = "array_form", "array_check"  # the attributes of rules, strategies and resolvers
 
@@ -46,8 +46,8 @@ class ArrayEngine:
 
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray) -> None:
         self._game = game
-        roster, streets = Roster.of(game.agents), Streets(game.ctx.graph.columns(), game.ctx.graph.routes)
-        self.state = GameArrays(roster, streets, seeds, streets.rows(start))
+        roster, movement = Roster.of(game.agents), movement_of(game)
+        self.state = GameArrays(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
         self._last: int | None = settings["max_turns"]
         self._groups = _groups(roster)
@@ -55,9 +55,6 @@ class ArrayEngine:
         if settings["order"] is not None and len(settings["order"]) > 1:
             move_now = np.stack([roster.plays_for(teams) for teams in settings["order"]])  # (parts, agents)
             self._parts = [np.flatnonzero(of_part) for of_part in move_now]
-            self.state.pace = Pace(
-                move_now.argmax(axis=0) / len(move_now), (move_now.argmax(axis=0) + 1) / len(move_now)
-            )
         self._rules = {
             phase: [(one, _form_of(one.rule)) for one in game.rules if one.phase == phase]
             for phase in ("before", "after")
@@ -97,43 +94,50 @@ class ArrayEngine:
                 return
             starts, ends, took_part = state.last_moves
             turn.starts, turn.ends, turn.took_part = starts[turn.games], ends[turn.games], took_part[turn.games]
+            turn.paths = state.last_paths and state.last_paths.of(turn.games)
             self._call(named, form, turn)
             turn.close()
         turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
         if not len(turn.games):
             return
         actions, is_given = self._given(turn, given)
-        for members in self._parts:
+        for number, members in enumerate(self._parts):
             wanted, is_decided = actions, is_given
             if members is not None:
                 moves = np.isin(np.arange(len(is_given)), members)
-                wanted, is_decided = np.where(moves, actions, 0), is_given | ~moves
-            self._play_part(turn, self._decided(turn, wanted, is_decided), members)
+                wanted, is_decided = np.where(moves, actions, state.movement.idle), is_given | ~moves
+            part = None if members is None else TurnPart(number, len(self._parts), members)
+            self._play_part(turn, self._decided(turn, wanted, is_decided), part)
         turn.end_moves()
         if self._rules["before"]:
             for column, values in zip(state.last_moves, (turn.starts, turn.ends, turn.took_part), strict=True):
                 column[turn.games] = values
+            state.last_paths = turn.paths and turn.paths.spread(turn.games, len(state))
         try:
             for named, form in self._rules["after"]:
                 self._call(named, form, turn)
         finally:  # the agents have moved: the turn is played, without the rules that follow
             turn.close()
 
-    def _play_part(self, turn: ArrayTurn, actions: IntArray, members: IntArray | None) -> None:
+    def _play_part(self, turn: ArrayTurn, actions: IntArray, part: TurnPart | None) -> None:
         """Let some agents move at once, by what they have decided; None: all."""
-        wanted = ends = turn.streets.step(turn.node, actions)
+        moves = self.state.movement.moves(turn.node, actions, turn.games)
+        turn.paths, in_conflict = moves.paths, np.zeros(moves.ends.shape, np.bool_)
+        refused = np.zeros(moves.ends.shape, np.bool_)
         for check in self._checks:
-            ends = np.where(check(turn, wanted), turn.node, ends)
-        is_stopped = np.zeros(ends.shape, np.bool_)
+            refused |= check(turn, moves.ends) & moves.goes
+        moves = moves.without(refused)
         if self._conflicts is not None:
-            is_stopped = (ends != turn.node) & self._conflicts(turn, ends)
-            ends = np.where(is_stopped, turn.node, ends)
-        self.state.counts["blocked"][turn.games] += ends != wanted
-        turn.move(ends, is_stopped, members)
+            in_conflict = self._conflicts(turn, moves.ends) & moves.goes
+        self.state.counts["blocked"][turn.games] += refused | in_conflict
+        turn.move(moves.without(in_conflict), in_conflict, part)
 
     def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> tuple[IntArray, BoolArray]:
         """Return the actions that were given, (games, agents) of this turn, and to which agents, (agents,)."""
-        actions, is_given = np.zeros(turn.node.shape, np.int64), np.zeros(len(turn.roster.names), np.bool_)
+        actions, is_given = (
+            np.full(turn.node.shape, self.state.movement.idle),
+            np.zeros(len(turn.roster.names), np.bool_),
+        )
         for team, wanted in given.items():
             agents = turn.roster.members(team)
             of_all = np.asarray(wanted)
@@ -156,7 +160,7 @@ class ArrayEngine:
             if len(agents):
                 view = ArrayView(self.state, turn.games, agents)
                 try:
-                    actions[:, agents] = view.checked(group.form(view), group.name)
+                    actions[:, agents] = view.checked(group.form(view), group.name, may_aim=True)
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch.")
                     raise
@@ -220,9 +224,10 @@ class ArrayEngine:
 def why_not_in_arrays(game: PlayedGame) -> str | None:
     """Return the first part of a game that has no array form, in words; None: it can be played in arrays."""
     settings = game.settings()
-    unit, legal, conflicts = (settings[name] for name in ("speed_unit", "legal", "conflicts"))
+    conflicts, motion = settings["conflicts"], why_not_moved(game)
+    has_speeds = any(agent.speed is not None for agent in game.agents)
     reasons = [
-        (unit != "edges" or legal != "edges", f"speed_unit={unit!r}, legal={legal!r}"),
+        (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
         (bool(settings["deeds"]), "deeds"),
         (bool(settings["channels"]), "channels"),
@@ -234,15 +239,15 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
     reasons += [
-        (agent.type is AgentType.AERIAL or agent.speed is not None, f"agent {agent.name!r}, which flies or has a speed")
-        for agent in game.agents
-    ]
-    reasons += [
         (agent.strategy is not None and _form_of(agent.strategy) is None, f"the strategy {as_code(agent.strategy)}")
         for agent in game.agents
     ]
     reasons += [
         (getattr(_form_of(agent.strategy), MAY_SKIP, False), f"{as_code(agent.strategy)}, which may set no action")
+        for agent in game.agents
+    ]
+    reasons += [
+        (has_speeds and getattr(_form_of(agent.strategy), ONE_EDGE, False), f"{as_code(agent.strategy)}, with speeds")
         for agent in game.agents
     ]
     reasons += [

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.movement import Movement
 from gamms.game.batch.turn import GameArrays, Places
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import HiddenState
@@ -109,8 +110,8 @@ class OneByOneEngine:
 
     def _nothing_observed(self) -> GameArrays:
         graph, shape = self._game.ctx.graph, (len(self.seeds), len(self._roster.names))
-        streets = Streets(graph.columns(), graph.routes)
-        state = GameArrays(self._roster, streets, self.seeds, np.zeros(shape, np.int64))
+        movement = Movement(Streets(graph.columns(), graph.routes))
+        state = GameArrays(self._roster, movement, self.seeds, np.zeros(shape, np.int64))
         state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
         return state
 

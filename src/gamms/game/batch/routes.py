@@ -74,6 +74,32 @@ class RouteTable:
             flat[some] = self._steps(starts[some], ends[some], allowed)
         return found
 
+    def following(self, sources: IntArray, targets: IntArray) -> IntArray:
+        """Return the row of the next node on the shortest path, (queries,); where there is none, the source."""
+        found = np.empty(len(sources), np.int64)
+        for some in self._ready(sources, targets):
+            starts = sources[some]
+            hops = self._hops[self._values(starts, targets[some])]
+            found[some] = self._streets.step(starts, np.where(hops == self._none, 0, hops).astype(np.int64))
+        return found
+
+    def allowed_edges(self, sources: IntArray, targets: IntArray, allowed: BoolArray, most: int) -> IntArray:
+        """Return how many edges of shortest paths, of the first `most`, lead to nodes that may be entered, (queries,).
+
+        Args:
+            sources: rows.
+            targets: rows.
+            allowed: (nodes,) which may be entered.
+            most: edges.
+        """
+        node, edges = sources, np.zeros(len(sources), np.int64)
+        goes = np.ones(len(sources), np.bool_)
+        for _ in range(most):
+            node = self.following(node, targets)
+            goes &= allowed[node]
+            edges += goes
+        return edges
+
     def _steps(self, starts: IntArray, ends: IntArray, allowed: BoolArray | None) -> IntArray:
         streets = self._streets
         hops = self._hops[self._values(starts, ends)]

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.columns import Roster
-from gamms.game.streets import Streets
+from gamms.game.batch.movement import Movement, Moves, Paths
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -87,11 +87,33 @@ class Places(NamedTuple):
     xy: FloatArray  # (games, agents, 2)  map units
 
 
-class Pace(NamedTuple):
-    """When agents that move leave their nodes and arrive, from 0 to 1, in the order of play; arrays (agents,)."""
+class TurnPart(NamedTuple):
+    """One of the parts of a turn, by the order of play: the agents that move in it, by their numbers in the roster."""
 
-    leaves: FloatArray
-    arrives: FloatArray
+    number: int
+    of: int  # how many parts there are
+    members: IntArray
+
+
+class Visits(NamedTuple):
+    """The nodes that agents are at in a turn, (visits,): by game, agent and time.
+
+    Attributes:
+        at: the game in the turn.
+        agents: numbers in the roster.
+        nodes: rows of nodes.
+        begin, end: from when until when, from 0 to 1.
+    """
+
+    at: IntArray
+    agents: IntArray
+    nodes: IntArray
+    begin: FloatArray
+    end: FloatArray
+
+    def those(self, which: BoolArray | IntArray) -> "Visits":
+        """Return some of them."""
+        return Visits(self.at[which], self.agents[which], self.nodes[which], self.begin[which], self.end[which])
 
 
 class GameArrays:
@@ -99,12 +121,13 @@ class GameArrays:
 
     Attributes:
         roster: the agents of each game.
+        movement: how they go.
         streets: where they go.
         seeds: of the games.
         node, start: (games, agents) rows of nodes: where agents are, and where they began.
         alive: (games, agents)
         last_moves: starts, ends and which agents took part in the last turn, (games, agents) each, where rules of the
-            phase "before" need them.
+            phase "before" need them; and `last_paths` of all games.
         turn: (games,) how many turns were played.
         scores: key -> (games,) numbers.
         has_score: key -> (games,) whether the score was set.
@@ -118,16 +141,17 @@ class GameArrays:
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
         places: where agents on edges are, in games by metres; None: all are on their nodes.
-        pace: when agents move in a turn.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
     """
 
-    def __init__(self, roster: Roster, streets: Streets, seeds: Sequence[int], start: IntArray) -> None:
-        self.roster, self.streets, self.seeds = roster, streets, list(seeds)
+    def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
+        self.roster, self.movement, self.streets, self.seeds = roster, movement, movement.streets, list(seeds)
         games, shape = len(seeds), (len(seeds), len(roster.names))
+        movement.begin(shape)
         self.start = start
         self.node, self.alive = start.copy(), np.ones(shape, np.bool_)
         self.last_moves = start.copy(), start.copy(), np.zeros(shape, np.bool_)
+        self.last_paths: Paths | None = None
         self.turn = np.zeros(games, np.int64)
         self.scores: dict[Hashable, FloatArray] = {}
         self.has_score: dict[Hashable, BoolArray] = {}
@@ -141,7 +165,6 @@ class GameArrays:
         self.events = EventLog(games)
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
-        self.pace = Pace(np.zeros(shape[1]), np.ones(shape[1]))
         self.now: dict[Hashable, Any] = {}
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
@@ -157,6 +180,7 @@ class GameArrays:
         self.start[games] = self.node[games] = start
         self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
         self.blocked[games] = False
+        self.movement.clear(games)
         self.last_moves[2][games] = False
         for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
             numbers[games] = 0
@@ -222,7 +246,7 @@ class ArrayTurn:
         starts: where the agents were before they moved; before a turn, in the last one.
         ends: where they went, conflicts included.
         took_part: which of them were alive then.
-        pace: when those that move leave their nodes and arrive.
+        paths: how they go there; None: along one edge at most. `visits` says where they were.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
     """
@@ -233,31 +257,38 @@ class ArrayTurn:
         self.turn, self.seeds = state.turn[games], np.array(state.seeds)[games]
         self.node, self.alive = state.node[games], state.alive[games]
         self.starts = self.ends = self.node
-        self.took_part, self.pace = self.alive, state.pace
+        self.took_part = self.alive
+        self.paths: Paths | None = None
+        self._played: Paths | None = None  # of the parts of the turn that have moved
 
-    def move(self, ends: IntArray, stopped: BoolArray, members: IntArray | None = None) -> None:
+    def move(self, moves: Moves, in_conflict: BoolArray, part: TurnPart | None = None) -> None:
         """Move agents, and note which of them conflicts have stopped.
 
         Args:
-            ends: (games, agents) where they go; the others stay.
-            stopped: by conflicts.
-            members: the agents that move now, by the order of play; None: all.
+            moves: of all agents; those that do not move now stay.
+            in_conflict: which agents conflicts have stopped.
+            part: of the turn, by the order of play; None: all move at once.
         """
-        counts, games = self._state.counts, self.games
-        counts["moves"][games] += ends != self.node
-        if members is None:
-            self.starts, self.ends, self.took_part = self.node, ends, self.alive
-            self._state.blocked[games] = stopped
+        state, games = self._state, self.games
+        state.counts["moves"][games] += moves.ends != self.node
+        if part is None:
+            self.starts, self.ends, self.took_part, self._played = self.node, moves.ends, self.alive, moves.paths
+            state.blocked[games] = in_conflict
+            state.movement.keep(moves, games)
         else:
-            self._state.blocked[np.ix_(games, members)] = stopped[:, members]
-            went = ends != self.node
-            self.starts, self.ends = np.where(went, self.node, self.starts), np.where(went, ends, self.ends)
-            self._state.node[games] = ends  # those after them see it
-        self.node = ends.copy()
+            state.blocked[np.ix_(games, part.members)] = in_conflict[:, part.members]
+            went = moves.ends != self.node
+            self.starts, self.ends = np.where(went, self.node, self.starts), np.where(went, moves.ends, self.ends)
+            state.movement.keep(moves, games, part.members)
+            paths = moves.as_paths().between(part.number, part.of)
+            self._played = paths if self._played is None else self._played.joined(paths, part.members)
+            state.node[games] = moves.ends  # those after them see it
+            state.now.clear()
+        self.node = moves.ends.copy()
 
     def end_moves(self) -> None:
         """Let the turn be played: what follows are its rules."""
-        self.alive, self.turn = self.alive.copy(), self.turn + 1
+        self.alive, self.turn, self.paths = self.alive.copy(), self.turn + 1, self._played
 
     def close(self) -> None:
         """Write what has changed into the state of the batch."""
@@ -271,22 +302,34 @@ class ArrayTurn:
         by_move: BoolArray = self.took_part & (self.node == self.ends)
         return by_move
 
-    @property
-    def since(self) -> FloatArray:
-        """When agents came to where they are, from 0 to 1: 0 for those that stayed, 1 for those put there since."""
-        came = np.where(self.starts != self.ends, self.pace.arrives, 0.0)
-        return np.where(self.is_there_by_move, came, 1.0)
+    def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
+        """Return at which nodes agents were in the turn; those that were put elsewhere are there at the end of it.
 
-    @property
-    def waited(self) -> BoolArray:
-        """Which agents were on their starts for a part of the turn, until they left, (games, agents)."""
-        has_left: BoolArray = self.is_there_by_move & (self.starts != self.ends) & (self.pace.leaves > 0.0)
-        return has_left
-
-    @property
-    def moments(self) -> FloatArray:
-        """The moments of a turn at which agents leave or arrive, 0 and 1 among them, ascending."""
-        return np.unique([0.0, 1.0, *self.pace.leaves.tolist(), *self.pace.arrives.tolist()])
+        Args:
+            which: (games, agents) of them, or (nodes,) of the nodes.
+            passing: whether those count that they have passed; False: those where they are at the end of the turn.
+        """
+        is_of_nodes, paths = which.ndim == 1, self.paths
+        if paths is None or not passing:
+            at, agents = np.nonzero(self.alive & (which[self.node] if is_of_nodes else which))
+            node = self.node[at, agents]
+            begin = np.ones(len(at))
+            if passing:
+                begin = np.where(self.is_there_by_move[at, agents] & (self.starts[at, agents] == node), 0.0, 1.0)
+            return Visits(at, agents, node, begin, np.ones(len(at)))
+        by_move, living = self.is_there_by_move, self.alive if is_of_nodes else self.alive & which
+        lengths = np.where(by_move, paths.lengths, 1)
+        nodes = np.where(by_move[..., None], paths.nodes, self.node[..., None])
+        number, skips_first = np.arange(nodes.shape[-1]), by_move & ~paths.stays & ~paths.waits
+        counts = living[..., None] & (number >= skips_first[..., None]) & (number < lengths[..., None])
+        at, agents, number = np.nonzero(counts & which[nodes] if is_of_nodes else counts)
+        has_moved = by_move[at, agents]
+        begin = np.where(has_moved, paths.times[at, agents, number], 1.0)
+        is_last = (number == lengths[at, agents] - 1) & (paths.rests[at, agents] | ~has_moved)
+        end = np.where(is_last, 1.0, begin)
+        waiting = np.flatnonzero((number == 0) & (lengths[at, agents] > 1))
+        end[waiting] = paths.times[at[waiting], agents[waiting], 1]
+        return Visits(at, agents, nodes[at, agents, number], begin, end)
 
     # -- what rules do ------------------------------------------------------------------------------------------
 
@@ -367,6 +410,7 @@ class ArrayTurn:
         at, agents = _once(at[living], agents[living])
         if len(at):
             self.alive[at, agents] = False
+            self._state.movement.take_out(self.games[at], agents)
             self.emit("eliminated", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
 
     def respawn(self, at: IntArray, agents: IntArray) -> None:
@@ -374,6 +418,7 @@ class ArrayTurn:
         if len(at):
             self.node[at, agents] = self._state.start[self.games[at], agents]
             self.alive[at, agents] = True
+            self._state.movement.clear(self.games[at], agents)
             self.emit("respawned", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
 
     def start_of(self, agents: IntArray) -> IntArray:

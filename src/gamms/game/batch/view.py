@@ -9,6 +9,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.movement import AIMS
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
 from gamms.game.batch.turn import Arrays, GameArrays, Places
@@ -24,6 +25,7 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
+ONE_EDGE = "one_edge"  # an attribute of forms of strategies that differ where agents have speeds
 MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
 
 
@@ -74,7 +76,7 @@ class ArrayView(Mapping[str, Any]):
         agents: (agents,) numbers in the roster: the names in their order.
         node: rows of nodes.
         mask: which agents are asked: those that are alive; of a part of a strategy, those that it decides for.
-        counts: how many nodes are legal for each agent, its own included.
+        movement: how the agents go.
         turn: (games,) how many turns were played.
         draw: random numbers, one for each agent.
         streets: the graph.
@@ -88,7 +90,7 @@ class ArrayView(Mapping[str, Any]):
         self.node: IntArray = state.node[rows]
         self.mask: BoolArray = state.alive[rows]
         self.turn = state.turn[games]
-        self.counts: IntArray = self.streets.counts[self.node]
+        self.movement, self._known = state.movement, dict[str, IntArray]()
         self.draw = ViewDraws(state.draw_keys()[rows], self.turn)
         self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
 
@@ -103,10 +105,23 @@ class ArrayView(Mapping[str, Any]):
     def __len__(self) -> int:
         return len(_VALUES)
 
+    @property
+    def choices(self) -> IntArray:
+        """What is legal for each agent, by the numbers of `movement`."""
+        if "all" not in self._known:
+            self._known["all"] = self.movement.choices(self.node, self.games, self.agents)
+        return self._known["all"]
+
+    @property
+    def counts(self) -> IntArray:
+        """How many nodes are legal for each agent, its own included."""
+        if "counts" not in self._known:
+            self._known["counts"] = self.movement.counts(self.choices)
+        return self._known["counts"]
+
     def _legal(self) -> IntArray:
-        padded = self.streets.legal[self.node]
-        is_legal = np.arange(padded.shape[-1]) < self.counts[..., None]
-        return np.where(is_legal, self.streets.ids(padded), -1)
+        rows, is_legal = self.movement.legal(self.choices)
+        return np.where(is_legal, self.streets.ids(rows), -1)
 
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
@@ -122,7 +137,23 @@ class ArrayView(Mapping[str, Any]):
         Raises:
             UnknownName (KeyError): one is not on the map.
         """
-        return self.streets.action_to(self.node, self.streets.rows(np.broadcast_to(nodes, self.node.shape)))
+        return self.movement.action_to(self.choices, self.streets.rows(np.broadcast_to(nodes, self.node.shape)))
+
+    def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
+        """Return the actions by which agents go towards nodes, as the strategies of `gamms.strategies` do.
+
+        Of agents with speeds these are no numbers of legal nodes, but lead as far as the turn goes.
+
+        Args:
+            targets: rows of nodes.
+            which: an index of the agents of the view, (games, agents), that go there.
+            allowed: (nodes,) which may be entered, the targets among them; None: all.
+
+        Returns:
+            -1 where no path leads there.
+        """
+        agents = np.broadcast_to(self.agents, self.node.shape)[which]
+        return self.movement.towards(self.node[which], targets, agents, allowed)
 
     def only(self, asked: BoolArray) -> "ArrayView":
         """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.
@@ -185,7 +216,12 @@ class ArrayView(Mapping[str, Any]):
 
         Args:
             others: of how many agents that are seen.
+
+        Raises:
+            BadValue: agents may go anywhere, so that there are as many actions as nodes.
         """
+        if not self.movement.follows_edges:
+            raise BadValue("Vectors are for agents that go along edges, and here ctx.game.legal is 'any'.")
         shared, key = self._state.shared, ("encoder", as_count(others, "others", least=0))
         if key not in shared:
             shared[key] = Encoder(self.streets, others)
@@ -200,11 +236,7 @@ class ArrayView(Mapping[str, Any]):
 
     def routes(self, weight: str | None = "length") -> RouteTable:
         """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`."""
-        shared, key = self._state.shared, ("routes", weight)
-        if key not in shared:
-            shared[key] = RouteTable(self.streets, weight)
-        table: RouteTable = shared[key]
-        return table
+        return self.movement.routes(weight)
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a strategy remembers of all games of the batch, at first what `make(games)` gives.
@@ -213,8 +245,13 @@ class ArrayView(Mapping[str, Any]):
         """
         return self._state.keep(key, make)
 
-    def checked(self, given: object, by: str) -> IntArray:
+    def checked(self, given: object, by: str, *, may_aim: bool = False) -> IntArray:
         """Return actions as integers (games, agents), 0 for those that are not alive.
+
+        Args:
+            given: the actions.
+            by: what has given them, for messages.
+            may_aim: whether they may be those of `towards`.
 
         Raises:
             BadType, BadValue: they are no integers, too many or too few, or one is not the number of a legal node.
@@ -228,7 +265,10 @@ class ArrayView(Mapping[str, Any]):
                 f"not one of the shape {actions.shape}."
             )
         chosen = np.where(self.mask, actions, 0)
-        is_wrong = (chosen < 0) | (chosen >= self.counts)
+        leads_on = (chosen >= AIMS) & may_aim
+        if leads_on.all():
+            return chosen
+        is_wrong = (chosen < 0) | ((chosen >= self.counts) & ~leads_on)
         if is_wrong.any():
             game, agent = np.argwhere(is_wrong)[0]
             raise BadValue(
