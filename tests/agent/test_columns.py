@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.ir.agents import AgentBlock, Selection
+from gamms.ir.agents import AgentBlock
+from gamms.ir.columns import Selection
 from gamms.ir.journal import CLOSED
 from gamms.ir.positions import Positions
 
@@ -230,10 +231,12 @@ VERBS = st.one_of(
 
 @given(verbs=st.lists(VERBS, max_size=12), kept=st.permutations(range(6)))
 def test_columns_that_are_arrays_come_out_as_lists_do(verbs, kept):
-    lists = AgentBlock()
-    for row in range(6):
-        lists.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
-    arrays = AgentBlock.from_arrays(lists.arrays())
+    lists, arrays = AgentBlock(), AgentBlock()
+    for block in (lists, arrays):
+        for row in range(6):
+            block.add(f"a{row}", row, None, (0.0, float(row), 1.0) if row > 2 else None, 1.0 if row > 2 else None)
+            if block is arrays and row == 3:
+                block.use_arrays()
     logs = lists.subscribe(), arrays.subscribe()
     positions = Positions(lists), Positions(arrays)
     for verb, *given_to_it in verbs:

@@ -93,8 +93,14 @@ class BaseAgent(Guarded, IAgent):
                 if value is not None:
                     as_function_of(value, "A strategy", "the state")
                 self._phase.strategy_changes += 1
-            if type(value) not in _SCALARS and not hasattr(type(self), name):
-                setattr(BaseAgent, name, _Attribute(name))
+            self._put_attribute(name, value)
+            return
+        object.__setattr__(self, name, value)
+
+    def _put_attribute(self, name: str, value: object) -> None:
+        """Set an attribute that nothing refuses."""
+        if type(value) not in _SCALARS and not hasattr(type(self), name):
+            setattr(BaseAgent, name, Attribute(name))
         object.__setattr__(self, name, value)
 
     # -- what it is ---------------------------------------------------------------------------------------------
@@ -546,7 +552,7 @@ class AerialAgent(BaseAgent, IAerialAgent):
             self._block.turn(self._row, quat)
 
 
-class _Attribute:
+class Attribute:
     """An attribute of the caller's, of whose value strategies see a read-only copy."""
 
     def __init__(self, name: str) -> None:

@@ -6,11 +6,12 @@ from contextlib import suppress
 from copy import deepcopy
 from numbers import Integral
 from types import MappingProxyType
-from typing import Any, Literal, NamedTuple, overload
+from typing import Any, Literal, overload
 from weakref import WeakSet
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
-from gamms.agent.teams import Team, added, each_of
+from gamms.agent.snapshots import AgentsSnapshot, copied_attributes, teams_in
+from gamms.agent.teams import AgentsByName, Members, Team, column_of, each_of, is_attribute, make_member
 from gamms.arguments import as_function_of, as_ids, as_mapping, as_member, as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
@@ -36,25 +37,6 @@ _KEYWORDS = dict.fromkeys(
 )
 
 
-class AgentsSnapshot(NamedTuple):
-    """All agents at one moment: the columns, and of each agent what is not in them."""
-
-    columns: dict[str, list[Any]]
-    structure: tuple[AgentBlock, int]  # which agents there are, and which team, speed and sensors they have
-    agents: list[tuple[BaseAgent, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]
-    # agent, attributes, strategy, sensors, last state
-    deleted: list[tuple[BaseAgent, AgentBlock]]  # with blocks of their own
-    rows: dict[int, int]  # id() of an agent -> its row
-
-    def place_of(self, agent: BaseAgent) -> Any:
-        """Return the node an agent was on, or (x, y, z) of a flyer; where it is now if it came later."""
-        row = self.rows.get(id(agent))
-        if row is not None:
-            position = self.columns["position"][row]
-            return self.columns["node"][row] if position is None else position
-        return getattr(agent, "position", agent.current_node_id)
-
-
 class AgentEngine(Guarded, IAgentEngine):
     """The agents of one context."""
 
@@ -66,6 +48,7 @@ class AgentEngine(Guarded, IAgentEngine):
         self._agents: dict[str, BaseAgent] = {}
         self._new_block()
         self._storage = AgentStorage(self)
+        self._left: dict[str, BaseAgent] = {}  # those that were deleted, by name, where there are teams
         self._deleted: WeakSet[BaseAgent] = WeakSet()  # those that a program still holds; each has a block of its own
 
     @property
@@ -219,29 +202,36 @@ class AgentEngine(Guarded, IAgentEngine):
         nodes = as_ids(start_node_ids, "start_node_ids")
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
-        names = [f"{team}_{number}" for number in range(len(nodes))]
+        names = tuple([f"{team}_{number}" for number in range(len(nodes))])
         taken = next((one for one in names if one in self._agents), None)
         if taken is not None:
             raise Duplicate("an agent", taken)
         given = as_mapping(columns, "columns")
         values = {column: each_of(value, len(nodes), column) for column, value in given.items()}
-        shared = {"sensors": _listed(sensors), "strategy": strategy, "team": team}
+        carried = _listed(sensors)
+        if self._block.journal is PLAIN and not carried and all(map(is_attribute, values)):
+            members = self._added_together(names, nodes, team, strategy, values)
+            return Team(self._ctx, team, members, self._current_block)
+        shared = {"sensors": carried, "strategy": strategy, "team": team}
         rows = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)] or [{}] * len(nodes)
-        made: list[Agent] = []
+        members = Members(names, strategy, {})
         try:
-            if self._block.journal is PLAIN and not (values or shared["sensors"]):
-                made = self._added_together(names, nodes, team, strategy)
-            else:
-                for one, node, row in zip(names, nodes, rows, strict=True):
-                    made.append(self.create_agent(one, start_node_id=node, **shared, **row))
+            for one, node, row in zip(names, nodes, rows, strict=True):
+                made: Any = self.create_agent(one, start_node_id=node, **shared, **row)
+                members.made[one] = made
         except BaseException:
-            for agent in made:
-                self.delete_agent(agent.name)
+            for one in members.made:
+                self.delete_agent(one)
             raise
-        return Team(self._ctx, team, made)
+        return Team(self._ctx, team, members, self._current_block)
 
-    def _added_together(self, names: list[str], nodes: list[int], team: str, strategy: Any) -> list[Agent]:
-        """Add agents that carry nothing, as `create_agent` adds each."""
+    def _current_block(self) -> AgentBlock:
+        return self._block
+
+    def _added_together(
+        self, names: tuple[str, ...], nodes: list[int], team: str, strategy: Any, values: dict[str, list[Any]]
+    ) -> Members:
+        """Add agents that carry nothing, as `create_agent` adds each; they are made when they are asked for."""
         graph, block = self._ctx.graph.graph, self._block
         if block.graph is None:
             block.graph = graph
@@ -250,9 +240,19 @@ class AgentEngine(Guarded, IAgentEngine):
         if strategy is not None:
             as_function_of(strategy, "A strategy", "the state")
             self._phase.strategy_changes += 1
-        agents = added(self._ctx, block, names, nodes, team, strategy)
-        self._agents.update(zip(names, agents, strict=True))
-        return agents
+        for hint in misspelt(values, _KEYWORDS):
+            self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is kept as an attribute.")
+        block.use_arrays()
+        block.add_all(names, nodes, team)
+        columns = {name: column_of(column) for name, column in values.items()}
+        members = Members(names, strategy, columns)
+        if type(self._agents) is dict:
+            self._agents = AgentsByName(self._agents, self._made)
+        self._agents.update(dict.fromkeys(names, members))  # type: ignore[arg-type] # they stand in for agents
+        return members
+
+    def _made(self, name: str, members: Members) -> BaseAgent:
+        return make_member(self._ctx, self._block, name, members)
 
     def get_agent(self, name: str) -> BaseAgent:
         """Return an agent by its name (KeyError)."""
@@ -290,6 +290,10 @@ class AgentEngine(Guarded, IAgentEngine):
             self.block.locate()  # while there is a graph
         for block in (self._block, *(agent._block for agent in self._deleted)):
             block.journal = CLOSED
+
+    def _stored(self) -> dict[str, Any]:
+        """Return name -> the agent, or the `Members` that it is one of."""
+        return self._agents.stored() if isinstance(self._agents, AgentsByName) else dict(self._agents)
 
     def _new_block(self) -> None:
         self._block = AgentBlock()
@@ -342,16 +346,18 @@ class AgentEngine(Guarded, IAgentEngine):
         for sensor in agent._sensor_list.values():
             agent._clear_owner(sensor)
         self._deleted.add(agent)
+        if block.has_arrays:
+            self._left[agent.name] = agent
         block.remove(row)
         if block.removed > len(self._agents):  # so that deleting costs each agent its share only once
             self._close_up()
 
     def _close_up(self) -> None:
         """Drop the rows of agents that were removed."""
-        living = list(self._agents.values())
-        self._block.keep([agent._row for agent in living])
-        for row, agent in enumerate(living):
-            agent._row = row
+        self._block.keep(list(map(self._block.row_of, self._agents)))
+        for row, agent in enumerate(self._stored().values()):
+            if type(agent) is not Members:
+                agent._row = row
 
     def _found_sensors(self, name: str, given: Any) -> dict[str, ISensor]:
         """Return the sensors that an agent is to carry, by their names in its state."""
@@ -402,18 +408,33 @@ class AgentStorage(Guarded):
         """Return what the turn engine reads and writes of an agent; valid until `structure_version` changes."""
         return TurnAccess(agent._row, agent._carried, agent._last)
 
+    def made(self) -> list[BaseAgent]:
+        """Return the agents that were made: all but those of teams that no program has asked for."""
+        return [agent for agent in self._engine._stored().values() if type(agent) is not Members]
+
+    def left(self, name: str) -> BaseAgent | None:
+        """Return the agent of a name that was deleted; None if there is one of this name."""
+        return None if name in self._engine._agents else self._engine._left.get(name)
+
+    def renew_strategies(self, own: Callable[[Any], Any]) -> None:
+        """Replace the strategies of teams, which agents get that are made later."""
+        for members in teams_in(self._engine._stored()).values():
+            members.strategy = own(members.strategy)
+
     @refused_while_deciding
     def snapshot(self) -> AgentsSnapshot:
         """Return all agents as they are now, for `restore`."""
         engine, block = self._engine, self._engine.block
         block.locate()
+        stored = engine._stored()
         agents = [
-            (agent, _copied(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
-            for agent in engine._agents.values()
+            (agent, copied_attributes(agent.__dict__), agent.strategy, agent._sensor_list.copy(), agent._last[0])
+            for agent in stored.values()
+            if type(agent) is not Members
         ]
-        rows = {id(agent): row for row, (agent, *_) in enumerate(agents)}
+        attributes = [(one, dict(one.columns)) for one in teams_in(stored).values()]
         deleted = [(agent, agent._block) for agent in engine._deleted if agent._block is not block]
-        return AgentsSnapshot(block.values(), (block, block.structure_version), agents, deleted, rows)
+        return AgentsSnapshot(block.values(), (block, block.structure_version), stored, attributes, agents, deleted)
 
     @refused_while_deciding
     def restore(self, before: AgentsSnapshot) -> None:
@@ -423,10 +444,17 @@ class AgentStorage(Guarded):
         if not has_structure:
             self._restore_agents(before)
         self._engine.block.restore(before.columns, has_structure=has_structure)
-        for agent, attributes, strategy, sensors, last in before.agents:
+        for members, columns in before.attributes:
+            members.columns = columns.copy()
+        made: list[Any] = [
+            (members.made[name], members.attributes(name), members.strategy, {}, {})
+            for name, members in before.stored.items()
+            if type(members) is Members and name in members.made
+        ]
+        for agent, attributes, strategy, sensors, last in (*before.agents, *made):
             if attributes or agent.__dict__:
                 agent.__dict__.clear()
-                agent.__dict__.update(_copied(attributes))
+                agent.__dict__.update(copied_attributes(attributes))
             if agent.strategy is not strategy:
                 agent.strategy = strategy
             agent._last[0] = last
@@ -449,10 +477,18 @@ class AgentStorage(Guarded):
         source.locate()
         block.graph = None if source.graph is None else engine._ctx.graph.graph
         memo[id(other)], memo[id(other._engine)], memo[id(source)] = self, engine, block
-        for agent in other._engine._agents.values():
-            block.take_over(source, agent._row)
+        block.take_all(source)
+        stored = other._engine._stored()
+        teams = teams_in(stored)
+        if teams:
+            memo |= {key: members.copied() for key, members in teams.items()}
+            engine._agents = AgentsByName({}, engine._made)
+        for name, agent in stored.items():
+            if type(agent) is Members:
+                engine._agents[name] = memo[id(agent)]
+                continue
             shared: dict[int, Any] = {
-                id(agent.__dict__): _copied(agent.__dict__),
+                id(agent.__dict__): copied_attributes(agent.__dict__),
                 id(agent._last): [dict(agent._last[0])],
                 id(agent._carried): (),
                 id(agent.strategy): agent.strategy,
@@ -469,17 +505,23 @@ class AgentStorage(Guarded):
     def _restore_agents(self, before: AgentsSnapshot) -> None:
         """Restore which agents there are, in the same order."""
         engine = self._engine
-        there = {id(agent) for agent, *_ in before.agents}
-        for agent in [agent for agent in engine._agents.values() if id(agent) not in there]:
-            engine.delete_agent(agent.name)
-        block = engine.block
-        if [agent for agent, *_ in before.agents] != list(engine._agents.values()):
+        for name, agent in list(engine._stored().items()):
+            if not before.has(name, agent):
+                engine.delete_agent(name)
+        block, now = engine.block, engine._stored()
+        if list(before.stored) != list(now):
             engine._new_block()
+            if block.has_arrays:
+                engine._block.use_arrays()
             engine._block.succeed(block)
-            engine._agents = {}
-            for agent, *_ in before.agents:
-                agent._live_in(engine._block)
-                engine._agents[agent.name] = agent
+            engine._agents = AgentsByName({}, engine._made) if block.has_arrays else {}
+            for name, known in before.stored.items():
+                agent = known.made.get(name, known) if type(known) is Members else known
+                if type(agent) is Members:
+                    engine._block.take_over(block, block.row_of(name))
+                else:
+                    agent._live_in(engine._block)
+                engine._agents[name] = agent
         for agent, own in before.deleted:  # they are again as they were when they were deleted
             agent._block, agent._row = own, 0
 
@@ -506,19 +548,6 @@ def _as_type(given: object) -> AgentType | None:
     if isinstance(given, (str, AgentType)):
         return as_member(AgentType, given)
     return AgentType(int(given)) if isinstance(given, Integral) and given in _CLASSES else None
-
-
-def _copied(attributes: dict[str, Any]) -> dict[str, Any]:
-    """Copy the caller's attributes; values that cannot be copied are shared."""
-    if not attributes:
-        return {}
-    copied = {}
-    for name, value in attributes.items():
-        try:
-            copied[name] = deepcopy(value)
-        except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
-            copied[name] = value
-    return copied
 
 
 class AgentIterator(Iterator[BaseAgent]):

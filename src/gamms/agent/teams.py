@@ -1,15 +1,18 @@
-"""Teams of many agents that are created, read and set together, as arrays."""
+"""Teams of many agents that are created, read and set together, as arrays; each agent is made when it is asked for."""
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property
+from typing import Any, cast
 
 import numpy as np
 
 from gamms import kernels
-from gamms.agent.agent import Agent
-from gamms.arguments import as_ids
+from gamms.agent.agent import Agent, Attribute, BaseAgent
+from gamms.arguments import as_bool, as_ids, as_range
+from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import AgentBlock
+from gamms.ir.columns import Selection
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -18,18 +21,116 @@ from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, is_sensor
 
+Column = np.ndarray[Any, Any]
+
+
+def _speed(speed: Any, name: str) -> float | None:
+    return None if speed is None else as_range(speed, name)
+
+
+_OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _speed}
+"""Columns of agents in their block -> the check of a value."""
+
+
+class Members:
+    """The members of a team that no program has asked for yet: they carry no sensors, and each has a row in the block.
+
+    Attributes:
+        names: of all.
+        strategy: of each.
+        columns: attributes, (agents,) each; members that were made have their own.
+        made: the members that were made, by name, those among them that were deleted later, too.
+    """
+
+    def __init__(self, names: tuple[str, ...], strategy: Any, columns: dict[str, Column]) -> None:
+        self.names, self.strategy, self.columns = names, strategy, columns
+        self.made: dict[str, Agent] = {}
+
+    @cached_property
+    def numbers(self) -> dict[str, int]:
+        """Name -> which member."""
+        return {name: number for number, name in enumerate(self.names)}
+
+    def attributes(self, name: str) -> dict[str, Any]:
+        """Return the attributes of a member that was not made."""
+        if not self.columns:
+            return {}
+        number = self.numbers[name]
+        return {key: column[number : number + 1].tolist()[0] for key, column in self.columns.items()}
+
+    def copied(self) -> "Members":
+        """Return the same members as if none had been made."""
+        return Members(self.names, self.strategy, {name: column.copy() for name, column in self.columns.items()})
+
+
+class AgentsByName(dict[str, BaseAgent]):
+    """All agents by name, in the order of their creation; `Members` stand in for those that were not made.
+
+    Args:
+        known: the agents.
+        make: makes a member of a name.
+    """
+
+    def __init__(self, known: Mapping[str, Any], make: "Callable[[str, Members], BaseAgent]") -> None:
+        super().__init__(known)
+        self._make = make
+
+    def __getitem__(self, name: str) -> BaseAgent:
+        found: Any = super().__getitem__(name)
+        return self._made(name, found) if type(found) is Members else found
+
+    def get(self, name: Any, default: Any = None) -> Any:
+        """Return an agent by its name, or else the default."""
+        found: Any = super().get(name, default)
+        return self._made(name, found) if type(found) is Members else found
+
+    def __iter__(self) -> Iterator[str]:
+        return super().__iter__()  # so that copies of it are made of agents
+
+    def values(self) -> Any:  # dict's own class of views has no name
+        """Return all agents."""
+        self._make_all()
+        return super().values()
+
+    def items(self) -> Any:  # as above
+        """Return all names and agents."""
+        self._make_all()
+        return super().items()
+
+    def copy(self) -> dict[str, BaseAgent]:
+        """Return a dict of the agents."""
+        return dict(self.items())
+
+    def stored(self) -> dict[str, Any]:
+        """Return name -> the agent, or the `Members` that it is one of."""
+        return dict(super().items())
+
+    def _made(self, name: str, members: Members) -> BaseAgent:
+        agent = self._make(name, members)
+        super().__setitem__(name, agent)
+        return agent
+
+    def _make_all(self) -> None:
+        for name, found in self.stored().items():
+            if type(found) is Members:
+                self._made(name, found)
+
 
 class Team:
     """Agents that were created by `ctx.agent.create_team`: `red_0`, `red_1`, …, in this order in all arrays.
 
-    Its members are agents like others, and stay in it when they change their team or are deleted.
+    Its members are agents like others, and stay in it when they change their team or are deleted. Each is made when a
+    program asks for it; until then it is a row of the columns of all agents.
 
     Attributes:
         name: of the team.
+        names: of the members.
     """
 
-    def __init__(self, ctx: IContext, name: str, agents: list[Agent]) -> None:
-        self._ctx, self.name, self._agents = ctx, name, agents
+    def __init__(self, ctx: IContext, name: str, members: Members, block_of: Callable[[], AgentBlock]) -> None:
+        self._ctx, self.name, self.names = ctx, name, members.names
+        self._members, self._block_of = members, block_of
+        self._rows: tuple[Any, Selection | None] = None, None
         self._draws = 0
         self._keys: BitArray | None = None  # of the names, for draws
 
@@ -38,42 +139,65 @@ class Team:
         return f"Team({self.name!r}, {len(self)} agents)"
 
     def __len__(self) -> int:
-        return len(self._agents)
+        return len(self.names)
 
     def __iter__(self) -> Iterator[Agent]:
-        return iter(self._agents)
+        return map(self._agent, self.names)
 
     @property
     def agents(self) -> list[Agent]:
         """The members."""
-        return list(self._agents)
+        return list(self)
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the members."""
-        return tuple(agent.name for agent in self._agents)
+    def _agent(self, name: str) -> Agent:
+        found: Any = self._members.made.get(name) or self._ctx.agent.agents[name]
+        return cast("Agent", found)
+
+    def _selection(self) -> Selection | None:
+        """Return the rows of the members; None where one was deleted."""
+        block = self._block_of()
+        if self._rows[0] != (block, block.rows_version):
+            agents, made = self._ctx.agent.agents, self._members.made
+            is_whole = all(name in agents for name in self.names)
+            is_whole = is_whole and all(agents[name] is one for name, one in made.items())
+            rows = Selection(list(map(block.row_of, self.names))) if is_whole else None
+            self._rows = (block, block.rows_version), rows
+        return self._rows[1]
 
     @property
     def node_ids(self) -> IntArray:
         """Where the members are, (agents,) ids of nodes."""
-        return np.array([agent.current_node_id for agent in self._agents], np.int64)
+        rows = self._selection()
+        if rows is None:
+            return np.array([agent.current_node_id for agent in self], np.int64)
+        return np.array(rows.of(self._block_of().node), np.int64)
 
     @property
     def alive(self) -> BoolArray:
         """Which members take part, (agents,)."""
-        return np.array([agent.alive for agent in self._agents], np.bool_)
+        rows = self._selection()
+        if rows is None:
+            return np.array([agent.alive for agent in self], np.bool_)
+        return np.array(rows.of(self._block_of().alive), np.bool_)
 
-    def __getitem__(self, column: str) -> "np.ndarray[Any, Any]":
+    def __getitem__(self, column: str) -> Column:
         """Return the values of an attribute of all members, (agents,); the array is read-only, `set` writes.
 
         Raises:
             UnknownName (KeyError): a member has no such attribute.
         """
+        members, rows = self._members, self._selection()
         try:
-            values = np.array([getattr(agent, column) for agent in self._agents])
+            if column in _OF_BLOCK and rows is not None:
+                values = np.array(rows.of(getattr(self._block_of(), column)))
+            elif column in members.columns:
+                own = {members.numbers[name]: getattr(agent, column) for name, agent in members.made.items()}
+                values = np.array(_changed(members.columns[column], own).tolist())
+            else:
+                values = np.array([getattr(agent, column) for agent in self])
         except AttributeError:
-            known = sorted({name for agent in self._agents for name in vars(agent)})
-            raise UnknownName("column", column, ["alive", "speed", *known]) from None
+            known = {*members.columns, *(name for agent in members.made.values() for name in vars(agent))}
+            raise UnknownName("column", column, ["alive", "speed", *sorted(known)]) from None
         values.setflags(write=False)
         return values
 
@@ -92,9 +216,21 @@ class Team:
         chosen = np.ones(len(self), np.bool_) if where is None else np.asarray(where)
         if chosen.dtype != np.bool_ or chosen.shape != (len(self),):
             raise BadType(f"where= of a team is an array ({len(self)},) of booleans, not {shown(where)}.")
-        for agent, value, is_chosen in zip(self._agents, each_of(values, len(self), column), chosen, strict=True):
-            if is_chosen:
-                setattr(agent, column, value)
+        phase_of(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
+        listed, rows, places = each_of(values, len(self), column), self._selection(), np.flatnonzero(chosen).tolist()
+        members, block = self._members, self._block_of()
+        if column in _OF_BLOCK and rows is not None:
+            checked = [_OF_BLOCK[column](listed[i], f"{column} of agent {self.names[i]!r}") for i in places]
+            for i, value in zip(places, checked, strict=True):
+                block.set(rows.rows[i], column, value)
+            return
+        has_column = column in members.columns
+        if has_column or (where is None and not hasattr(Agent, column)):
+            known = members.columns[column] if has_column else column_of(listed)
+            members.columns[column] = _changed(known, {i: listed[i] for i in places})
+            places = [i for i in places if self.names[i] in members.made]
+        for i in places:
+            setattr(self._agent(self.names[i]), column, listed[i])
 
     def sense(self, sensor: str | ISensor) -> Sensed:
         """Look from where the members are, with a sensor or the one of that id: one look for each.
@@ -114,7 +250,7 @@ class Team:
         They follow from the seed of the context, the names, and how often this was called.
         """
         near = self._ctx.graph.graph.neighborhoods
-        legal = [near[agent.current_node_id] for agent in self._agents]
+        legal = [near[node] for node in self.node_ids.tolist()]
         purpose = kernels.purpose_key(self._ctx.seed, "random_actions")
         if self._keys is None:
             self._keys = kernels.name_keys(self.names)
@@ -132,34 +268,64 @@ class Team:
         Raises:
             BadValue: one is not legal, or there are more or fewer than members; none has moved then.
         """
+        phase_of(self._ctx).refuse(f"move team {self.name!r}")
         wanted = as_ids(node_ids, "node_ids")
         if len(wanted) != len(self):
             raise BadValue(f"Team {self.name!r} has {len(self)} agents, and {len(wanted)} node_ids were given.")
-        near = self._ctx.graph.graph.neighborhoods
-        for agent, node in zip(self._agents, wanted, strict=True):
-            if agent.alive and node not in near[agent.current_node_id]:
+        near, alive = self._ctx.graph.graph.neighborhoods, self.alive.tolist()
+        for i, (here, node) in enumerate(zip(self.node_ids.tolist(), wanted, strict=True)):
+            if alive[i] and node not in near[here]:
                 raise BadValue(
-                    f"Agent {agent.name!r} cannot go to node {node}: no edge leads there from node "
-                    f"{agent.current_node_id}."
+                    f"Agent {self.names[i]!r} cannot go to node {node}: no edge leads there from node {here}."
                 )
-        for agent, node in zip(self._agents, wanted, strict=True):
-            if agent.alive:
-                agent._block.move(agent._row, node)
+        living, rows = [i for i, lives in enumerate(alive) if lives], self._selection()
+        if rows is None:
+            for i in living:
+                agent = self._agent(self.names[i])
+                agent._block.move(agent._row, wanted[i])
+        else:
+            self._block_of().move_all(Selection([rows.rows[i] for i in living]), [wanted[i] for i in living])
 
 
-def added(
-    ctx: IContext, block: AgentBlock, names: list[str], nodes: list[int], team: str, strategy: Any
-) -> list[Agent]:
-    """Add agents that carry nothing to a block, all at once; the nodes are on the map."""
-    # NOTE: in half the time of one by one (benchmarks/README.md, teams).
-    first, agents = block.add_all(names, nodes, team), []
-    for row in range(first, first + len(names)):
-        agent = Agent.__new__(Agent)
-        near = agent._begin(ctx, block, ()).neighborhoods
-        for name, value in (("_near", near), ("_row", row), ("strategy", strategy)):
-            object.__setattr__(agent, name, value)
-        agents.append(agent)
-    return agents
+def make_member(ctx: IContext, block: AgentBlock, name: str, members: Members) -> Agent:
+    """Return a member of a team as an agent, which is a view of its row."""
+    agent = Agent.__new__(Agent)
+    near = agent._begin(ctx, block, ()).neighborhoods
+    for key, value in (("_near", near), ("_row", block.row_of(name)), ("strategy", members.strategy)):
+        object.__setattr__(agent, key, value)
+    for key, value in members.attributes(name).items():
+        agent._put_attribute(key, value)
+    members.made[name] = agent
+    return agent
+
+
+def is_attribute(column: str) -> bool:
+    """Return whether a column of a team is an attribute of the caller's, which agents keep as it is given."""
+    return not hasattr(Agent, column) or type(vars(BaseAgent).get(column)) is Attribute
+
+
+def column_of(values: list[Any]) -> Column:
+    """Return one value for each agent as an array, of objects unless all are of one kind of number."""
+    kinds = set(map(type, values))
+    kind = next(iter(kinds)) if len(kinds) == 1 else object
+    try:
+        if kind in (bool, int, float):
+            return np.array(values, kind)
+    except OverflowError:
+        pass
+    column = np.empty(len(values), object)
+    column[:] = values
+    return column
+
+
+def _changed(column: Column, values: Mapping[int, Any]) -> Column:
+    """Return a column with other values in some places."""
+    if not values:
+        return column
+    listed = column.tolist()
+    for number, value in values.items():
+        listed[number] = value
+    return column_of(listed)
 
 
 def each_of(values: object, count: int, name: str) -> list[Any]:

@@ -1,6 +1,6 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, MutableSequence, Sequence
 from copy import deepcopy
 from operator import itemgetter
 from time import perf_counter
@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, GammsError
-from gamms.game.order import AgentSlot, Commanded, IllegalAction, Legality, ResolvedAction
+from gamms.game.order import Commanded, IllegalAction, Legality, ResolvedAction
 from gamms.game.random_streams import ArrayDraws
 from gamms.game.settings import Settings
+from gamms.game.slots import AgentSlot
+from gamms.game.streets import LegalNodes
+from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.text import shown
@@ -72,8 +75,6 @@ class TeamArrays:
         turn: the number of turns that were played before this one.
         names: of the agents.
         nodes: (agents,) ids of the nodes they are on.
-        offsets, targets: (agents + 1,), (legal,): agent `i` may go to `targets[offsets[i]:offsets[i + 1]]`, its own
-            node first; None where every node of the graph is legal.
         facts: what was published; read-only.
         team_memory: a copy of what the team remembers; what is written into it counts from the next turn on.
         draw: random numbers, one for each agent.
@@ -85,24 +86,64 @@ class TeamArrays:
         turn: int,
         seed: int,
         names: tuple[str, ...],
-        nodes: list[int],
-        legal: tuple[IntArray, IntArray] | None,
+        nodes: IntArray,
+        legal: LegalNodes | None,
         facts: Mapping[str, Any],
         team_memory: dict[Any, Any],
     ) -> None:
         self.team: Any = team  # programs look it up in dicts of their own
         self.turn, self.names = turn, names
-        self.nodes: IntArray = np.array(nodes, np.int64)
-        self.nodes.setflags(write=False)
-        self.offsets: IntArray | None = None
-        self.targets: IntArray | None = None
-        if legal is not None:
-            self.offsets, self.targets = legal
-            for array in legal:
-                array.setflags(write=False)
+        self.nodes, self._legal = nodes, legal
+        nodes.setflags(write=False)
+        self._chosen: IntArray | None = None
         self.facts, self.team_memory = facts, team_memory
         self.draw = TeamDraws(seed, names, turn)
         self._seed = seed
+
+    @property
+    def offsets(self) -> IntArray | None:
+        """(agents + 1,): agent `i` may go to `targets[offsets[i]:offsets[i + 1]]`; None where every node is legal."""
+        return None if self._legal is None else self._legal.ragged[0]
+
+    @property
+    def targets(self) -> IntArray | None:
+        """(legal,) ids of nodes, of each agent its own node first; None where every node of the graph is legal."""
+        return None if self._legal is None else self._legal.ragged[1]
+
+    @property
+    def counts(self) -> IntArray:
+        """(agents,): how many nodes are legal for each, its own included.
+
+        Raises:
+            BadValue: every node of the graph is legal.
+        """
+        return self._listed().counts
+
+    def choose(self, actions: object) -> IntArray:
+        """Return the nodes that actions lead to: the k-th legal node of each agent, 0 being its own.
+
+        What it returns is legal, and is not checked again when a plan returns it.
+
+        Raises:
+            BadType, BadValue: they are no numbers of legal nodes, (agents,).
+        """
+        legal, numbers = self._listed(), np.asarray(actions)
+        if numbers.dtype.kind not in "iu" or numbers.shape != self.nodes.shape:
+            raise BadType(f"Actions are an array ({len(self.names)},) of integers, not {shown(actions)}.")
+        bad = np.flatnonzero(~((numbers >= 0) & (numbers < legal.counts)))
+        if len(bad):
+            raise BadValue(
+                f"Action {int(numbers[bad[0]])} of agent {self.names[bad[0]]!r} is not the number of one of its "
+                f"{int(legal.counts[bad[0]])} legal nodes."
+            )
+        self._chosen = legal.step(numbers)
+        self._chosen.setflags(write=False)
+        return self._chosen
+
+    def _listed(self) -> LegalNodes:
+        if self._legal is None:
+            raise BadValue("Every node of the graph is legal, so none has a number: return ids of nodes.")
+        return self._legal
 
     @cached_property
     def rng(self) -> np.random.Generator:
@@ -131,6 +172,8 @@ class TeamArrays:
 
     def is_legal(self, nodes: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
         """Return which of these nodes are known to be legal, (agents,)."""
+        if nodes is self._chosen:
+            return np.ones(len(nodes), np.bool_)
         if self.offsets is None:
             return np.zeros(len(nodes), np.bool_)
         matches = self.targets == np.repeat(nodes, np.diff(self.offsets))
@@ -152,7 +195,7 @@ class _Question(NamedTuple):
     name: str  # such as "plan of team 'red'"
     function: Callable[[Any], Any]
     given: Any  # a state; of a plan, its states by name, or `TeamArrays`
-    indices: list[int]  # of the slots that it decides for
+    indices: Sequence[int]  # of the slots that it decides for
     is_plan: bool
     are_plain: bool = False  # whether the agents of a plan move along one edge, on the ground
 
@@ -183,8 +226,8 @@ class Decisions:
 
     def __init__(
         self,
-        slots: list[AgentSlot],
-        starts: list[int],
+        slots: Sequence[AgentSlot],
+        starts: MutableSequence[int],
         settings: Settings,
         state: GameState,
         phase: DecidePhase,
@@ -193,7 +236,7 @@ class Decisions:
     ) -> None:
         self._slots, self.starts, self._settings, self._state = slots, starts, settings, state
         self._phase, self._legality, self._observe = phase, legality, observe
-        self.ends = starts.copy()
+        self.ends = copied_column(starts)
         self.actions: dict[int, ResolvedAction] = {}
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
@@ -222,19 +265,19 @@ class Decisions:
             BadType: one of its agents flies.
         """
         indices, is_all = commanded.indices, len(commanded.indices) == len(self._slots)
-        slots = self._slots if is_all else [self._slots[i] for i in indices]
-        flying = [] if commanded.are_plain else [slot.name for slot in slots if slot.flies]
+        flying = [] if commanded.are_plain else [i for i in indices if self._slots[i].flies]
         if flying:
             raise BadType(
-                f"The plan of team {shown(commanded.team)} decides in arrays, and agent {flying[0]!r} flies. Use "
-                "command(team, plan) with a plan of states."
+                f"The plan of team {shown(commanded.team)} decides in arrays, and agent "
+                f"{self._slots[flying[0]].name!r} flies. Use command(team, plan) with a plan of states."
             )
-        nodes = self.starts if is_all else [self.starts[i] for i in indices]
-        legal = (
-            None
-            if self._settings.legal == "any"
-            else self._legality.reachable_each(slots, nodes, are_plain=commanded.are_plain)
-        )
+        nodes: IntArray = np.array(self.starts, np.int64) if is_all else np.array(self.starts)[indices]
+        legal: LegalNodes | None = None
+        if commanded.are_plain:
+            legal = LegalNodes.along_streets(self._legality.streets, nodes)
+        elif self._settings.legal != "any":
+            slots = [self._slots[i] for i in indices]
+            legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
         known = memory_copy(self._state.team_memories.get(commanded.team, {}))
         names = commanded.deciders.names
         given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
@@ -377,16 +420,18 @@ class Decisions:
 
     def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
         starts, ends, slots, indices = self.starts, self.ends, self._slots, question.indices
-        chosen, is_known = nodes.tolist(), arrays.is_legal(nodes)
+        is_known = arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
             # NOTE: all at once, for teams of many (benchmarks/README.md, teams).
-            if len(indices) == len(ends):
-                ends[:] = chosen
+            if isinstance(ends, memoryview):
+                np.asarray(ends)[slice(None) if len(indices) == len(ends) else indices] = nodes
+            elif len(indices) == len(ends):
+                ends[:] = nodes.tolist()
             else:
-                for i, node in zip(indices, chosen, strict=True):
+                for i, node in zip(indices, nodes.tolist(), strict=True):
                     ends[i] = node
             return
-        for i, node, is_legal in zip(indices, chosen, is_known.tolist(), strict=True):
+        for i, node, is_legal in zip(indices, nodes.tolist(), is_known.tolist(), strict=True):
             if is_legal and slots[i].is_plain:
                 ends[i] = node
             else:

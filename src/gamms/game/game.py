@@ -9,11 +9,11 @@ from gamms.arguments import as_choice, as_count, as_int, as_key, as_name
 from gamms.deciding import phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.game.decisions import ArrayPlan
-from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
+from gamms.game.slots import COUNTED
 from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, Start, copy_game
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
@@ -206,7 +206,7 @@ class Game(RuleVerbs):
         state, snapshot = self._state, self._snapshots.take()
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
         state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
-        state.players.update(self.ctx.agent.agents)
+        state.players.update({agent.name: agent for agent in self.ctx.agent.storage.made()})
 
     def _step(self) -> None:
         self._apply_rules("before")
@@ -266,7 +266,7 @@ class Game(RuleVerbs):
                 "team": one.team,
                 "alive": one.alive and name in agents,
                 "node": one.current_node_id,
-                **(self.counts.get(name) or dict.fromkeys(COUNTED, 0)),
+                **(state.counts.get(name) or dict.fromkeys(COUNTED, 0)),
             }
             for name, one in sorted((state.players | agents).items())
         }

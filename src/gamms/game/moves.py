@@ -1,11 +1,12 @@
 """The moves of one turn: as lists for the turn engine, by name for rules and resolvers."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, MutableSequence
 from copy import copy
 from functools import lru_cache
 from typing import Any
 
 from gamms.game.order import ResolvedAction, TurnOrder
+from gamms.game.slots import LazySlots
 from gamms.ir.agents import AgentBlock, Motion, Progress
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track
@@ -39,7 +40,11 @@ class TurnMoves:
     """The moves of one turn by slot: as lists for the engine, by name for rules and resolvers."""
 
     def __init__(
-        self, order: TurnOrder, starts: list[int], ends: list[int], actions: dict[int, ResolvedAction]
+        self,
+        order: TurnOrder,
+        starts: MutableSequence[int],
+        ends: MutableSequence[int],
+        actions: dict[int, ResolvedAction],
     ) -> None:
         self.order, self.starts, self.ends, self.actions = order, starts, ends, actions
         self.slots = order.slots
@@ -56,12 +61,15 @@ class TurnMoves:
             for kind, values in action.deeds.items()
         ]
 
-    def of_agents(self, twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
-        """Return the same moves of other agents, of which each takes the place of one of these."""
-        order = copy(self.order)
-        order.slots = [copy(slot) for slot in self.slots]
-        for slot in order.slots:
-            slot.agent = twin_of(slot.agent)
+    def of_agents(self, agents: Mapping[str, IAgent], twin_of: Callable[[IAgent], IAgent]) -> "TurnMoves":
+        """Return the same moves of other agents, each of which takes the place of the one of its name."""
+        order, slots = copy(self.order), self.slots
+        if isinstance(slots, LazySlots):
+            order.slots = slots.of_agents(agents)
+        else:
+            order.slots = [copy(slot) for slot in slots]
+            for slot in order.slots:
+                slot.agent = twin_of(slot.agent)
         return TurnMoves(order, self.starts, self.ends, self.actions)
 
     def are_single_steps(self, block: AgentBlock) -> bool:
@@ -89,11 +97,11 @@ class TurnMoves:
 
     def places(self) -> tuple[list[Any], list[Any]]:
         """Return where agents begin and where they end: ids of nodes, and the edges of those that are on one."""
-        starts: list[Any] = self.starts
-        ends: list[Any] = self.ends
+        starts: Any = self.starts
+        ends: Any = self.ends
         on_edges = [i for i, action in self.actions.items() if action.legs]
         if on_edges:
-            starts, ends = starts.copy(), ends.copy()
+            starts, ends = list(starts), list(ends)
             for i in on_edges:
                 begun, progress = self.actions[i].begun, self.actions[i].progress
                 if begun is not None:
@@ -232,7 +240,7 @@ class TurnMoves:
 
     def then(self, later: "TurnMoves") -> "TurnMoves":
         """Return these moves and later ones of other agents, as one turn; both are of the same order."""
-        starts, ends, actions = self.starts.copy(), self.ends.copy(), {**self.actions, **later.actions}
+        starts, ends, actions = list(self.starts), list(self.ends), {**self.actions, **later.actions}
         for i, (start, end) in enumerate(zip(later.starts, later.ends, strict=True)):
             if start != end or i in later.actions:
                 if start != self.ends[i]:  # it was put there before it moved

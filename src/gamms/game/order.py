@@ -1,153 +1,29 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
+from functools import cached_property
 from itertools import chain, pairwise
 from math import floor, inf
 from operator import add, ne
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.arguments import as_range
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
-from gamms.game.facts import FactsOf
-from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Plan, Settings
+from gamms.game.slots import AgentSlot, LazySlots
 from gamms.game.streets import Streets
 from gamms.game.travel import Travel, Way
-from gamms.ir.agents import AgentBlock, Position, Progress, Quat, Selection
-from gamms.ir.game_state import GameState
+from gamms.ir.agents import AgentBlock, Position, Progress, Quat
+from gamms.ir.columns import Selection
 from gamms.ir.graph import IntArray
 from gamms.text import shown
-from gamms.typing import AgentType
 from gamms.typing.actions import as_node, flight, heading_in
-from gamms.typing.agent_engine import IAgent, TurnAccess
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg, Track
-
-COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
-
-
-class AgentSlot:
-    """What the turn engine holds of one living agent.
-
-    Args:
-        agent: the agent.
-        access: to its sensors and its last state.
-        state: of the game.
-        seed: of the game.
-        facts: a read-only view of what was published to all.
-        settings: of the game.
-
-    Attributes:
-        agent: the agent.
-        name, team, row: its own.
-        flies: whether it is in the air.
-        speed: how far it may go in a turn, in the unit of the game; None for one edge.
-        travels: whether it may be anywhere on an edge.
-        is_plain: whether it moves along one edge, on the ground.
-        carried: its sensors, in the form in which they are asked.
-        last: a list whose only item is the state it got last.
-        sees_world_only: whether all its sensors are built-in ones, which look at nothing but the graph and the agents.
-        foreign: the names of its sensors of the caller's own classes.
-        counts: how often it moved, was blocked, and so on; see `COUNTED`.
-    """
-
-    __slots__ = (
-        *("_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "is_plain"),
-        *("last", "name", "row", "sees_world_only", "speed", "team", "travels"),
-    )
-
-    def __init__(
-        self,
-        agent: IAgent,
-        access: TurnAccess,
-        state: GameState,
-        seed: int,
-        facts: Mapping[str, Any],
-        settings: Settings,
-    ) -> None:
-        self.agent = agent
-        self.name, self.team = agent.name, agent.team
-        self.row, self.carried, self.last = access
-        self.flies = agent.type is AgentType.AERIAL
-        self.speed = None if self.flies else _speed(agent)
-        self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
-        self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
-        self._made_of = state, seed, facts, settings
-        # NOTE: made when they are needed: an agent that a plan of arrays decides for has no state and draws nothing
-        # (benchmarks/README.md, teams).
-        self._draws: Draws | None = None
-        self._rng: TurnGenerator | None = None
-        self._template: dict[str, Any] | None = None
-        self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]
-        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, _ in self.carried)
-        self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
-
-    @property
-    def draws(self) -> Draws:
-        """Its keyed draws: `state["draw"]`."""
-        if self._draws is None:
-            state, seed, *_ = self._made_of
-            self._draws = Draws(seed, state, self.name)
-        return self._draws
-
-    @property
-    def rng(self) -> TurnGenerator:
-        """Its generator: `state["rng"]`."""
-        if self._rng is None:
-            state, seed, *_ = self._made_of
-            self._rng = TurnGenerator(seed, state, self.name)
-        return self._rng
-
-    @property
-    def template(self) -> dict[str, Any]:
-        """Its state, but for what changes from turn to turn."""
-        if self._template is None:
-            self._template = self._new_template()
-        return self._template
-
-    def _new_template(self) -> dict[str, Any]:
-        state, _, facts, settings = self._made_of
-        return _with_shared_keys(
-            {
-                "curr_pos": None,
-                **({"quat": None} if self.flies else {}),
-                **({"edge": None, "offset_m": 0.0, "xy": None} if self.travels else {}),
-                **({"time": 0.0} if settings.decide == "arrival" else {}),
-                "sensor": None,
-                "name": self.name,
-                "team": self.team,
-                "turn": 0,
-                "legal": (),
-                "draw": self.draws,
-                "rng": self.rng,
-                "memory": state.memory_of(self.name),
-                **({"team_memory": None} if settings.team_memory else {}),
-                "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
-                "blocked": state.blocked.get(self.name),
-                **({"deeds": settings.deeds} if settings.deeds else {}),
-            }
-        )
-
-    def show_blocked(self) -> None:
-        """Let its state say why its last action was not done, as the game knows it now."""
-        if self._template is not None:
-            self._template["blocked"] = self._made_of[0].blocked.get(self.name)
-
-    def marks(self) -> tuple[Any, Any]:
-        """Return what it has drawn in this turn, for `go_to`."""
-        return self._draws and self._draws.mark(), self._rng and self._rng.mark()
-
-    def go_to(self, marks: tuple[Any, Any]) -> None:
-        """Go on drawing from marks of this turn."""
-        draws, rng = marks
-        if draws is not None or self._draws is not None:
-            self.draws.go_to(draws)
-        if rng is not None or self._rng is not None:
-            self.rng.go_to(rng)
 
 
 class Commanded(NamedTuple):
@@ -155,7 +31,7 @@ class Commanded(NamedTuple):
 
     team: Hashable
     plan: Plan
-    indices: list[int]  # of their slots
+    indices: Sequence[int]  # of their slots
     deciders: Deciders
     are_plain: bool  # whether all move along one edge, on the ground
 
@@ -182,9 +58,12 @@ class Part:
     """
 
     def __init__(
-        self, slots: list[AgentSlot], members: list[int] | None, progress: list[Any], plans: Mapping[Any, Plan]
+        self, slots: Sequence[AgentSlot], members: list[int] | None, progress: list[Any], plans: Mapping[Any, Plan]
     ) -> None:
-        self.members = list(range(len(slots))) if members is None else members
+        self.members: Sequence[int] = range(len(slots)) if members is None else members
+        if isinstance(slots, LazySlots):
+            self._take_columns(slots, plans)
+            return
         pairs = [(i, slots[i]) for i in self.members]
         self.individuals = [
             (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
@@ -201,9 +80,43 @@ class Part:
         self.ground = Selection([slots[i].row for i in ground])
         self.paced = [i for i, slot in pairs if slot.speed is not None or slot.travels or progress[slot.row]]
 
-    def of_ground(self, values: list[Any]) -> list[Any]:
+    def _take_columns(self, slots: LazySlots, plans: Mapping[Any, Plan]) -> None:
+        """Take what the columns of agents say, without making the slots of those that plans of arrays decide for."""
+        of_team: dict[Any, list[int]] = {}
+        for i in self.members:
+            of_team.setdefault(slots.teams[i], []).append(i)
+        blind = {team for team in of_team if team in plans and plans[team].arrays}
+        self.observing = [i for i in self.members if slots.teams[i] not in blind]
+        chosen = [slots[i] for i in self.observing]
+        self.see_world_only = all(slot.sees_world_only for slot in chosen)
+        self.individuals = [
+            (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
+            for i, slot in zip(self.observing, chosen, strict=True)
+            if slot.team not in plans
+        ]
+        self.commanded = []
+        for team, indices in of_team.items():
+            if team in plans:
+                is_all = len(indices) == len(slots)
+                names = tuple(slots.names if is_all else [slots.names[i] for i in indices])
+                are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
+                deciders = Deciders(f"The plan of team {shown(team)}", names)
+                self.commanded.append(
+                    Commanded(team, plans[team], range(len(slots)) if is_all else indices, deciders, are_plain)
+                )
+        members, flying = set(self.members) if slots.flying or slots.paced else set[int](), set(slots.flying)
+        ground = [i for i in self.members if i not in flying] if flying else self.members
+        self.on_ground = None if len(ground) == len(slots) else list(ground)
+        self.ground = Selection(slots.rows if len(ground) == len(slots) else [slots.rows[i] for i in ground])
+        self.paced = [i for i in slots.paced if i in members]
+
+    def of_ground(self, values: Any) -> Any:
         """Return those values, one per slot, that are of agents on the ground."""
-        return values if self.on_ground is None else [values[i] for i in self.on_ground]
+        if self.on_ground is None:
+            return values
+        if isinstance(values, memoryview):
+            return np.asarray(values)[self.on_ground].data
+        return [values[i] for i in self.on_ground]
 
 
 class TurnOrder:
@@ -222,13 +135,12 @@ class TurnOrder:
         parts: those that move at once, in their order.
         unlisted: the first of an agent whose team is in no part; None: there is no such.
         selection: the rows of all.
-        index_of: name -> index of the slot.
         structure_version: of the agents.
     """
 
     def __init__(
         self,
-        slots: list[AgentSlot],
+        slots: Sequence[AgentSlot],
         block: AgentBlock,
         plans: Mapping[Any, Plan],
         order: Sequence[Sequence[Any]] | None,
@@ -237,39 +149,60 @@ class TurnOrder:
         progress = block.progress
         self.whole = Part(slots, None, progress, plans)
         self.parts, self.unlisted = [self.whole], None
+        is_lazy = isinstance(slots, LazySlots)
         if order is not None:
+            all_teams = slots.teams if isinstance(slots, LazySlots) else [slot.team for slot in slots]
             listed = {team for teams in order for team in teams}
-            self.unlisted = next((slot for slot in slots if slot.team not in listed), None)
-            members = [[i for i, slot in enumerate(slots) if slot.team in teams] for teams in order]
+            self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
+            members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
             self.parts = [Part(slots, some, progress, plans) for some in members]
-        self.selection = Selection([slot.row for slot in slots])
-        self.index_of = {slot.name: i for i, slot in enumerate(slots)}
-        self._moved = [0] * len(slots)
+        has_all = is_lazy and self.whole.on_ground is None
+        rows = slots.rows if isinstance(slots, LazySlots) else [slot.row for slot in slots]
+        self.selection = self.whole.ground if has_all else Selection(rows)
         self._of_team: dict[Hashable, Selection] = {}
+        self._moved: Any = None  # a list, or an array where there are many
+        self.restart_counts()
 
     def of_side(self, side: Hashable | Callable[[IAgent], object]) -> Selection:
         """Return the slots of the agents of a team, or of those for which a function says so."""
         known = self._of_team.get(side)
-        if known is None:
+        if known is None and isinstance(self.slots, LazySlots) and not callable(side):
+            known = self._of_team[side] = Selection([i for i, team in enumerate(self.slots.teams) if team == side])
+        elif known is None:
             known = Selection([i for i, slot in enumerate(self.slots) if plays_for(slot.agent, side)])
             if not callable(side):
                 self._of_team[side] = known
         return known
 
-    def count_moves(self, starts: list[int], ends: list[int]) -> None:
+    @cached_property
+    def index_of(self) -> dict[str, int]:
+        """Name -> index of the slot."""
+        names = self.slots.names if isinstance(self.slots, LazySlots) else [slot.name for slot in self.slots]
+        return {name: i for i, name in enumerate(names)}
+
+    def count_moves(self, starts: Sequence[int], ends: Sequence[int]) -> None:
         """Count the agents that have moved."""
         # NOTE: in C, because all agents are counted in every turn (benchmarks/README.md, turns).
-        self._moved = list(map(add, self._moved, map(ne, starts, ends)))
+        if isinstance(self._moved, list):
+            self._moved = list(map(add, self._moved, map(ne, starts, ends)))
+        else:
+            self._moved += np.asarray(starts) != np.asarray(ends)
 
     def update_counts(self) -> None:
         """Add the counted moves to the counts of the agents."""
-        for slot, moved in zip(self.slots, self._moved, strict=True):
-            slot.counts["moves"] += moved
+        if isinstance(self._moved, list):
+            for slot, moved in zip(self.slots, self._moved, strict=True):
+                slot.counts["moves"] += moved
+        else:
+            counts_of = cast("LazySlots", self.slots).counts_of
+            for i in np.flatnonzero(self._moved).tolist():
+                counts_of(i)["moves"] += int(self._moved[i])
         self.restart_counts()
 
     def restart_counts(self) -> None:
         """Count moves from here."""
-        self._moved = [0] * len(self.slots)
+        are_few = not isinstance(self.slots, LazySlots)
+        self._moved = [0] * len(self.slots) if are_few else np.zeros(len(self.slots), np.int32)
 
 
 def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> bool:
@@ -277,38 +210,11 @@ def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> boo
     return bool(side(agent) if callable(side) else agent.team == side)
 
 
-def _commanded(slots: list[AgentSlot], team: Hashable, plan: Plan) -> Commanded:
+def _commanded(slots: Sequence[AgentSlot], team: Hashable, plan: Plan) -> Commanded:
     indices = [i for i, slot in enumerate(slots) if slot.team == team]
     names = tuple([slots[i].name for i in indices])
     are_plain = all(slots[i].is_plain for i in indices)
     return Commanded(team, plan, indices, Deciders(f"The plan of team {shown(team)}", names), are_plain)
-
-
-class _Layout:
-    """Its instances have the keys that states share."""
-
-
-def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
-    """Return an equal dict whose copies share one table of keys, which has room for the action.
-
-    Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
-    those of 1,000 agents would not stay in the cache (benchmarks/README.md, turns).
-    """
-    instance = _Layout()
-    for key in (*template, "action"):
-        setattr(instance, key, template.get(key))
-    del instance.action  # type: ignore[attr-defined]
-    return instance.__dict__
-
-
-def _speed(agent: IAgent) -> float | None:
-    if agent.speed is None:
-        return None
-    try:
-        return as_range(agent.speed, f"speed of agent {agent.name!r}")
-    except GammsError as error:
-        error.add_note("On the ground it is what ctx.game lets the agent move in a turn; None for one edge.")
-        raise
 
 
 SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding
@@ -418,16 +324,16 @@ class Legality:
             near += [node for node, far in self._around(begun, speed).items() if far <= left]
         return tuple(dict.fromkeys(near))
 
-    def reachable_each(
-        self, movers: Sequence[AgentSlot], starts: Sequence[int], *, are_plain: bool
-    ) -> tuple[IntArray, IntArray]:
+    @property
+    def streets(self) -> Streets:
+        """Where agents may go along one edge, in arrays."""
+        columns = self._ctx.graph.graph.columns()
+        if self._streets is None or self._streets.columns is not columns:
+            self._streets = Streets(columns, self._ctx.graph.routes)
+        return self._streets
+
+    def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
         """Return what `reachable` returns for each of several agents: offsets (agents + 1,) and ids."""
-        if are_plain:
-            columns = self._ctx.graph.graph.columns()
-            if self._streets is None or self._streets.columns is not columns:
-                self._streets = Streets(columns, self._ctx.graph.routes)
-            offsets, rows = self._streets.legal_of(self._streets.rows(starts))
-            return offsets, self._streets.ids(rows)
         legal = [self.reachable(mover, here) for mover, here in zip(movers, starts, strict=True)]
         offsets = np.zeros(len(legal) + 1, np.int64)
         np.cumsum(list(map(len, legal)), out=offsets[1:])

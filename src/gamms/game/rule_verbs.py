@@ -41,8 +41,13 @@ class RuleVerbs(Settings):
     errors: Protected[list[dict[str, Any]]] = Protected(list, "_state")
     messages: Protected[list[dict[str, Any]]] = Protected(list, "_state")
     team_memories: Protected[dict[Any, dict[Any, Any]]] = Protected(dict, "_state")
-    counts: Protected[dict[str, dict[str, int]]] = Protected(dict, "_state")
     timings: Protected[dict[str, float]] = Protected(dict, "_state")
+
+    @property
+    def counts(self) -> dict[str, dict[str, int]]:
+        """Agent -> how often it moved, was blocked, and so on, up to the last snapshot or result."""
+        self._turns.list_counts()
+        return self._phase.shown(self._state.counts)
 
     @property
     def scores(self) -> Scores:

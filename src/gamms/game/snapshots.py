@@ -1,6 +1,6 @@
 """What engines and clients do with a whole game: snapshots, detached copies (forks), and `ctx.game.internals`."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
@@ -11,10 +11,10 @@ import numpy as np
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, GammsError
 from gamms.game.moves import TurnMoves
-from gamms.game.order import COUNTED
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
+from gamms.game.slots import COUNTED
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import GameState
@@ -55,6 +55,11 @@ class Snapshot:
         """Return where an agent was: a node id, or (x, y, z)."""
         place: int | Position = self._parts["agents"].place_of(agent)
         return place
+
+    def places_of(self, agents: Mapping[str, IAgent]) -> dict[str, int | Position]:
+        """Return name -> where the agent was, of some agents."""
+        places: dict[str, int | Position] = self._parts["agents"].places_of(agents)
+        return places
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with the context that it is of."""
@@ -221,8 +226,9 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
         memo: has the context, its engines, agents and sensors.
     """
     source.turns.update_counts()
-    for agent in source.ctx.agent.agents.values():
+    for agent in source.ctx.agent.storage.made():
         memo[id(agent)].strategy = own(agent.strategy, memo)
+    target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
     for sensor in target.ctx.sensor.sensors.values():
         if getattr(sensor, "function", None) is not None:
             sensor.function = own(sensor.function, memo)
@@ -239,15 +245,16 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     _renew_states(target)
     moves: TurnMoves | None = source.state.moves
     if moves is not None:
-        target.state.moves = moves.of_agents(lambda agent: deepcopy(agent, memo))
+        target.state.moves = moves.of_agents(target.ctx.agent.agents, lambda agent: deepcopy(agent, memo))
 
 
 def _renew_states(target: SnapshotTaker) -> None:
     """Put the memories and the random numbers of the fork into the last states of its agents."""
-    slots = {slot.name: slot for slot in target.turns.order().slots}
-    for name, agent in target.ctx.agent.agents.items():
-        state, slot = cast("dict[str, Any]", agent.state), slots.get(name)
+    order = target.turns.order()
+    for agent in target.ctx.agent.storage.made():
+        name, state = agent.name, cast("dict[str, Any]", agent.state)
         if "memory" in state:
+            slot = order.slots[order.index_of[name]] if name in order.index_of else None
             state["memory"] = target.state.memory_of(name)
             state["team_memory"] = copied(state.get("team_memory"))
             for key, value in (("draw", slot and slot.draws), ("rng", slot and slot.rng)):
@@ -372,7 +379,11 @@ class GameInternals(Guarded):
         began = self.state.began
         if self.state.start is None:
             return dict(began)
-        return {name: self.start_of(agent) for name, agent in self._parts.ctx.agent.agents.items()} | began
+        agents = self._parts.ctx.agent.agents
+        if self.state.has_begun:
+            snapshot: Snapshot = self.state.start.snapshot
+            return snapshot.places_of(agents) | began
+        return {name: self.start_of(agent) for name, agent in agents.items()} | began
 
     def start_of(self, agent: IAgent) -> int | Position:
         """Return where an agent began: a node id, or (x, y, z)."""

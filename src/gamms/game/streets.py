@@ -1,5 +1,6 @@
 """Where agents may go along one edge, in arrays: the streets of a map that many agents or games share."""
 
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -83,3 +84,48 @@ class Streets:
         matches = self.legal[rows] == targets[..., None]
         matches &= np.arange(matches.shape[-1]) < self.counts[rows][..., None]
         return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
+
+
+class LegalNodes:
+    """The legal nodes of some agents: their own first, then others, as `state["legal"]` has them.
+
+    Args:
+        offsets, targets: (agents + 1,), (legal,) ids: agent `i` may go to `targets[offsets[i]:offsets[i + 1]]`.
+    """
+
+    def __init__(self, offsets: IntArray, targets: IntArray) -> None:
+        self._streets: Streets | None = None
+        self._rows = np.arange(len(offsets) - 1)
+        self.ragged = offsets, targets
+
+    @classmethod
+    def along_streets(cls, streets: Streets, nodes: IntArray) -> "LegalNodes":
+        """Return those of agents that go along one edge, by the ids of their nodes, (agents,)."""
+        legal = cls.__new__(cls)
+        legal._streets, legal._rows = streets, streets.rows(nodes)
+        return legal
+
+    @cached_property
+    def ragged(self) -> tuple[IntArray, IntArray]:
+        """Offsets and targets, as above; not to be written to."""
+        streets: Any = self._streets
+        offsets, rows = streets.legal_of(self._rows)
+        found = offsets, streets.ids(rows)
+        for array in found:
+            array.setflags(write=False)
+        return found
+
+    @cached_property
+    def counts(self) -> IntArray:
+        """How many there are for each agent, (agents,)."""
+        found = np.diff(self.ragged[0]) if self._streets is None else self._streets.counts[self._rows]
+        found.setflags(write=False)
+        return found
+
+    def step(self, actions: IntArray) -> IntArray:
+        """Return the ids of nodes that actions lead to, each the number of a legal node."""
+        if self._streets is None:
+            offsets, targets = self.ragged
+            found: IntArray = targets[offsets[:-1] + actions]
+            return found
+        return self._streets.ids(self._streets.step(self._rows, actions))

@@ -15,8 +15,9 @@ from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import FactsOf
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import Refusals, TurnMoves
-from gamms.game.order import AgentSlot, IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
+from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
 from gamms.game.settings import RuleSet, Settings, refuse_unused
+from gamms.game.slots import AgentSlot, LazySlots, made_slots
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.text import shown
@@ -75,13 +76,25 @@ class TurnEngine:
         if self._order is None or self._order_key != key:
             self.update_counts()
             refuse_unused(settings)
-            living = sorted([(name, agent) for name, agent in agents.agents.items() if agent.alive], key=itemgetter(0))
-            access_of = agents.storage.turn_access
             groups = self._groups if self.is_moving else settings.order
-            slots = [AgentSlot(one, access_of(one), state, self._ctx.seed, self._facts, settings) for _, one in living]
+            slots = self._slots()
             self._order, self._order_key = TurnOrder(slots, block, settings.plans, groups), key
-            state.players.update((slot.name, slot.agent) for slot in slots)
+            if isinstance(slots, list):
+                state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
+
+    def _slots(self) -> Sequence[AgentSlot]:
+        """Return what the engine holds of each living agent; made when needed where there are teams in arrays."""
+        agents, state, seed, facts, settings = self._ctx.agent, self._state, self._ctx.seed, self._facts, self._settings
+        access_of, all_agents = agents.storage.turn_access, agents.agents
+        if agents.block.has_arrays:
+
+            def make(name: str) -> AgentSlot:
+                return AgentSlot(all_agents[name], access_of(all_agents[name]), state, seed, facts, settings)
+
+            return LazySlots(agents.block, settings, make, state.counts)
+        living = sorted([(name, agent) for name, agent in all_agents.items() if agent.alive], key=itemgetter(0))
+        return [AgentSlot(one, access_of(one), state, seed, facts, settings) for _, one in living]
 
     def close(self) -> None:
         """Close the event loop, if one was opened."""
@@ -89,16 +102,25 @@ class TurnEngine:
             self._loop.close()
 
     def update_counts(self) -> None:
-        """Add the moves of the last turns to the counts of the agents."""
-        if self._order is not None:
-            self._order.update_counts()
+        """Add the moves of the last turns to the counts of the agents, and note who has left."""
+        if self._order is None:
+            return
+        self._order.update_counts()
+        if isinstance(self._order.slots, LazySlots):
+            agents, players = self._ctx.agent, self._state.players
+            players |= {one.name: one for name in self._order.slots.names if (one := agents.storage.left(name))}
+
+    def list_counts(self) -> None:
+        """Enter all agents that have been asked into the counts, also those of teams that have not been made."""
+        if self._order is not None and isinstance(self._order.slots, LazySlots):
+            for i in range(len(self._order.slots)):
+                self._order.slots.counts_of(i)
 
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return what agents have drawn in this turn outside of it, for `restore`."""
         self.update_counts()
-        slots = () if self._order is None else self._order.slots
         drawn = {}
-        for slot in slots:
+        for slot in () if self._order is None else made_slots(self._order.slots):
             marks = slot.marks()
             if marks != (None, None):
                 drawn[slot.name] = marks
@@ -109,7 +131,10 @@ class TurnEngine:
         order = self.order() if drawn else self._order
         if order is not None:
             order.restart_counts()
-            for slot in order.slots:
+            slots: Sequence[AgentSlot] = made_slots(order.slots)
+            if isinstance(order.slots, LazySlots):
+                slots = [*slots, *(order.slots[order.index_of[name]] for name in drawn)]
+            for slot in slots:
                 slot.show_blocked()
                 slot.go_to(drawn.get(slot.name, (None, None)))
 
@@ -338,7 +363,7 @@ class TurnEngine:
         return turn
 
     def _give_way(
-        self, turn: TurnMoves, arrivals: Arrivals, here: list[int], actions: Mapping[int, ResolvedAction]
+        self, turn: TurnMoves, arrivals: Arrivals, here: Sequence[int], actions: Mapping[int, ResolvedAction]
     ) -> set[int]:
         """Return the slots of those among some that have to stay where they are, by the conflict resolver."""
         if self._settings.conflicts is None:

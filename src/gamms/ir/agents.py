@@ -1,15 +1,16 @@
 """Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
-from operator import itemgetter
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.ir.columns import ChangeLog, Selection
 from gamms.ir.events import COLUMN_EVENTS
+from gamms.ir.graph import IntArray
 from gamms.ir.journal import CLOSED, PLAIN, Journal
 
 Position = tuple[float, float, float]  # x, y, z; map units
@@ -54,24 +55,6 @@ class NodeFinder(Protocol):
         """Return the id of the nearest node."""
 
 
-class ChangeLog:
-    """The rows of a block whose node, position, team or life has changed, since this subscriber asked last."""
-
-    __slots__ = ("_block", "rows")
-
-    def __init__(self, block: "AgentBlock") -> None:
-        self._block = block
-        self.rows: set[int] | None = None
-
-    def take(self) -> set[int] | None:
-        """Return the rows that have changed; None where all may have, and rows may be those of other agents."""
-        self._block.publish()
-        rows = self.rows
-        if rows is None or rows:
-            self.rows = set()
-        return rows
-
-
 NUMBERS: dict[str, tuple[type, Any]] = {}
 """Further columns of one number per agent, by name: the kind and the value of a new agent.
 
@@ -83,7 +66,7 @@ BY_ROW = (
     *("names", "teams", "kind", "node", "previous", "heading", "position", "previous_position", "quat", "speed"),
     *("alive", "progress", *NUMBERS),
 )
-ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that may be arrays: the kind and the shape of a row
+ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that `arrays` gives as arrays: kind, and shape of a row
     **dict.fromkeys(("kind", "node", "previous"), (np.int64, ())),
     "heading": (np.float64, (2,)),  # NaN stands for None
     **dict.fromkeys(("position", "previous_position"), (np.float64, (3,))),
@@ -92,6 +75,7 @@ ARRAYS: dict[str, tuple[type, tuple[int, ...]]] = {  # columns that may be array
     **{name: (kind, ()) for name, (kind, _) in NUMBERS.items()},
 }
 _PLACES = ("node", "previous", "heading", "position", "previous_position", "quat", "progress", *NUMBERS)
+_IN_ARRAYS = ("node", "previous")  # the columns that `use_arrays` turns into arrays
 _OF_STRUCTURE = frozenset({"teams", "speed", "alive"})
 _OF_VERSION = frozenset({"node", "position", "teams", "alive"})
 
@@ -101,8 +85,8 @@ class AgentBlock:
 
     What callers pass is validated before (`typing.actions`), not here. Columns are read directly and written through
     the verbs alone. Those of the agents of a context are lists, because the paper's loop reads and writes them one by
-    one (benchmarks/README.md, w2); those of a block that is made from arrays are arrays (`ARRAYS`), and no agent can be
-    added to them.
+    one (benchmarks/README.md, w2), but `node` and `previous` of a context with a team, which are views of arrays from
+    then on (`use_arrays`).
 
     Args:
         graph: finds the nodes below flyers; None: their nodes are those that were written.
@@ -124,14 +108,16 @@ class AgentBlock:
         inactive: the rows of agents that are not alive.
         removed: how many rows are those of agents that were removed; `keep` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
+        rows_version: changes whenever agents have other rows, or their rows are those of agents that were removed.
         structure_version: changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
         under_way: where agents are within a turn, where some of them decide while others go on.
     """
 
     __slots__ = (
-        *(*BY_ROW, "_changed", "_logs", "_row_of", "_located_revision", "_unlocated", "_version", "flyers", "graph"),
-        *("inactive", "journal", "removed", "structure_version", "travellers", "trusts_nodes", "under_way"),
+        *(*BY_ROW, "_buffers", "_changed", "_have_all_changed", "_logs", "_row_of", "_located_revision", "_unlocated"),
+        *("_version", "flyers", "graph", "inactive", "journal", "removed", "rows_version", "structure_version"),
+        *("travellers", "trusts_nodes", "under_way"),
     )
 
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
@@ -154,11 +140,13 @@ class AgentBlock:
         self.travellers: set[int] = set()
         self.removed = 0
         self.journal = journal
-        self.structure_version = 0
+        self.structure_version = self.rows_version = 0
         self.trusts_nodes = False
         self.graph = graph
         self._row_of: dict[str, int] = {}
+        self._buffers: dict[str, IntArray] = {}  # of columns that are views of arrays, with room for more agents
         self._changed: set[int] = set()  # rows; not published yet
+        self._have_all_changed = False
         self._logs: list[ChangeLog] = []
         self._version = 0
         self.under_way = UnderWay(self)
@@ -166,15 +154,6 @@ class AgentBlock:
         self._located_revision: int | None = (
             None  # the revision of the graph in which the nodes of the other flyers were found
         )
-
-    @classmethod
-    def from_arrays(cls, columns: Mapping[str, Any]) -> "AgentBlock":
-        """Return a block of what `arrays` gave: arrays that are written to, and lists for the other columns."""
-        block = cls()
-        for name in BY_ROW:
-            setattr(block, name, columns[name])
-        block._renew()
-        return block
 
     def arrays(self) -> dict[str, Any]:
         """Return copies of all columns, those in `ARRAYS` as arrays, where NaN stands for None."""
@@ -191,6 +170,34 @@ class AgentBlock:
             columns[name] = np.array(column, kind).reshape(-1, *shape)
         return columns
 
+    def use_arrays(self) -> None:
+        """Have `node` and `previous` as views of arrays, for the agents of teams, which are moved all at once."""
+        if not self._buffers:
+            for name in _IN_ARRAYS:
+                self._show(name, np.array(getattr(self, name), np.int64), len(self.names))
+
+    @property
+    def has_arrays(self) -> bool:
+        """Whether `node` and `previous` are views of arrays."""
+        return bool(self._buffers)
+
+    def _show(self, name: str, buffer: IntArray, size: int) -> None:
+        self._buffers[name] = buffer
+        setattr(self, name, buffer.data[:size])
+
+    def _append(self, nodes: list[int]) -> None:
+        """Add agents to `node` and `previous`."""
+        if not self._buffers:
+            self.node += nodes
+            self.previous += nodes
+            return
+        for name in _IN_ARRAYS:
+            buffer, size = self._buffers[name], len(getattr(self, name))
+            if size + len(nodes) > len(buffer):
+                buffer = np.concatenate((buffer[:size], np.zeros(max(size // 2, len(nodes)), np.int64)))
+            buffer[size : size + len(nodes)] = nodes
+            self._show(name, buffer, size + len(nodes))
+
     def __len__(self) -> int:
         return len(self.names)
 
@@ -205,8 +212,7 @@ class AgentBlock:
         self.names.append(name)
         self.teams.append(team)
         self.kind.append(int(flies))
-        self.node.append(node)
-        self.previous.append(node)
+        self._append([node])
         self.heading.append(None)
         self.position.append(position)
         self.previous_position.append(position)
@@ -224,12 +230,11 @@ class AgentBlock:
             self._unlocated.add(row)
         return row
 
-    def add_all(self, names: list[str], nodes: list[int], team: Hashable) -> int:
+    def add_all(self, names: Sequence[str], nodes: list[int], team: Hashable) -> int:
         """Add agents of one team that stand on these nodes; returns the row of the first."""
         first, count = len(self.names), len(names)
         self.names += names
-        self.node += nodes
-        self.previous += nodes
+        self._append(nodes)
         nothing = dict.fromkeys(("heading", "position", "previous_position", "quat", "speed", "progress"))
         numbers = {column: value for column, (_, value) in NUMBERS.items()}
         for column, value in {**nothing, **numbers, "teams": team, "kind": 0, "alive": True}.items():
@@ -250,10 +255,21 @@ class AgentBlock:
             self.inactive.add(new)
         return new
 
+    def take_all(self, source: "AgentBlock") -> None:
+        """Take copies of all agents of another block into this one, which has none yet."""
+        for name, column in source.values().items():
+            if name in source._buffers:
+                self._show(name, column, len(column))
+            else:
+                setattr(self, name, column)
+        self._renew()
+        self._unlocated = set(self.flyers)
+
     def remove(self, row: int) -> None:
         """Remove an agent; its row stays until `keep` closes up those that were removed."""
         del self._row_of[self.names[row]]
         self.removed += 1
+        self.rows_version += 1
         self.structure_version += 1
 
     def keep(self, rows: list[int]) -> None:
@@ -261,8 +277,10 @@ class AgentBlock:
         self.removed = 0
         for name in BY_ROW:
             column = getattr(self, name)
-            is_list = isinstance(column, list)
-            setattr(self, name, [column[row] for row in rows] if is_list else column[rows])
+            if isinstance(column, list):
+                setattr(self, name, [column[row] for row in rows])
+            else:
+                self._show(name, np.asarray(column)[rows], len(rows))
         self.journal.keep_rows(rows)
         self._unlocated = {i for i, row in enumerate(rows) if row in self._unlocated}
         self._renew()
@@ -294,23 +312,36 @@ class AgentBlock:
         column[row] = node
         self._changed.add(row)
 
-    def move_all(self, rows: "Selection", nodes: list[int]) -> None:
-        """Move many agents on the ground; one that stays has come from where it is."""
+    def move_all(self, rows: Selection, nodes: Sequence[int]) -> None:
+        """Move many agents on the ground, as a list or a view of an array; one that stays has come from where it is."""
         journal = self.journal
         if journal is CLOSED:
             return
-        previous: Any = self.previous  # a list or an array
         node: Any = self.node
         if isinstance(node, list):
-            rows.copy(node, previous)
+            rows.copy(node, self.previous)
             rows.write(node, nodes)
+            self._changed |= rows.as_set
         else:
-            previous[rows.rows] = node[rows.rows]
-            node[rows.rows] = nodes
-        self._changed |= rows.as_set
-        if not journal.is_silent:
+            self._move_arrays(rows, nodes)
+        if journal.is_silent:
+            return
+        if isinstance(nodes, list):
             ids = journal.ids
             journal.log += [number for row, node in zip(rows.rows, nodes, strict=True) for number in (ids[row], node)]
+        elif len(nodes):
+            journal.moved(rows.array, np.asarray(nodes))
+
+    def _move_arrays(self, rows: Selection, nodes: Sequence[int]) -> None:
+        node, previous = np.asarray(self.node), np.asarray(self.previous)
+        if len(rows.rows) == len(node):
+            previous[:] = node
+            node[rows.array] = nodes
+            self._have_all_changed = True
+        else:
+            previous[rows.array] = node[rows.array]
+            node[rows.array] = nodes
+            self._changed |= rows.as_set
 
     def set(self, row: int, column: str, value: object) -> None:
         """Set the value of an agent in one of the columns that have an event of their own: `COLUMN_EVENTS`."""
@@ -400,8 +431,7 @@ class AgentBlock:
             self._unlocated.add(row)
 
     def _put(self, row: int, name: str, value: object) -> None:
-        column = getattr(self, name)
-        column[row] = np.nan if value is None and isinstance(column, np.ndarray) else value
+        getattr(self, name)[row] = value
 
     # -- the nodes below flyers ---------------------------------------------------------------------------------
 
@@ -464,24 +494,31 @@ class AgentBlock:
 
     def subscribe(self) -> ChangeLog:
         """Return a log of what changes from now on; at first all may have."""
-        log = ChangeLog(self)
+        log = ChangeLog(self.publish)
         self._logs.append(log)
         return log
 
     def publish(self) -> None:
         """Write what has changed into the logs of all subscribers."""
-        if self._changed:
+        if self._have_all_changed:
+            self._version += 1
+            for log in self._logs:
+                log.rows = None
+            self._have_all_changed = False
+            self._changed.clear()
+        elif self._changed:
             self._version += 1
             for log in self._logs:
                 if log.rows is not None:
                     log.rows |= self._changed
             self._changed.clear()
 
-    def values(self) -> dict[str, list[Any]]:
+    def values(self) -> dict[str, Any]:
         """Return copies of all columns, for `restore`."""
-        return {name: getattr(self, name).copy() for name in BY_ROW}
+        columns: dict[str, Any] = {name: getattr(self, name) for name in BY_ROW}
+        return {name: np.array(one) if name in self._buffers else one.copy() for name, one in columns.items()}
 
-    def restore(self, values: dict[str, list[Any]], *, has_structure: bool) -> None:
+    def restore(self, values: dict[str, Any], *, has_structure: bool) -> None:
         """Set the columns to what `values` gave.
 
         Args:
@@ -489,8 +526,12 @@ class AgentBlock:
             has_structure: whether agents, teams, speeds, lives and sensors are those of then; only places differ.
         """
         for name in _PLACES if has_structure else BY_ROW:
-            getattr(self, name)[:] = values[name]
-        self._changed.update(range(len(self.names)))
+            column, before = getattr(self, name), values[name]
+            if name in self._buffers:
+                np.asarray(column)[:] = before
+            else:
+                column[:] = before.tolist() if isinstance(column, list) and isinstance(before, np.ndarray) else before
+        self._have_all_changed = True
         self._unlocated.update(self.flyers)
         self._find_travellers()
         if not has_structure:
@@ -503,14 +544,13 @@ class AgentBlock:
     def _renew(self) -> None:
         """Derive again what follows from the columns, the rows of names among it."""
         self._row_of = {name: row for row, name in enumerate(self.names)}
+        self.rows_version += 1
         self.flyers = [row for row, kind in enumerate(self.kind) if kind]
         self.inactive = {row for row, alive in enumerate(self.alive) if not alive}
         self._find_travellers()
         self.structure_version += 1
         self._version += 1
-        self._changed = set(range(len(self.names)))
-        for log in self._logs:
-            log.rows = None
+        self._have_all_changed = True
 
 
 class UnderWay:
@@ -553,47 +593,3 @@ class UnderWay:
         self.places.pop(row, None)
         self._departed.discard(row)
         self._block.write(row, {"node": node})
-
-
-class Selection:
-    """Some rows of columns, in an order of their own.
-
-    Attributes:
-        rows: which.
-        as_set: the same, in no order.
-    """
-
-    __slots__ = ("_inverse", "_pick", "as_set", "rows")
-
-    def __init__(self, rows: list[int]) -> None:
-        self.rows = rows
-        self.as_set = frozenset(rows)
-        # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks/README.md, turns).
-        self._pick = _picker(rows)
-        self._inverse: Callable[[Sequence[Any]], Iterable[Any]] | None = None
-
-    def of(self, column: Sequence[Any]) -> list[Any]:
-        """Return what the column holds in these rows."""
-        return list(self._pick(column))
-
-    def copy(self, source: list[Any], target: list[Any]) -> None:
-        """Set one column to the values of another in these rows."""
-        if len(target) == len(self.rows):
-            target[:] = source
-        else:
-            self.write(target, self.of(source))
-
-    def write(self, column: list[Any], values: list[Any]) -> None:
-        """Set the column in these rows."""
-        if len(column) == len(self.rows):
-            if self._inverse is None:
-                self._inverse = _picker(sorted(range(len(self.rows)), key=self.rows.__getitem__))
-            column[:] = self._inverse(values)
-        else:
-            for row, value in zip(self.rows, values, strict=True):
-                column[row] = value
-
-
-def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
-    """Return the function that picks what is at these places of a list."""
-    return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]

@@ -2,7 +2,10 @@
 
 from typing import Any
 
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, Log
+import numpy as np
+
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Log
+from gamms.ir.graph import IntArray
 from gamms.plain import Plain
 
 
@@ -32,6 +35,12 @@ class Journal:
     def append(self, kind: int, data: Plain) -> None:
         """Take an event of a recording that has been applied to the context, as it is."""
         self.log.append((kind, data))
+
+    def moved(self, rows: IntArray, nodes: IntArray) -> None:
+        """Note the moves of many agents: rows and ids of nodes, (agents,) each."""
+        moves = np.empty((len(rows), 2), np.int64)
+        moves[:, 0], moves[:, 1] = np.array(self.ids, np.int64)[rows], nodes
+        self.log.append((MOVES, moves.reshape(-1)))
 
     def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
         """Note that a flyer is somewhere else, above this node."""

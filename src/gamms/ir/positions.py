@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir.agents import AgentBlock, ChangeLog, Progress
+from gamms.ir.agents import AgentBlock, Progress
+from gamms.ir.columns import ChangeLog
 from gamms.ir.graph import FloatArray, IntArray
 
 _FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
@@ -60,7 +61,7 @@ class Positions:
 
     @property
     def nodes(self) -> Sequence[int]:
-        """The node ids (agents,), of flyers those below them, as a list."""
+        """The node ids (agents,), of flyers those below them, as Python's ints."""
         self._catch_up()
         return self._block.node
 
@@ -159,7 +160,8 @@ class Positions:
         if rows is None:
             self._forget()
         elif rows:
-            self._stale |= rows
+            if self._stale is not None:
+                self._stale |= rows
             if self._by_node is not None:
                 self._follow(rows)
             if self._by_name is not None:
@@ -169,7 +171,7 @@ class Positions:
         self._by_node, self._by_name, self._node_of = None, None, []
         self._node_ids = self._flyers = _NO_ROWS
         self._flyer_xyz = _NO_XYZ
-        self._stale: set[int] = set(range(len(self._block)))  # rows that the arrays do not show yet
+        self._stale: set[int] | None = None  # rows that the arrays do not show yet; None: any
 
     def _rename(self, rows: Iterable[int]) -> None:
         """Enter the nodes of some rows by name; all are entered again where one is new, or lives again."""
@@ -211,21 +213,20 @@ class Positions:
     def _catch_up_arrays(self) -> None:
         self._catch_up()
         stale, block = self._stale, self._block
-        if not stale:
+        if stale is not None and not stale:
             return
-        is_few = len(self._node_ids) == len(block) and len(stale) < len(block) // _FEW
-        flown = [row for row in stale if block.kind[row]] if block.flyers else []
-        if is_few:
+        self._stale = set()
+        if stale is not None and len(self._node_ids) == len(block) and len(stale) < len(block) // _FEW:
             self._node_ids = _changed(self._node_ids, stale, [block.node[row] for row in stale])
-        else:
-            self._node_ids = _frozen(block.node, np.int64)
-        if flown and is_few:
-            at = [bisect_left(block.flyers, row) for row in flown]
-            self._flyer_xyz = _changed(self._flyer_xyz, at, [block.position[row] for row in flown])
-        elif flown:
+            flown = [row for row in stale if block.kind[row]] if block.flyers else []
+            if flown:
+                at = [bisect_left(block.flyers, row) for row in flown]
+                self._flyer_xyz = _changed(self._flyer_xyz, at, [block.position[row] for row in flown])
+            return
+        self._node_ids = _frozen(block.node, np.int64)
+        if block.flyers:
             self._flyers = _frozen(block.flyers, np.int64)
             self._flyer_xyz = _frozen([block.position[row] for row in block.flyers], np.float64)
-        stale.clear()
 
 
 def _changed(array: np.ndarray[Any, Any], rows: Iterable[int], values: list[Any]) -> Any:

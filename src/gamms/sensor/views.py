@@ -13,7 +13,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_int
 from gamms.errors import UnknownName
-from gamms.ir.agents import ChangeLog
+from gamms.ir.columns import ChangeLog
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions

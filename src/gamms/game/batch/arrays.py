@@ -12,9 +12,9 @@ from gamms.game.batch.movement import movement_of, why_not_moved
 from gamms.game.batch.sight import why_not_seen
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays, TurnPart
 from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, ArrayView
-from gamms.game.order import COUNTED
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
+from gamms.game.slots import COUNTED
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray

@@ -1,0 +1,69 @@
+"""What snapshots of a game hold of its agents."""
+
+from collections.abc import Mapping
+from copy import deepcopy
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from gamms.agent.agent import BaseAgent
+from gamms.agent.teams import AgentsByName, Members
+from gamms.ir.agents import AgentBlock
+
+
+@dataclass(eq=False)
+class AgentsSnapshot:
+    """All agents at one moment: the columns, and of each agent what is not in them."""
+
+    columns: dict[str, Any]
+    structure: tuple[AgentBlock, int]  # which agents there are, and which team, speed and sensors they have
+    stored: dict[str, Any]  # name -> the agent, or the `Members` that it was one of, in the order of the rows
+    attributes: list[tuple[Members, dict[str, Any]]]  # of members that were not made
+    agents: list[tuple[BaseAgent, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]
+    # agent, attributes, strategy, sensors, last state
+    deleted: list[tuple[BaseAgent, AgentBlock]]  # with blocks of their own
+
+    @cached_property
+    def places(self) -> dict[str, Any]:
+        """Name -> the node an agent was on, or (x, y, z) of a flyer."""
+        nodes, positions = self.columns["node"], self.columns["position"]
+        listed = nodes.tolist() if isinstance(nodes, np.ndarray) else nodes
+        places = zip(self.stored, listed, positions, strict=True)
+        return {name: node if position is None else position for name, node, position in places}
+
+    def has(self, name: str, agent: Any) -> bool:
+        """Return whether an agent was there, or `Members` for one that is not made yet."""
+        known = self.stored.get(name)
+        return known is agent or (type(known) is Members and known.made.get(name) is agent)
+
+    def place_of(self, agent: BaseAgent) -> Any:
+        """Return the node an agent was on, or (x, y, z) of a flyer; where it is now if it came later."""
+        if self.has(agent.name, agent):
+            return self.places[agent.name]
+        return getattr(agent, "position", agent.current_node_id)
+
+    def places_of(self, agents: Mapping[str, BaseAgent]) -> dict[str, Any]:
+        """Return name -> what `place_of` returns, of some agents."""
+        stored: Mapping[str, Any] = agents.stored() if isinstance(agents, AgentsByName) else agents
+        places = self.places
+        return {name: places[name] if self.has(name, agent) else self.place_of(agent) for name, agent in stored.items()}
+
+
+def teams_in(stored: dict[str, Any]) -> dict[int, Members]:
+    """Return id() -> `Members`, of those that stand in for agents."""
+    return {id(one): one for one in stored.values() if type(one) is Members}
+
+
+def copied_attributes(attributes: dict[str, Any]) -> dict[str, Any]:
+    """Copy the caller's attributes; values that cannot be copied are shared."""
+    if not attributes:
+        return {}
+    copied = {}
+    for name, value in attributes.items():
+        try:
+            copied[name] = deepcopy(value)
+        except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
+            copied[name] = value
+    return copied

@@ -1,0 +1,240 @@
+"""What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
+
+from collections.abc import Callable, Mapping, Sequence
+from copy import copy
+from typing import Any
+
+from gamms.arguments import as_range
+from gamms.errors import GammsError
+from gamms.game.facts import FactsOf
+from gamms.game.random_streams import Draws, TurnGenerator
+from gamms.game.settings import Settings
+from gamms.ir.agents import AgentBlock
+from gamms.ir.game_state import GameState
+from gamms.typing import AgentType
+from gamms.typing.agent_engine import IAgent, TurnAccess
+
+COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
+
+
+class AgentSlot:
+    """What the turn engine holds of one living agent.
+
+    Args:
+        agent: the agent.
+        access: to its sensors and its last state.
+        state: of the game.
+        seed: of the game.
+        facts: a read-only view of what was published to all.
+        settings: of the game.
+
+    Attributes:
+        agent: the agent.
+        name, team, row: its own.
+        flies: whether it is in the air.
+        speed: how far it may go in a turn, in the unit of the game; None for one edge.
+        travels: whether it may be anywhere on an edge.
+        is_plain: whether it moves along one edge, on the ground.
+        carried: its sensors, in the form in which they are asked.
+        last: a list whose only item is the state it got last.
+        sees_world_only: whether all its sensors are built-in ones, which look at nothing but the graph and the agents.
+        foreign: the names of its sensors of the caller's own classes.
+        counts: how often it moved, was blocked, and so on; see `COUNTED`.
+    """
+
+    __slots__ = (
+        *("_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "is_plain"),
+        *("last", "name", "row", "sees_world_only", "speed", "team", "travels"),
+    )
+
+    def __init__(
+        self,
+        agent: IAgent,
+        access: TurnAccess,
+        state: GameState,
+        seed: int,
+        facts: Mapping[str, Any],
+        settings: Settings,
+    ) -> None:
+        self.agent = agent
+        self.name, self.team = agent.name, agent.team
+        self.row, self.carried, self.last = access
+        self.flies = agent.type is AgentType.AERIAL
+        self.speed = None if self.flies else _speed(agent)
+        self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
+        self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
+        self._made_of = state, seed, facts, settings
+        # NOTE: made when they are needed: an agent that a plan of arrays decides for has no state and draws nothing
+        # (benchmarks/README.md, teams).
+        self._draws: Draws | None = None
+        self._rng: TurnGenerator | None = None
+        self._template: dict[str, Any] | None = None
+        self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]
+        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, _ in self.carried)
+        self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
+
+    @property
+    def draws(self) -> Draws:
+        """Its keyed draws: `state["draw"]`."""
+        if self._draws is None:
+            state, seed, *_ = self._made_of
+            self._draws = Draws(seed, state, self.name)
+        return self._draws
+
+    @property
+    def rng(self) -> TurnGenerator:
+        """Its generator: `state["rng"]`."""
+        if self._rng is None:
+            state, seed, *_ = self._made_of
+            self._rng = TurnGenerator(seed, state, self.name)
+        return self._rng
+
+    @property
+    def template(self) -> dict[str, Any]:
+        """Its state, but for what changes from turn to turn."""
+        if self._template is None:
+            self._template = self._new_template()
+        return self._template
+
+    def _new_template(self) -> dict[str, Any]:
+        state, _, facts, settings = self._made_of
+        return _with_shared_keys(
+            {
+                "curr_pos": None,
+                **({"quat": None} if self.flies else {}),
+                **({"edge": None, "offset_m": 0.0, "xy": None} if self.travels else {}),
+                **({"time": 0.0} if settings.decide == "arrival" else {}),
+                "sensor": None,
+                "name": self.name,
+                "team": self.team,
+                "turn": 0,
+                "legal": (),
+                "draw": self.draws,
+                "rng": self.rng,
+                "memory": state.memory_of(self.name),
+                **({"team_memory": None} if settings.team_memory else {}),
+                "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
+                "blocked": state.blocked.get(self.name),
+                **({"deeds": settings.deeds} if settings.deeds else {}),
+            }
+        )
+
+    def show_blocked(self) -> None:
+        """Let its state say why its last action was not done, as the game knows it now."""
+        if self._template is not None:
+            self._template["blocked"] = self._made_of[0].blocked.get(self.name)
+
+    def marks(self) -> tuple[Any, Any]:
+        """Return what it has drawn in this turn, for `go_to`."""
+        return self._draws and self._draws.mark(), self._rng and self._rng.mark()
+
+    def go_to(self, marks: tuple[Any, Any]) -> None:
+        """Go on drawing from marks of this turn."""
+        draws, rng = marks
+        if draws is not None or self._draws is not None:
+            self.draws.go_to(draws)
+        if rng is not None or self._rng is not None:
+            self.rng.go_to(rng)
+
+
+class LazySlots(Sequence[AgentSlot]):
+    """The slots of the living agents in the order of their names, each made when it is asked for.
+
+    Args:
+        block: the agents, among them those of teams whose columns are arrays.
+        settings: of the game.
+        make: makes the slot of the agent of a name.
+        counts: of the game, by name.
+
+    Attributes:
+        rows, names, teams: of the agents.
+        flying: the indices of those who fly.
+        paced: the indices of those on the ground that may cover part of an edge.
+        are_plain: whether all move along one edge, on the ground.
+    """
+
+    def __init__(
+        self,
+        block: AgentBlock,
+        settings: Settings,
+        make: Callable[[str], AgentSlot],
+        counts: dict[str, dict[str, int]],
+    ) -> None:
+        names, teams, kind, speed, progress = block.names, block.teams, block.kind, block.speed, block.progress
+        self.rows = sorted([row for row in range(len(block)) if row not in block.inactive], key=names.__getitem__)
+        self.names, self.teams = [names[row] for row in self.rows], [teams[row] for row in self.rows]
+        self.flying = [i for i, row in enumerate(self.rows) if kind[row]] if block.flyers else []
+        travels = settings.legal == "edges" and settings.speed_unit != "edges"
+        some = travels or speed.count(None) + progress.count(None) < 2 * len(block)
+        self.paced = [
+            i
+            for i, row in enumerate(self.rows if some else ())
+            if not kind[row] and (travels or speed[row] is not None or progress[row])
+        ]
+        has_speed = travels or any(speed[self.rows[i]] is not None for i in self.paced)
+        self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
+        self._make, self._counts = make, counts
+        self._made: dict[int, AgentSlot] = {}
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, i: Any) -> Any:
+        if isinstance(i, slice):
+            return [self[one] for one in range(*i.indices(len(self)))]
+        slot = self._made.get(i)
+        if slot is None:
+            slot = self._made[i] = self._make(self.names[i])
+        return slot
+
+    def counts_of(self, i: int) -> dict[str, int]:
+        """Return the counts of an agent; see `COUNTED`."""
+        return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))
+
+    def made(self) -> list[AgentSlot]:
+        """Return those that were asked for."""
+        return list(self._made.values())
+
+    def of_agents(self, agents: Mapping[str, IAgent]) -> "LazySlots":
+        """Return the same slots for other agents of the same names."""
+
+        def make(name: str) -> AgentSlot:
+            slot = copy(self._make(name))
+            slot.agent = agents.get(name, slot.agent)
+            return slot
+
+        twin = copy(self)
+        twin._make, twin._made = make, {}
+        return twin
+
+
+def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:
+    """Return the slots that were made so far."""
+    return slots.made() if isinstance(slots, LazySlots) else slots
+
+
+class _Layout:
+    """Its instances have the keys that states share."""
+
+
+def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
+    """Return an equal dict whose copies share one table of keys, which has room for the action.
+
+    Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
+    those of 1,000 agents would not stay in the cache (benchmarks/README.md, turns).
+    """
+    instance = _Layout()
+    for key in (*template, "action"):
+        setattr(instance, key, template.get(key))
+    del instance.action  # type: ignore[attr-defined]
+    return instance.__dict__
+
+
+def _speed(agent: IAgent) -> float | None:
+    if agent.speed is None:
+        return None
+    try:
+        return as_range(agent.speed, f"speed of agent {agent.name!r}")
+    except GammsError as error:
+        error.add_note("On the ground it is what ctx.game lets the agent move in a turn; None for one edge.")
+        raise

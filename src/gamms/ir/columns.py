@@ -1,0 +1,90 @@
+"""Columns of agents, each a list, or a view of an array where there are many: some rows of them, and which changed."""
+
+from collections.abc import Callable, Iterable, Sequence
+from functools import cached_property
+from operator import itemgetter
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.graph import IntArray
+
+
+class ChangeLog:
+    """The rows of a block whose node, position, team or life has changed, since this subscriber asked last."""
+
+    __slots__ = ("_publish", "rows")
+
+    def __init__(self, publish: Callable[[], None]) -> None:
+        self._publish = publish  # writes what has changed into this log
+        self.rows: set[int] | None = None
+
+    def take(self) -> set[int] | None:
+        """Return the rows that have changed; None where all may have, and rows may be those of other agents."""
+        self._publish()
+        rows = self.rows
+        if rows is None or rows:
+            self.rows = set()
+        return rows
+
+
+def copied_column(column: Any) -> Any:
+    """Return a copy of a list or of a view of an array."""
+    return np.array(column).data if isinstance(column, memoryview) else column.copy()
+
+
+class Selection:
+    """Some rows of columns, in an order of their own.
+
+    Attributes:
+        rows: which.
+    """
+
+    # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks/README.md, turns).
+
+    def __init__(self, rows: list[int]) -> None:
+        self.rows = rows
+
+    @cached_property
+    def as_set(self) -> frozenset[int]:
+        """The rows, in no order."""
+        return frozenset(self.rows)
+
+    @cached_property
+    def array(self) -> IntArray:
+        """The rows as an array."""
+        return np.array(self.rows, np.int64)
+
+    @cached_property
+    def _pick(self) -> Callable[[Sequence[Any]], Iterable[Any]]:
+        return _picker(self.rows)
+
+    @cached_property
+    def _inverse(self) -> Callable[[Sequence[Any]], Iterable[Any]]:
+        return _picker(sorted(range(len(self.rows)), key=self.rows.__getitem__))
+
+    def of(self, column: Sequence[Any]) -> Any:
+        """Return what the column holds in these rows: a list, or a view of an array."""
+        if isinstance(column, memoryview):
+            return np.asarray(column)[self.array].data
+        return list(self._pick(column))
+
+    def copy(self, source: list[Any], target: list[Any]) -> None:
+        """Set one column to the values of another in these rows."""
+        if len(target) == len(self.rows):
+            target[:] = source
+        else:
+            self.write(target, self.of(source))
+
+    def write(self, column: list[Any], values: Sequence[Any]) -> None:
+        """Set the column in these rows."""
+        if len(column) == len(self.rows):
+            column[:] = self._inverse(values)
+        else:
+            for row, value in zip(self.rows, values, strict=True):
+                column[row] = value
+
+
+def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
+    """Return the function that picks what is at these places of a list."""
+    return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]
