@@ -4,13 +4,18 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test check bench figures format clean
+.PHONY: demo test test-torch check bench figures format clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gamms demo
 
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal
+
+# Batches in arrays of PyTorch, and of the strict library of the array API: on the CPU.
+test-torch: $(VENV)/.dev
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch]' array-api-strict
+	$(BIN)/python -m pytest -q tests/batch/test_array_libraries.py
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

@@ -23,7 +23,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rules as rules
     from gamms import scenario as scenario, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
-    from gamms.game.batch import array_strategy
+    from gamms.game.batch import array_strategy, portable_form
     from gamms.typing import logger
 
 __version__ = "2.0.0.dev0"
@@ -37,6 +37,7 @@ __all__ = [
     "graph",
     "logger",
     "memory",
+    "portable_form",
     "sensor",
     "typing",
     "visual",
@@ -61,7 +62,7 @@ _MODULES = {
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),
-    "array_strategy": "gamms.game.batch",
+    **dict.fromkeys(("array_strategy", "portable_form"), "gamms.game.batch"),
     "logger": "gamms.typing",
 }
 

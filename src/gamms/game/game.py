@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable
 from time import perf_counter
+from types import ModuleType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from gamms import kernels
@@ -390,7 +391,14 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def batch(
-        self, num_games: int | None = None, *, seed: int = 0, seeds: Iterable[int] | None = None, record: bool = False
+        self,
+        num_games: int | None = None,
+        *,
+        seed: int = 0,
+        seeds: Iterable[int] | None = None,
+        record: bool = False,
+        xp: ModuleType | None = None,
+        device: object = None,
     ) -> "Batch":
         """Return many games that go on from here, each with another seed: game i is that of `reset(seed=seeds[i])`.
 
@@ -401,15 +409,19 @@ class Game(RuleVerbs):
             seed: of the first game; those of the others follow.
             seeds: of each game, instead of both.
             record: keep the actions that are given to `step`.
+            xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
+            device: where it keeps them, such as "cuda"; None: its default.
 
         Raises:
-            BadType, BadValue: there is no game, or a seed is no integer.
+            BadType, BadValue: there is no game, a seed is no integer, or no such library or device is there.
+            MissingExtra: array-api-compat is not installed, which `xp` needs.
             SnapshotError: a turn is being played.
         """
         from gamms.game.batch.games import Batch, BatchSource, as_seeds  # which few programs need
+        from gamms.game.batch.libraries import as_library
 
-        chosen = as_seeds(num_games, seed, seeds)
-        return Batch(BatchSource(self.fork(0), None, None, None), chosen, record=record)
+        chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
+        return Batch(BatchSource(self.fork(0), None, None, None), chosen, record=record, library=library)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -14,12 +14,14 @@ from gamms.agent import BaseAgent
 from gamms.arguments import as_choice, as_flag, as_int, as_key, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
+from gamms.game.batch.device import DeviceTurn
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.turn import ArrayTurn
 from gamms.graph import Graph
 from gamms.ir.graph import GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays
+from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays, may_conflict
 from gamms.text import as_code, shown, shown_as_called
 from gamms.typing.game import EdgePlace, Move
 
@@ -131,6 +133,12 @@ class Conflicts:
             limits = turn.shared(("capacity", id(known)), lambda: (known, known.rows(turn.streets.columns)))[1]
             moves.stop_overflow(limits)
         return moves.stays
+
+    def array_trigger(self, turn: DeviceTurn) -> Tensor:
+        """Return in which games of a batch on a device agents may be in the way of others, (games,)."""
+        known = self._limits
+        least = UNLIMITED if known is None else int(known.rows(turn.streets.columns).min(initial=UNLIMITED))
+        return may_conflict(turn, least, per_team=self._per_team, swaps=not self.allow_swaps)
 
     def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Return which moves, by index, can decide which agents stay; `resolve` answers the same for these alone.

@@ -3,12 +3,14 @@
 Where agents go one edge a turn at most, the moments of a turn are 0 and 1; `_met_on_paths` is for all others.
 """
 
-from collections.abc import Iterator
+from collections.abc import Hashable, Iterator
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms import kernels
+from gamms.game.batch.device import DeviceTurn
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Paths
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.streets import Streets
@@ -50,6 +52,29 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
     order = np.lexsort((on_edge, draws, far, times, at))
     order = order[(a != b)[order]]
     return ArrayContacts(*(part[order] for part in (at, a, b, *parts[6:])))
+
+
+def may_meet(us: Hashable, them: Hashable, nearness: Nearness, turn: DeviceTurn) -> Tensor:
+    """Return in which games of a turn without an order of play agents of two teams may be in contact, (games,).
+
+    Nearness counts on one node, or in a straight line.
+    """
+    ours, theirs = (np.flatnonzero(turn.roster.plays_for([team])) for team in (us, them))
+    node, other = turn.of(turn.node, ours), turn.of(turn.node, theirs)
+    if nearness.unit is None:
+        near = node[:, :, None] == other[:, None, :]
+    else:
+        x, y = turn.streets.x, turn.streets.y
+        dx, dy = x[node][:, :, None] - x[other][:, None, :], y[node][:, :, None] - y[other][:, None, :]
+        near = dx * dx + dy * dy <= nearness.limit * nearness.limit
+    if nearness.crossing:
+        starts, ends = turn.of(turn.starts, ours), turn.of(turn.ends, ours)
+        crossed = starts[:, :, None] == turn.of(turn.ends, theirs)[:, None, :]
+        crossed = crossed & (ends[:, :, None] == turn.of(turn.starts, theirs)[:, None, :])
+        near = near | (crossed & (starts != ends)[:, :, None])
+    near = near & turn.of(turn.alive, ours)[:, :, None] & turn.of(turn.alive, theirs)[:, None, :]
+    is_other = turn.put(ours[:, None] != theirs)
+    return turn.any_of([turn.xp.any(near & is_other, axis=2)])
 
 
 _Met = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, BoolArray, IntArray, IntArray]

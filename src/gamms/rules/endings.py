@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from enum import IntEnum
+from functools import partial
 from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
 
 import numpy as np
@@ -9,6 +10,8 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_int, as_key
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
+from gamms.game.batch.device import DeviceTurn, in_all_games
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.turn import ArrayTurn, GameArrays, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -49,6 +52,8 @@ class Hooks(TypedDict, total=False):
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[[ArrayTurn], None] | None
     """The same for many games at once; None: a batch plays them one by one."""
+    array_trigger: Callable[[DeviceTurn], Tensor] | None
+    """Says for arrays of any library in which games there may be something to do, (games,); None: in all."""
     array_check: Callable[[ArrayTurn, IntArray], BoolArray]
     """The same as `check` for many games at once: returns which moves to these nodes are refused, (games, agents)."""
     prepare_arrays: Callable[[GameArrays], object]
@@ -145,7 +150,14 @@ def reach(
         ends = [_end_of([one for one, at in there.items() if game in at], winner) for game in ended.tolist()]
         turn.end(ended, [reason for reason, _ in ends], [won for _, won in ends])
 
-    return with_hooks(reach, prepare=prepare, drawer=render_goals, teams=list(goals), array_form=in_arrays)
+    return with_hooks(
+        reach,
+        prepare=prepare,
+        drawer=render_goals,
+        teams=list(goals),
+        array_form=in_arrays,
+        array_trigger=partial(_may_arrive, goals),
+    )
 
 
 @shown_as_called
@@ -175,7 +187,9 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
             winners = _leaders(turn, at) if winner is LEADER else [winner] * len(at)
             turn.end(at, "time limit", winners, truncated=True)
 
-    return with_hooks(time_limit, teams=named, last_turn=last, rank=Rank.END, array_form=in_arrays)
+    return with_hooks(
+        time_limit, teams=named, last_turn=last, rank=Rank.END, array_form=in_arrays, array_trigger=in_all_games
+    )
 
 
 @shown_as_called
@@ -200,7 +214,12 @@ def last_team() -> Rule:
         left = [names[row.argmax()] if row.any() else None for row in alive[at]]
         turn.end(at, "last team", left)
 
-    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays)
+    def may_be_left(turn: DeviceTurn) -> Tensor:
+        playing = [number for number, team in enumerate(turn.roster.teams) if team is not None]
+        living = [turn.of(turn.alive, np.flatnonzero(turn.roster.team_of == number)) for number in playing]
+        return sum((turn.xp.astype(turn.any_of([one]), turn.xp.int64) for one in living), turn.nothing) <= 1
+
+    return with_hooks(last_team, rank=Rank.END, array_form=in_arrays, array_trigger=may_be_left)
 
 
 def as_nodes(given: object, name: str) -> frozenset[int]:
@@ -295,6 +314,21 @@ def _are_starts(turn: ArrayTurn, visits: Visits, team: str) -> BoolArray:
     )
     are_starts: BoolArray = (visits.nodes[:, None] == starts[visits.at]).any(axis=1)
     return are_starts
+
+
+def _may_arrive(goals: Mapping[Any, frozenset[int] | str], turn: DeviceTurn) -> Tensor:
+    """Return in which games of a batch on a device an agent is at a goal of its team, (games,)."""
+    return turn.any_of([_may_be_there(turn, team, goal) for team, goal in goals.items()])
+
+
+def _may_be_there(turn: DeviceTurn, team: Hashable, goal: frozenset[int] | str) -> Tensor:
+    """Return which agents of a team are alive and at its goal, (games, agents of the team)."""
+    members = np.flatnonzero(turn.roster.plays_for([team]))
+    node, alive = turn.of(turn.node, members), turn.of(turn.alive, members)
+    if not isinstance(goal, str):
+        return turn.are_nodes(goal)[node] & alive
+    theirs = np.flatnonzero(turn.roster.plays_for([one for one in turn.roster.teams if str(one) == goal]))
+    return turn.xp.any(node[:, :, None] == turn.start_of(theirs)[:, None, :], axis=2) & alive
 
 
 def _publish(ctx: Context, goals: Mapping[Any, frozenset[int] | str]) -> None:

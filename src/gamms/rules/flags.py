@@ -10,6 +10,8 @@ from gamms.arguments import as_count, as_flag, as_float, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType
 from gamms.game.batch.columns import Roster
+from gamms.game.batch.device import DeviceTurn
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.turn import Arrays, ArrayTurn, GameArrays, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -89,6 +91,7 @@ def capture_flag(
         drawer=FlagsDrawer(game.key, colors),
         key=game.key,
         array_form=in_arrays,
+        array_trigger=game.may_change,
         prepare_arrays=game.prepare_arrays,
     )
 
@@ -115,6 +118,11 @@ class _Flags(NamedTuple):
         if self.announce:
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
+
+    def may_change(self, turn: DeviceTurn) -> Tensor:
+        """Return in which games of a batch on a device a flag is carried, or an agent is at a base, (games,)."""
+        are_carried = turn.put(turn.kept(("capture_flag", self.key))["carriers"] >= 0)
+        return turn.any_of([turn.are_nodes(frozenset(self.bases.values()))[turn.node] & turn.alive, are_carried])
 
     def start_of(self, roster: Roster) -> Callable[[int], Arrays]:
         """Return what makes the state of the rule in many games; see `_FlagsInArrays`."""

@@ -8,6 +8,7 @@ import numpy as np
 from gamms.arguments import as_flag, as_float, as_mapping, as_name
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
+from gamms.game.batch.device import in_all_games
 from gamms.game.batch.turn import ArrayTurn, Emitted
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.rules.endings import Rank, state_of, with_hooks
@@ -67,6 +68,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         rank=Rank.PAYOFFS,
         key=state_key,
         array_form=lambda turn: _pay_in_arrays(turn, state_key, checked, balanced=balanced),
+        array_trigger=in_all_games,
         prepare_arrays=lambda state: state.events.new(state_key),
     )
 

@@ -1,6 +1,7 @@
 """Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says; coming back."""
 
 from collections.abc import Callable, Hashable, Iterable
+from functools import partial
 from typing import Annotated, cast
 
 import numpy as np
@@ -9,9 +10,11 @@ from gamms.agent import BaseAgent
 from gamms.arguments import as_count, as_flag, as_float
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
+from gamms.game.batch.device import DeviceTurn
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.turn import ArrayTurn
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
-from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, one_to_one_in_arrays
+from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, may_meet, one_to_one_in_arrays
 from gamms.rules.endings import Rank, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
@@ -120,6 +123,7 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         drawer=render_tags,
         teams=[side for side in (taggers, tagged) if not callable(side)],
         array_form=in_arrays if has_form else None,
+        array_trigger=partial(may_meet, taggers, tagged, nearness) if nearness.unit in {None, "euclid"} else None,
     )
 
 
@@ -184,4 +188,11 @@ def respawn(
         kept["out"][turn.games] = out
         turn.respawn(at, agents)
 
-    return with_hooks(respawn, teams=named, rank=Rank.RESPAWNS, key=key, array_form=in_arrays)
+    def may_come_back(turn: DeviceTurn) -> Tensor:
+        members = np.flatnonzero(turn.roster.plays_for(those))
+        is_out, known = ~turn.of(turn.alive, members), turn.kept(("respawn", key))
+        return turn.any_of([is_out | turn.put(known["out"][:, members] >= 0) if known else is_out])
+
+    return with_hooks(
+        respawn, teams=named, rank=Rank.RESPAWNS, key=key, array_form=in_arrays, array_trigger=may_come_back
+    )

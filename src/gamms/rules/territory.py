@@ -9,6 +9,7 @@ import numpy as np
 from gamms.arguments import as_choice, as_int, as_name
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.device import in_all_games
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
 from gamms.rules.endings import with_hooks
@@ -109,7 +110,13 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         if fact not in turn.facts:
             turn.publish(fact, territory)
 
-    return with_hooks(published, prepare=prepare, drawer=TerritoryDrawer(fact, colors), array_form=in_arrays)
+    return with_hooks(
+        published,
+        prepare=prepare,
+        drawer=TerritoryDrawer(fact, colors),
+        array_form=in_arrays,
+        array_trigger=in_all_games,
+    )
 
 
 class Ground(NamedTuple):

@@ -3,12 +3,14 @@
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, partial
+from types import ModuleType
 from typing import Any
 
 from gamms.arguments import as_bool, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
 from gamms.game.batch.games import Batch, BatchSource, as_seeds
+from gamms.game.batch.libraries import as_library
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Recording
@@ -230,6 +232,8 @@ class Scenario:
         strategies: Strategies | None = None,
         record: bool = False,
         one_by_one: bool = False,
+        xp: ModuleType | None = None,
+        device: object = None,
     ) -> Batch:
         """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
 
@@ -243,13 +247,16 @@ class Scenario:
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
             one_by_one: play them so also where they could be played in arrays, as `batch.context` needs.
+            xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
+            device: where it keeps them, such as "cuda"; None: its default.
 
         Raises:
             ScenarioError: something cannot be done as it is written.
-            BadType, BadValue: there is no game, or a seed is no integer.
+            BadType, BadValue: there is no game, a seed is no integer, or no such library or device is there.
+            MissingExtra: array-api-compat is not installed, which `xp` needs.
             TooLarge: the games would not fit into memory; the message says what they need.
         """
-        chosen = as_seeds(num_games, seed, seeds)
+        chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
         values = [code.path for code in code_in(self.spec) if code.what == "value" and code.keys[0] != "map"]
         reason = f"{values[0]}, which a function makes for each game" if values else None
         reason = "one_by_one=True" if as_bool(one_by_one, "one_by_one") else reason
@@ -258,7 +265,7 @@ class Scenario:
         build = partial(self.build, strategies=strategies)
         try:
             source = BatchSource(ctx.game, partial(starts, ctx, self.spec) if are_drawn else None, reason, build)
-            return Batch(source, chosen, record=record)
+            return Batch(source, chosen, record=record, library=library)
         except BaseException:
             ctx.terminate()
             raise

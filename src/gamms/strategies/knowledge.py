@@ -18,7 +18,15 @@ from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.sight import Seen
-from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, ArrayView
+from gamms.game.batch.view import (
+    IS_BLIND,
+    IS_LEGAL,
+    MAY_SKIP,
+    ONE_EDGE,
+    PORTABLE,
+    ArrayStrategy,
+    ArrayView,
+)
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -358,6 +366,7 @@ def offer_form(
     looks: bool = False,
     may_skip: bool | None = None,
     one_edge: bool = False,
+    portable: Callable[..., Any] | None = None,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
 
@@ -369,6 +378,7 @@ def offer_form(
         looks: whether it asks what sensors show, besides its parts.
         may_skip: whether it may set no action; None: where one of its parts may.
         one_edge: whether it is for agents without speeds.
+        portable: the form for other array libraries, called alike; None: there is none. Its actions are legal.
     """
     forms = [getattr(part, "array_form", None) for part in parts]
     if None in forms:
@@ -378,6 +388,10 @@ def offer_form(
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
     setattr(made, ONE_EDGE, one_edge or any(getattr(one, ONE_EDGE, False) for one in forms))
+    others = [getattr(one, PORTABLE, None) for one in forms]
+    if portable is not None and None not in others:
+        setattr(made, PORTABLE, partial(portable, *values, *others))
+        setattr(getattr(made, PORTABLE), IS_LEGAL, True)
     strategy.__dict__["array_form"] = made
 
 

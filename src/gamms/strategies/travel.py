@@ -69,15 +69,16 @@ def random_walk(state: State | AerialState) -> None:
 
 
 def _stay_in_arrays(view: ArrayView) -> IntArray:
-    return np.zeros_like(view.node)
+    actions: IntArray = view.xp.zeros_like(view.node)
+    return actions
 
 
 def _walk_in_arrays(view: ArrayView) -> IntArray:
     return view.draw.below(view.counts)
 
 
-offer_form(stay, _stay_in_arrays)
-offer_form(random_walk, _walk_in_arrays)
+offer_form(stay, _stay_in_arrays, portable=_stay_in_arrays)
+offer_form(random_walk, _walk_in_arrays, portable=_walk_in_arrays)
 
 
 @shown_as_called

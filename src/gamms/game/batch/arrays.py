@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.movement import movement_of, why_not_moved
+from gamms.game.batch.movement import Movement, movement_of, why_not_moved
 from gamms.game.batch.sight import why_not_seen
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays, TurnPart
 from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, ArrayView
@@ -24,7 +24,7 @@ from gamms.typing import IAgent
 _FORM, _CHECK = "array_form", "array_check"  # the attributes of rules, strategies and resolvers
 
 
-class _Group(NamedTuple):
+class Group(NamedTuple):
     """Agents that one strategy decides for."""
 
     name: str
@@ -47,7 +47,7 @@ class ArrayEngine:
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray) -> None:
         self._game = game
         roster, movement = Roster.of(game.agents), movement_of(game)
-        self.state = GameArrays(roster, movement, seeds, movement.streets.rows(start))
+        self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
         self._last: int | None = settings["max_turns"]
         self._groups = _groups(roster)
@@ -62,6 +62,9 @@ class ArrayEngine:
         self._conflicts = _form_of(settings["conflicts"])
         self._checks = [getattr(one.rule, _CHECK) for one in game.rules if hasattr(one.rule, "check")]
         self._publish_facts(game.facts)
+
+    def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
+        return GameArrays(roster, movement, seeds, start)
 
     def _publish_facts(self, facts: Mapping[str, Any]) -> None:
         self.state.facts.update(facts)
@@ -275,7 +278,7 @@ def _form_of(function: object) -> Any:
     return getattr(function, _FORM, None)
 
 
-def _groups(roster: Roster) -> list[_Group]:
+def _groups(roster: Roster) -> list[Group]:
     """Return the strategies of agents, each with all agents that have the same."""
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
@@ -284,7 +287,7 @@ def _groups(roster: Roster) -> list[_Group]:
     groups = []
     for numbers in found.values():
         strategy = roster.agents[numbers[0]].strategy
-        groups.append(_Group(as_code(strategy), np.array(numbers), _form_of(strategy)))
+        groups.append(Group(as_code(strategy), np.array(numbers), _form_of(strategy)))
     return groups
 
 

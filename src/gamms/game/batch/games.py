@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
@@ -10,6 +10,9 @@ from gamms.arguments import as_bool, as_count, as_int, as_items, as_mapping, as_
 from gamms.errors import BadValue
 from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.device import DeviceEngine, engine_for
+from gamms.game.batch.device_view import DeviceView, moved
+from gamms.game.batch.libraries import ArrayLibrary
 from gamms.game.batch.one_by_one import OneByOneEngine, acting
 from gamms.game.batch.view import ArrayView
 from gamms.game.result import Result
@@ -19,6 +22,7 @@ from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
 from gamms.text import shown
 
+T = TypeVar("T")
 _BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
 _BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
 _BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
@@ -48,20 +52,25 @@ class Batch:
 
     Attributes:
         seeds: of the games, (games,).
-        slow: what has no array form, in words; None: the games are played in arrays.
+        slow: what has no array form, or on a device is played in NumPy, in words; None: nothing.
+        library: which has the arrays of the batch, and on which device; None: NumPy.
     """
 
-    def __init__(self, source: BatchSource, seeds: Sequence[int], *, record: bool = False) -> None:
-        self._source, self.seeds = source, seeds
+    def __init__(
+        self, source: BatchSource, seeds: Sequence[int], *, record: bool = False, library: ArrayLibrary | None = None
+    ) -> None:
+        self._source, self.seeds, self.library = source, seeds, library
         self.slow = source.follows_seed or why_not_in_arrays(source.game)
         self._roster = Roster.of(source.game.agents)
         self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
         self.seeds = tuple(seeds)
         self._engine: ArrayEngine | OneByOneEngine
-        if self.slow is None:
+        if self.slow is not None:
+            self._engine = OneByOneEngine(source.game, self._roster, seeds)
+        elif library is None:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))
         else:
-            self._engine = OneByOneEngine(source.game, self._roster, seeds)
+            self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds))
         self._log: list[dict[Hashable, IntArray]] | None = [] if as_bool(record, "record") else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when each game began
         self._was_given = False  # whether actions came from outside and were not kept
@@ -71,8 +80,10 @@ class Batch:
 
     def __repr__(self) -> str:
         """Show how many games there are, and how many are over."""
-        how = "in arrays" if self.slow is None else f"one by one, because of {self.slow}"
-        return f"Batch({len(self)} games, {int(self.is_over.sum())} over, played {how})"
+        how = f"one by one, because of {self.slow}" if self._is_one_by_one else "in arrays"
+        if self.library is not None:
+            how += f" of {self.library}"
+        return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, played {how})"
 
     def __enter__(self) -> Self:
         return self
@@ -102,14 +113,23 @@ class Batch:
         given = dict(as_mapping({} if actions is None else actions, "actions"))
         for team in given:
             self._roster.members(team)
-        if self.slow is not None:
+        if self._is_one_by_one:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
-        self._engine.step(given)
+        if self.library is None:
+            kept = {team: np.array(values) for team, values in given.items()} if self._log is not None else {}
+            self._engine.step(given)
+        else:
+            kept = {team: self.library.own(values, f"Actions of team {team!r}") for team, values in given.items()}
+            is_there = isinstance(self._engine, DeviceEngine)
+            self._engine.step(kept if is_there else {team: self.library.get(one) for team, one in kept.items()})
+            kept = {
+                team: self.library.xp.asarray(one, copy=True) for team, one in kept.items() if self._log is not None
+            }
         if given and self._log is None:
             self._was_given = True
         if self._log is not None:
-            self._log.append({team: np.array(values) for team, values in given.items()})
-        return ~self.is_over
+            self._log.append(kept)
+        return self._put(~self._engine.is_over)
 
     def run(self, progress: bool = False) -> None:
         """Play all games to their ends.
@@ -127,20 +147,21 @@ class Batch:
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if progress else None)
                 return
-            while not self.is_over.all():
+            while not self._engine.is_over.all():
                 self.step()
                 if progress:
-                    show(f"{int(self.is_over.sum())} of {len(self)} games over, turn {int(self.turn.max())}")
+                    over = int(self._engine.is_over.sum())
+                    show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 
     def _run_one_by_one(self, engine: OneByOneEngine, show: Callable[[str], object] | None) -> None:
         self._source.game.ctx.logger.info(f"A batch is played one game after the other, because of {self.slow}.")
-        before = self.turn
+        before = engine.turns()
         for game in np.flatnonzero(~engine.is_over).tolist():
             engine.run(game)
             if show is not None:
                 show(f"game {game + 1} of {len(self)}")
         if self._log is not None:
-            self._log += [{}] * int((self.turn - before).max())
+            self._log += [{}] * int((engine.turns() - before).max())
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
         """Begin games again.
@@ -179,32 +200,33 @@ class Batch:
             UnknownName (KeyError): no agent plays for it.
         """
         self._roster.members(team)
-        return self._engine.view(team)
+        view = self._engine.view(team)
+        return view if self.library is None or isinstance(view, DeviceView) else moved(view, self.library)
 
     @property
     def turn(self) -> IntArray:
         """How many turns were played, (games,)."""
-        return self._engine.turns()
+        return self._put(self._engine.turns())
 
     @property
     def scores(self) -> dict[Any, Any]:
         """The scores: key -> (games,) numbers."""
-        return self._engine.scores()
+        return {key: self._put(numbers) for key, numbers in self._engine.scores().items()}
 
     @property
     def is_over(self) -> BoolArray:
         """Which games have ended, (games,)."""
-        return self._engine.is_over
+        return self._put(self._engine.is_over)
 
     @property
     def terminated(self) -> BoolArray:
         """Which games were ended by what happened in them, (games,)."""
-        return np.array([over is not None and not over["truncated"] for over in self._engine.overs()])
+        return self._put(np.array([over is not None and not over["truncated"] for over in self._engine.overs()]))
 
     @property
     def truncated(self) -> BoolArray:
         """Which games were ended because the time was up, (games,)."""
-        return np.array([over is not None and over["truncated"] for over in self._engine.overs()])
+        return self._put(np.array([over is not None and over["truncated"] for over in self._engine.overs()]))
 
     def result(self, game: int) -> Result:
         """Return the result of a game so far; its timings are 0."""
@@ -213,11 +235,11 @@ class Batch:
     def table(self) -> dict[str, Any]:
         """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score."""
         overs = [over or {} for over in self._engine.overs()]
-        columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self.turn}
+        columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
         columns["winner"] = np.array([over.get("winner") for over in overs], object)
         columns["truncated"] = np.array([over.get("truncated", True) for over in overs])
-        return columns | {f"score.{key}": numbers for key, numbers in sorted(self.scores.items(), key=str)}
+        return columns | {f"score.{key}": numbers for key, numbers in sorted(self._engine.scores().items(), key=str)}
 
     def record(self, game: int, path: str | os.PathLike[str]) -> None:
         """Write a recording of a game as far as it was played, as `scenario.play(seed=…, record=path)` does.
@@ -233,11 +255,13 @@ class Batch:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
         if self._was_given:
             raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
-        turns = int(self.turn[number])
+        turns = int(self._engine.turns()[number])
         with self._source.build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
             for turn in range(turns):
                 given = {} if self._log is None else self._log[self._begun[number] + turn]
+                if self.library is not None:
+                    given = {team: self.library.get(actions) for team, actions in given.items()}
                 with acting(ctx.game, self._roster, given, number):
                     ctx.game.step()
 
@@ -251,6 +275,15 @@ class Batch:
         if isinstance(self._engine, ArrayEngine):
             raise BadValue("Games in arrays have no context: make the batch with one_by_one=True.")
         return self._engine.load(number).ctx
+
+    @property
+    def _is_one_by_one(self) -> bool:
+        return isinstance(self._engine, OneByOneEngine)
+
+    def _put(self, array: T) -> T:
+        """Return an array of the host as one of the library of the batch."""
+        there: T = array if self.library is None else self.library.put(array)
+        return there
 
     # -- inside -------------------------------------------------------------------------------------------------
 

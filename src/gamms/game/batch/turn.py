@@ -149,7 +149,8 @@ class GameArrays:
         games, shape = len(seeds), (len(seeds), len(roster.names))
         movement.begin(shape)
         self.start = start
-        self.node, self.alive = start.copy(), np.ones(shape, np.bool_)
+        self.node = start.copy()
+        self.alive: BoolArray = np.ones(shape, np.bool_)
         self.last_moves = start.copy(), start.copy(), np.zeros(shape, np.bool_)
         self.last_paths: Paths | None = None
         self.turn = np.zeros(games, np.int64)

@@ -26,7 +26,23 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
 ONE_EDGE = "one_edge"  # an attribute of forms of strategies that differ where agents have speeds
+PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
+IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
 MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
+
+
+def portable_form(form: ArrayStrategy) -> ArrayStrategy:
+    """Decorator: let the array form of a strategy play batches of any array library and device.
+
+    It gets views whose arrays are of that library, `view.xp`, and returns such actions; else they would be NumPy's.
+
+    Raises:
+        BadType: it cannot be called.
+    """
+    if not callable(form):
+        raise BadType(f"portable_form needs a function of a view, not {shown(form)}.")
+    form.__dict__[PORTABLE] = form
+    return form
 
 
 class ViewDraws(ArrayDraws):
@@ -165,6 +181,15 @@ class ArrayView(Mapping[str, Any]):
         narrowed.draw = self.draw.only(narrowed.mask)
         return narrowed
 
+    @property
+    def xp(self) -> Any:
+        """The functions of the array library of the view, as the array API names them: NumPy's."""
+        return np
+
+    def sees(self, *names: str) -> BoolArray:
+        """Return who sees whom, (games, agents, all agents); see `seen`."""
+        return self.seen(*names).mask
+
     def seen(self, *names: str) -> Seen:
         """Return which agents the sensors show, of kinds that show agents, to those in the mask; no agent sees itself.
 
@@ -294,12 +319,12 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "edge": lambda view: view.places().edge,
     "offset_m": lambda view: view.places().offset_m,
     "xy": lambda view: view.places().xy,
-    "legal": ArrayView._legal,
+    "legal": lambda view: view._legal(),
     "mask": lambda view: view.mask,
     "name": ArrayView._names,
     "team": ArrayView._teams,
     "turn": lambda view: view.turn,
     "draw": lambda view: view.draw,
     "facts": lambda view: view._state.facts,
-    "sensor": ArrayView._sensors,
+    "sensor": lambda view: view._sensors(),
 }

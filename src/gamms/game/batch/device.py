@@ -1,0 +1,409 @@
+"""Plays all games of a batch with where agents are, and what they decide, in arrays of another library on a device.
+
+What each game is apart from that (its turn, scores, events, what rules remember) stays in NumPy on the host. A rule may
+say, in its attribute `array_trigger`, in which games it may have something to do: only these are read, and the array
+form of the rule, in NumPy, is called for them alone. All arrays on the device have the axis of all games, so that their
+shapes never change; games that are over are masked.
+"""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gamms.game.batch.arrays import ArrayEngine, Group
+from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
+from gamms.game.batch.libraries import ArrayLibrary, Tensor
+from gamms.game.batch.movement import Movement
+from gamms.game.batch.turn import ArrayTurn, GameArrays
+from gamms.game.batch.view import IS_LEGAL, PORTABLE, ArrayView
+from gamms.game.settings import NamedRule
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels import as_signed
+from gamms.text import as_code
+from gamms.typing import AgentType
+
+TRIGGER = "array_trigger"
+"""An attribute of rules and conflicts: a function of a `DeviceTurn` that returns the games in which there may be
+something to do, (games,) on the device; or None: all games, of whose agents nothing is read."""
+
+_COLUMNS = ("node", "starts", "ends", "alive", "took_part")
+
+
+class DeviceGames(GameArrays):
+    """The state of all games of a batch: of the agents on a device, of all else on the host.
+
+    Attributes:
+        library: which keeps the arrays on the device.
+        there: the columns on the device, (games, agents) each, by name: `node`, `alive`, and of the last turn `starts`,
+            `ends`, `took_part`; `moves` counts, `keys` are those of draws.
+        turn_there: (games,) on the device, how many turns were played.
+    """
+
+    def __init__(
+        self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray, library: ArrayLibrary
+    ) -> None:
+        self.library, self.there = library, dict[str, Tensor]()
+        self._node: IntArray
+        self._alive: BoolArray
+        self._is_old = False  # whether the device knows more than the host
+        super().__init__(roster, movement, seeds, start)
+        self.streets_there = DeviceStreets(movement.streets, library)
+        self.seeds_there: IntArray = np.array(seeds)
+        self.upload()
+
+    def upload(self) -> None:
+        """Put where agents are, as the host knows it, on the device."""
+        put = self.library.put
+        self.there = dict(
+            zip(_COLUMNS, map(put, (self._node, *self.last_moves[:2], self._alive, self.last_moves[2])), strict=True)
+        )
+        self.there |= {"moves": put(self.counts["moves"]), "keys": put(as_signed(self.draw_keys()))}
+        self.turn_there, self.seeds_there = put(self.turn), np.array(self.seeds)
+        self._is_old = False
+
+    def download(self) -> None:
+        """Read where agents are."""
+        if self._is_old:
+            self._is_old, get = False, self.library.get
+            self._node, self._alive, moves = (np.array(get(self.there[name])) for name in ("node", "alive", "moves"))
+            self.counts["moves"] = moves
+
+    @property
+    def node(self) -> IntArray:
+        """Where the agents are, read from the device."""
+        self.download()
+        return self._node
+
+    @node.setter
+    def node(self, rows: IntArray) -> None:
+        self._node = rows
+
+    @property
+    def alive(self) -> BoolArray:
+        """Which agents are alive, read from the device."""
+        self.download()
+        return self._alive
+
+    @alive.setter
+    def alive(self, are: BoolArray) -> None:
+        self._alive = are
+
+    @property
+    def everyone(self) -> tuple[Tensor, Tensor]:
+        """The nodes of all agents on the device, and who is alive."""
+        return self.there["node"], self.there["alive"]
+
+    def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
+        """Begin some games again."""
+        self.download()
+        kept = {key: self.kept.pop(key) for key in [*self.kept] if isinstance(key, tuple) and key[0] == "on a device"}
+        makers = {key: self._makers.pop(key) for key in kept}
+        super().reset(games, seeds, start)
+        are_new = np.isin(np.arange(len(self)), games)
+        for key, columns in kept.items():
+            for name, fresh in makers[key](len(self)).items():
+                which = self.library.put(are_new.reshape((-1, *[1] * (fresh.ndim - 1))))
+                columns[name] = self.library.xp.where(which, fresh, columns[name])
+        self.kept |= kept
+        self._makers |= makers
+        self.upload()
+
+    def move(self, ends: Tensor, playing: BoolArray) -> None:
+        """Move all agents on the device, in the games that are played."""
+        now, xp = self.there, self.library.xp
+        self.there = now | {
+            "starts": now["node"], "ends": ends, "node": ends, "took_part": now["alive"],
+            "moves": now["moves"] + xp.astype(ends != now["node"], xp.int64),
+        }  # fmt: skip
+        self.turn[playing] += 1
+        self.turn_there = self.turn_there + (1 if playing.all() else self.library.put(playing.astype(np.int64)))
+        self._is_old = True
+        self.now.clear()
+
+    def rows(self, games: IntArray, names: Sequence[str]) -> list[np.ndarray[Any, Any]]:
+        """Read columns of some games, all at once."""
+        xp, every = self.library.xp, len(games) == len(self)
+        columns = xp.stack([xp.astype(self.there[name], xp.int64) for name in names])
+        some = columns if every else xp.take(columns, self.library.put(games), axis=1)
+        return list(self.library.get(some))
+
+    def write(self, games: IntArray, **columns: np.ndarray[Any, Any]) -> None:
+        """Write rows of columns, (games, agents), of some games."""
+        xp, put = self.library.xp, self.library.put
+        places = np.arange(len(self))
+        places[games] = len(self) + np.arange(len(games))
+        where = put(places)
+        for name, rows in columns.items():
+            both = xp.concat((self.there[name], put(rows)))
+            self.there[name] = xp.take(both, where, axis=0)
+        self._is_old = True
+        self.now.clear()
+
+
+class HostTurn(ArrayTurn):
+    """The turn of some games in NumPy, for rules: where agents are is read from the device when it is asked for."""
+
+    _state: DeviceGames
+
+    def __init__(self, state: DeviceGames, games: IntArray, *, before_moves: bool = False) -> None:
+        self._state, self.games, self._before_moves = state, games, before_moves
+        self.roster, self.streets = state.roster, state.streets
+        self.paths = self._played = None
+        self.turn, self.seeds = state.turn[games], state.seeds_there[games]
+        self._before: tuple[IntArray, BoolArray] | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        if name not in _COLUMNS:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        self.node, self.starts, self.ends, alive, took_part = self._state.rows(self.games, _COLUMNS)
+        self.alive, self.took_part = alive != 0, took_part != 0
+        self.node = self.node.copy()
+        if self._before_moves:
+            self.starts = self.ends = self.node
+            self.took_part = self.alive
+        self._before = self.node.copy(), self.alive.copy()
+        return self.__dict__[name]
+
+    def close(self) -> None:
+        """Write what has changed to the device."""
+        if self._before is not None:
+            node, alive = self._before
+            changed = np.flatnonzero(((self.node != node) | (self.alive != alive)).any(axis=1))
+            if len(changed):
+                self._state.write(self.games[changed], node=self.node[changed], alive=self.alive[changed])
+
+
+class DeviceTurn:
+    """What a trigger gets: a turn of all games, in arrays (games, agents) on the device.
+
+    Attributes:
+        xp: the functions of the library.
+        put: puts an array of NumPy on the device.
+        roster: the agents, in the order of their names.
+        streets: the graph, on the device.
+        node, starts, ends, alive, took_part: see `ArrayTurn`.
+    """
+
+    node: Tensor
+    starts: Tensor
+    ends: Tensor
+    alive: Tensor
+    took_part: Tensor
+
+    def __init__(self, state: DeviceGames, **columns: Tensor) -> None:
+        self._state, self.xp, self.put = state, state.library.xp, state.library.put
+        self.roster, self.streets = state.roster, state.streets_there
+        self.__dict__.update({name: state.there[name] for name in _COLUMNS} | columns)
+
+    def of(self, column: Tensor, agents: IntArray) -> Tensor:
+        """Return the columns of some agents, (games, agents)."""
+        return columns_of(column, agents, self._state.library)
+
+    @property
+    def nothing(self) -> Tensor:
+        """Zeros, (games,)."""
+        return self.xp.zeros(len(self._state), dtype=self.xp.int64, device=self._state.library.device)
+
+    def any_of(self, found: Sequence[Tensor]) -> Tensor:
+        """Return in which games something is true, of arrays (games, any number)."""
+        return self.xp.any(self.xp.concat((*found, self.nothing[:, None] > 0), axis=1), axis=1)
+
+    def are_nodes(self, ids: frozenset[int]) -> Tensor:
+        """Return which nodes are among those of these ids, (nodes,)."""
+        return self.shared(("nodes", ids), lambda: np.isin(self.streets.columns.node_ids, sorted(ids)))
+
+    def shared(self, key: Hashable, make: Callable[[], np.ndarray[Any, Any]]) -> Tensor:
+        """Return on the device what `make()` gives, in NumPy, at the first call."""
+        known, there = self._state.shared, ("on a device", key)
+        if there not in known:
+            known[there] = self.put(make())
+        return known[there]
+
+    def kept(self, key: Hashable) -> Mapping[str, np.ndarray[Any, Any]]:
+        """Return what a rule remembers, in NumPy; nothing before it was called."""
+        return self._state.kept.get(key, {})
+
+    def start_of(self, agents: IntArray) -> Tensor:
+        """Return where agents began, (games, agents)."""
+        return self.put(self._state.start[:, agents])
+
+
+class DeviceEngine(ArrayEngine):
+    """Plays the games of a batch in arrays on a device; see `ArrayEngine`."""
+
+    state: DeviceGames
+
+    def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, library: ArrayLibrary) -> None:
+        self.library = library
+        super().__init__(game, seeds, start)
+        self._resolver = game.settings()["conflicts"]
+        self._orders: dict[tuple[bytes, ...], Tensor] = {}
+
+    def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
+        return DeviceGames(roster, movement, seeds, start, self.library)
+
+    def step(self, given: Mapping[Hashable, Any]) -> None:
+        """Play one turn of all games that are not over."""
+        for named, form in self._rules["before"]:
+            self._play(named, form, ~self.is_over)
+        state, playing = self.state, ~self.is_over
+        if not playing.any():
+            return
+        mask = only_playing(state.there["alive"], playing, self.library)
+        actions = self._actions(mask, given)
+        node = state.there["node"]
+        ends = state.streets_there.step(node, actions)
+        state.move(self._unopposed(playing, node, ends), playing)
+        for named, form in self._rules["after"]:
+            self._play(named, form, playing)
+
+    def _actions(self, mask: Tensor, given: Mapping[Hashable, Any]) -> Tensor:
+        """Return what all agents do, (games, agents)."""
+        roster, xp, library = self.state.roster, self.library.xp, self.library
+        taken = np.zeros(len(roster.names), np.bool_)
+        parts: list[tuple[IntArray, Tensor]] = []
+        for team, wanted in given.items():
+            agents = roster.members(team)
+            parts.append((agents, self._view(agents, mask).checked(wanted, f"team {team!r}")))
+            taken[agents] = True
+        for group in self._groups:
+            agents = group.agents[~taken[group.agents]]
+            if len(agents):
+                parts.append((agents, self._asked(group, agents, mask)))
+                taken[agents] = True
+        if not taken.all():
+            shape = len(self.state), int((~taken).sum())
+            idle = xp.zeros(shape, dtype=xp.int64, device=library.device)
+            parts.append((np.flatnonzero(~taken), idle))
+        if len(parts) == 1:
+            return parts[0][1]
+        key = tuple(agents.tobytes() for agents, _ in parts)
+        if key not in self._orders:
+            self._orders[key] = library.put(np.argsort(np.concatenate([agents for agents, _ in parts])))
+        return xp.take(xp.concat([part for _, part in parts], axis=1), self._orders[key], axis=1)
+
+    def _asked(self, group: Group, agents: IntArray, mask: Tensor) -> Tensor:
+        """Return what the strategy of a group decides."""
+        form = getattr(group.form, PORTABLE, None)
+        try:
+            if form is None:
+                return self._asked_on_host(group, agents)
+            view = self._view(agents, mask)
+            actions = form(view)
+            is_legal = getattr(form, IS_LEGAL, False)
+            return view.as_actions(actions, group.name) if is_legal else view.checked(actions, group.name)
+        except Exception as error:
+            error.add_note(f"In the strategy {group.name} of a batch.")
+            raise
+
+    def _asked_on_host(self, group: Group, agents: IntArray) -> Tensor:
+        games = np.flatnonzero(~self.is_over)
+        view = ArrayView(self.state, games, agents)
+        actions = np.zeros((len(self.state), len(agents)), np.int64)
+        actions[games] = view.checked(group.form(view), group.name)
+        return self.library.put(actions)
+
+    def _view(self, agents: IntArray, mask: Tensor) -> DeviceView:
+        state, library = self.state, self.library
+        node, asked, keys = (
+            columns_of(one, agents, library) for one in (state.there["node"], mask, state.there["keys"])
+        )
+        return DeviceView(state, state.streets_there, agents, node, asked, state.turn_there, keys)
+
+    def _unopposed(self, playing: BoolArray, node: Tensor, wanted: Tensor) -> Tensor:
+        """Return where agents go when those have stayed that checks refuse to move and conflicts stop."""
+        ends, state, xp, put = wanted, self.state, self.library.xp, self.library.put
+        for check in self._checks:
+            games = np.flatnonzero(playing)
+            refused = np.zeros(state.blocked.shape, np.bool_)
+            refused[games] = check(HostTurn(state, games, before_moves=True), self.library.get(wanted)[games])
+            ends = xp.where(put(refused), node, ends)
+        if self._conflicts is not None:
+            found = getattr(self._resolver, TRIGGER)(DeviceTurn(state, ends=ends))
+            games, stops = np.flatnonzero(playing & self.library.get(found)), np.zeros(state.blocked.shape, np.bool_)
+            if len(games):
+                turn, moves = HostTurn(state, games, before_moves=True), xp.take(ends, put(games), axis=0)
+                rows = self.library.get(moves)
+                stops[games] = (rows != turn.node) & self._conflicts(turn, rows)
+                ends = xp.where(put(stops), node, ends)
+            state.blocked[playing] = stops[playing]
+        if ends is not wanted:
+            state.counts["blocked"][playing] += self.library.get(ends != wanted)[playing]
+        return ends
+
+    def _play(self, named: NamedRule, form: Any, playing: BoolArray) -> None:
+        """Let a rule do what it does, in the games in which it may have something to do."""
+        trigger, games = getattr(named.rule, TRIGGER, None), playing
+        found = None if trigger is None else trigger(DeviceTurn(self.state))
+        if found is not None:
+            games = playing & self.library.get(found)
+        chosen = np.flatnonzero(games)
+        if len(chosen):
+            turn = HostTurn(self.state, chosen)
+            try:
+                self._call(named, form, turn)
+            finally:
+                turn.close()
+
+    def view(self, team: Hashable) -> ArrayView:
+        """Return what the agents of a team observe, in all games, on the device."""
+        return self._view(self.state.roster.members(team), self.state.there["alive"])
+
+    def result(self, game: int) -> Any:
+        """Return the result of a game so far."""
+        self.state.download()
+        return super().result(game)
+
+
+def in_all_games(_: DeviceTurn) -> None:
+    """The trigger of a rule that is called for all games, and reads nothing of agents in most turns."""
+
+
+def engine_for(
+    library: ArrayLibrary, game: PlayedGame, seeds: Sequence[int], start: IntArray
+) -> tuple[ArrayEngine, str | None]:
+    """Return what plays a game in arrays of a library, and what is slow there, in words; None: nothing."""
+    why = _why_not_on_device(game)
+    if why is None:
+        return DeviceEngine(game, seeds, start, library), _read_in_each_turn(game, library)
+    slow = None if library.on_host else f"{why}, which NumPy plays: {library} gets copies"
+    return ArrayEngine(game, seeds, start), slow
+
+
+def _why_not_on_device(game: PlayedGame) -> str | None:
+    """Return what of a game that is played in arrays has no form for other libraries, in words; None: all has."""
+    settings = game.settings()
+    conflicts = settings["conflicts"]
+    reasons = [
+        (settings["speed_unit"] != "edges", f"speed_unit={settings['speed_unit']!r}"),
+        (settings["legal"] != "edges", f"legal={settings['legal']!r}"),
+        (settings["order"] is not None and len(settings["order"]) > 1, "an order of play"),
+        (bool(settings["deeds"]), "deeds"),
+        (bool(settings["channels"]), "channels"),
+        (bool(settings["plans"]), "plans of teams"),
+        (any(one.phase not in {"before", "after"} for one in game.rules), "rules of other phases"),
+        (any(agent.type is AgentType.AERIAL or agent.speed is not None for agent in game.agents), "flights or speeds"),
+        (conflicts is not None and not hasattr(conflicts, TRIGGER), f"the conflicts {as_code(conflicts)}"),
+    ]
+    return next((reason for is_there, reason in reasons if is_there), None)
+
+
+def _read_in_each_turn(game: PlayedGame, library: ArrayLibrary) -> str | None:
+    """Return what reads all agents from the device in each turn, in words; None: nothing, or they are on the host."""
+    strategies = [agent.strategy for agent in game.agents if agent.strategy is not None]
+    slow = [f"the strategy {as_code(one)}" for one in strategies if not hasattr(_form_of(one), PORTABLE)]
+    slow += [
+        f"the rule {one.name!r}"
+        for one in game.rules
+        if getattr(one.rule, TRIGGER, None) is None or hasattr(one.rule, "check")
+    ]
+    return (
+        f"{slow[0]}, which is played in NumPy: {library} is read in each turn" if slow and not library.on_host else None
+    )
+
+
+def _form_of(strategy: object) -> Any:
+    return getattr(strategy, "array_form", None)

@@ -1,0 +1,404 @@
+"""What portable forms of strategies get: the views, draws, streets and routes of a batch on a device."""
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadType, BadValue
+from gamms.game.batch.libraries import ArrayLibrary, Tensor
+from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.sight import Lookout, Seen, lookouts
+from gamms.game.batch.turn import Arrays, GameArrays, Places
+from gamms.game.batch.vectors import Vectors
+from gamms.game.batch.view import ArrayView, ViewDraws
+from gamms.game.streets import Streets
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+
+_ALL_AT_FIRST = 1 << 10  # nodes of a map whose routes are all computed when one is asked for
+
+
+class DeviceStreets(Streets):
+    """The streets of a map on a device: `counts`, `offsets`, `targets` and `legal` are arrays there."""
+
+    def __init__(self, streets: Streets, library: ArrayLibrary) -> None:
+        self.__dict__.update(vars(streets))
+        self.host, self.library = streets, library
+        put, ids = library.put, streets.columns.node_ids
+        self.counts, self.offsets, self.targets = map(put, (streets.counts, streets.offsets, streets.targets))
+        self.legal_rows, self._row_ids = put(streets.legal), put(ids)
+        self._sorted = put(np.argsort(ids, kind="stable"))
+        self.x, self.y = map(put, streets.columns.xy.T)
+
+    @property
+    def legal(self) -> Tensor:
+        """The rows of the legal nodes of each node, (nodes, most), behind the last one its own again."""
+        return self.legal_rows
+
+    def ids(self, rows: Tensor) -> Tensor:
+        """Return the ids of nodes."""
+        return self._row_ids[rows]
+
+    def rows(self, ids: Any) -> Tensor:
+        """Return the rows of nodes; of ids that are on the device, -1 for those that are not on the map.
+
+        Raises:
+            UnknownName (KeyError): one that is not on the device is not on the map.
+        """
+        library, nodes = self.library, len(self.columns.node_ids)
+        if not library.is_own(ids):
+            return library.put(self.host.rows(ids))
+        xp = library.xp
+        known = self._row_ids[self._sorted]
+        flat = xp.reshape(ids, (-1,)) + 0  # one after the other in memory, as PyTorch wants it
+        places = xp.searchsorted(known, flat)
+        found = self._sorted[xp.where(places < nodes, places, nodes - 1)]
+        return xp.reshape(xp.where(self._row_ids[found] == flat, found, -1), ids.shape)
+
+    def action_to(self, rows: Tensor, targets: Tensor) -> Tensor:
+        """Return the number of a legal node, by rows; -1 where it is not legal."""
+        xp, most = self.library.xp, self.legal_rows.shape[1]
+        found = xp.full(rows.shape, -1, dtype=xp.int64, device=self.library.device)
+        for number in reversed(range(most)):
+            is_it = (self.targets[self.offsets[rows] + self._at_most(rows, number)] == targets) & (
+                number < self.counts[rows]
+            )
+            found = xp.where(is_it, number, found)
+        return found
+
+    def _at_most(self, rows: Tensor, number: int) -> Tensor:
+        counts = self.counts[rows]
+        return self.library.xp.where(counts > number, number, counts - 1)
+
+
+class DeviceDraws(ViewDraws):
+    """The keyed draws of the agents of a view, as arrays on the device: bits are int64."""
+
+    def __init__(self, first: Tensor, turns: Tensor, xp: Any) -> None:
+        super().__init__(first, turns)
+        self._xp = xp
+
+    def only(self, asked: Tensor) -> "DeviceDraws":
+        """Return draws that count for some agents alone, (games, agents): for the others it is as if nothing drew."""
+        narrowed = DeviceDraws(*self._of, self._xp)
+        narrowed._among = self, asked
+        return narrowed
+
+    def bits_of(self, counted: Tensor) -> Tensor:
+        """Return 64 random bits for each; the next ones are others for those that are counted."""
+        if self._among is not None:
+            return self._among[0].bits_of(counted)
+        if self._keys is None:
+            first, turns = self._of
+            self._keys = kernels.later_keys_signed(first, turns[:, None])
+        more = counted if isinstance(counted, int) else self._xp.astype(counted, self._xp.int64)
+        count, self._count = self._count, self._count + more
+        return kernels.bits_at_signed(self._keys, count)
+
+    def random(self) -> Tensor:
+        """Return a number in [0, 1) for each."""
+        return kernels.fraction_signed(self.bits(), self._xp)
+
+    def below(self, n: Tensor) -> Tensor:
+        """Return an integer from 0 to `n - 1` for each; `n` is one number, or one for each, from 1 to 2 ** 32.
+
+        Raises:
+            BadValue: `n` is one number that is none of these; numbers on the device are not read.
+        """
+        if isinstance(n, int) and not 1 <= n <= 1 << 32:
+            raise BadValue(f"draw.below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
+        return kernels.below_signed(self.bits(), n)
+
+
+class DeviceView(ArrayView):
+    """A view whose arrays are on a device: of all games of a batch, of which those that are over are not in its mask.
+
+    What sensors show and what is published is worked out by NumPy where it has no portable form.
+
+    Args:
+        state: of the batch on the host, which is only asked for what is not here.
+        streets: on the device.
+        agents: (agents,) numbers in the roster.
+        node, alive, keys: (games, agents) on the device: rows of nodes, who is asked, keys of draws.
+        turn: (games,) on the device.
+    """
+
+    streets: DeviceStreets
+
+    def __init__(
+        self, state: GameArrays, streets: DeviceStreets, agents: IntArray, node: Tensor, alive: Tensor, turn: Tensor,
+        keys: Tensor,
+    ) -> None:  # fmt: skip
+        self._state, self.agents, self.roster, self.streets = state, agents, state.roster, streets
+        self.library, self.movement = streets.library, state.movement
+        self.node, self.mask, self.turn = node, alive, turn
+        self._known = dict[str, Tensor]()
+        self.draw = DeviceDraws(keys, turn, self.xp)
+        self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
+
+    @property
+    def counts(self) -> Tensor:
+        """How many nodes are legal for each agent, its own included."""
+        if "counts" not in self._known:
+            self._known["counts"] = self.streets.counts[self.node]
+        return self._known["counts"]
+
+    @property
+    def choices(self) -> Tensor:
+        """What is legal for each agent: the rows of their nodes."""
+        return self.node
+
+    @property
+    def xp(self) -> Any:
+        """The functions of the library, as the array API names them."""
+        return self.library.xp
+
+    @property
+    def games(self) -> Tensor:  # type: ignore[override] # an attribute of views in NumPy
+        """The numbers of the games: all, (games,)."""
+        return self.library.put(np.arange(len(self._state)))
+
+    def on_host(self) -> ArrayView:
+        """Return the view in NumPy, of all games: where agents are on a GPU, they are copied."""
+        return ArrayView(self._state, np.arange(len(self._state)), self.agents)
+
+    def _legal(self) -> Tensor:
+        xp, table = self.xp, self.streets.legal
+        padded = xp.reshape(xp.take(table, xp.reshape(self.node, (-1,)), axis=0), (*self.node.shape, table.shape[1]))
+        is_legal = xp.arange(padded.shape[-1], device=self.library.device) < self.counts[..., None]
+        return xp.where(is_legal, self.streets.ids(padded), -1)
+
+    def places(self) -> Places:
+        """Return where the agents are: in games by metres some may be on edges."""
+        if self._state.places is None:
+            xp, shape, streets = self.xp, self.node.shape, self.streets
+            none = xp.full((*shape, 3), -1, dtype=xp.int64, device=self.library.device)
+            xy = xp.stack((streets.x[self.node], streets.y[self.node]), axis=-1)
+            return Places(none, xp.zeros(shape, dtype=xp.float64, device=self.library.device), xy)
+        return Places(*map(self.library.put, self.on_host().places()))
+
+    def action_to(self, nodes: Any) -> Tensor:
+        """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal or on the map."""
+        rows = self.streets.rows(nodes)
+        return self.streets.action_to(self.node, self.xp.broadcast_to(rows, self.node.shape))
+
+    def towards(self, targets: Tensor, which: Any = np.s_[:, :], allowed: Tensor | None = None) -> Tensor:
+        """Return the actions by which agents go towards nodes, rows of them; -1 where no path leads there.
+
+        Raises:
+            BadValue: `allowed` is given, which only NumPy has.
+        """
+        if allowed is not None:
+            raise BadValue(f"view.towards(allowed=…) is for arrays of NumPy, not for {self.library}.")
+        return self.routes().actions(self.node[which], targets)
+
+    def vector(self, others: int = 4) -> Vectors:
+        """Return what the agents observe as numbers, (games, agents, entries): a vector of one length for each."""
+        found = self.on_host().vector(others)
+        values, mask, legal = map(self.library.put, (found.values, found.mask, found.legal))
+        return Vectors(values, found.names, mask, legal)
+
+    def looked(self, names: tuple[str, ...]) -> Seen:
+        """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
+        return self._put(self.on_host().seen(*names))
+
+    def enemies(self) -> Seen:
+        """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
+        found = self._put(self.on_host().enemies())
+        return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
+
+    def _put(self, found: Seen) -> Seen:
+        shape, *columns = found
+        return Seen(shape, *map(self.library.put, columns))
+
+    @property
+    def blocked(self) -> Tensor:
+        """Which agents conflicts have stopped in the last turn, (games, agents)."""
+        return self.library.put(self._state.blocked[:, self.agents])
+
+    def routes(self, weight: str | None = "length") -> "DeviceRoutes":  # type: ignore[override] # the same in arrays
+        """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`."""
+        shared, key = self._state.shared, ("routes on a device", weight)
+        if key not in shared:
+            shared[key] = DeviceRoutes(self.streets, weight)
+        table: DeviceRoutes = shared[key]
+        return table
+
+    def keep(self, key: Any, make: Callable[[int], Arrays]) -> Arrays:
+        """Return what a strategy remembers of all games of the batch, on the device.
+
+        At first it is what `make(games)` gives, in NumPy; write it as a whole: `kept["x"] = values`.
+        """
+        kept: Arrays = self._state.keep(("on a device", key), lambda games: dict(self._made(make, games)))
+        return kept
+
+    def _made(self, make: Callable[[int], Arrays], games: int) -> Iterable[tuple[str, Tensor]]:
+        return ((name, self.library.put(column)) for name, column in make(games).items())
+
+    def checked(self, given: object, by: str, *, may_aim: bool = False) -> Tensor:  # noqa: ARG002 - none aim here
+        """Return actions as integers (games, agents), 0 for those that are not in the mask.
+
+        Raises:
+            BadType, BadValue: they are no integers, too many or too few, of another library or device, or one is not
+                the number of a legal node.
+        """
+        chosen = self.as_actions(given, by)
+        if bool(self.is_wrong(chosen)):
+            self.library.num_reads += 1
+            host = self.on_host()
+            host.mask = self.library.get(self.mask)
+            host.checked(self.library.get(chosen), by)
+        return chosen
+
+    def is_wrong(self, chosen: Tensor) -> Tensor:
+        """Return whether some of the actions are not numbers of legal nodes, in an array ()."""
+        return self.xp.any((chosen < 0) | (chosen >= self.counts))
+
+    def as_actions(self, given: object, by: str) -> Tensor:
+        """Return actions as integers (games, agents), 0 for those not in the mask; whether they are legal is not asked.
+
+        Raises:
+            BadType, BadValue: they are no integers, too many or too few, or of another library or device.
+        """
+        actions, xp = self.library.own(given, f"{by}: actions"), self.xp
+        if not xp.isdtype(actions.dtype, "integral"):
+            raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.")
+        if tuple(actions.shape) != tuple(self.node.shape):
+            raise BadValue(
+                f"{by}: there is one action for each game and agent, an array {tuple(self.node.shape)}, "
+                f"not one of the shape {tuple(actions.shape)}."
+            )
+        return xp.where(self.mask, xp.astype(actions, xp.int64), 0)
+
+    def sees(self, *names: str) -> Tensor:
+        """Return who sees whom, (games, agents, all agents); see `seen`.
+
+        Sensors that show agents around, with no wall, angle or chance, are asked on the device.
+        """
+        state, key = self._state, ("seen", self.agents.tobytes(), names)
+        if key not in state.shared:
+            state.shared[key] = lookouts(state.roster, self.agents, names)
+        looks, everyone = state.shared[key], getattr(state, "everyone", None)  # where all are on the device
+        if everyone is None or not all(is_portable(one) for one in looks):
+            return self.library.put(self.on_host().seen(*names).mask) & self.mask[:, :, None]
+        return self._around(looks, *everyone) & self.mask[:, :, None]
+
+    def _around(self, looks: list[Lookout], node: Tensor, alive: Tensor) -> Tensor:
+        xp, streets, put = self.xp, self.streets, self.library.put
+        dx = streets.x[node][:, None, :] - streets.x[self.node][:, :, None]
+        dy = streets.y[node][:, None, :] - streets.y[self.node][:, :, None]
+        squares = dx * dx + dy * dy
+        found = xp.zeros(squares.shape, dtype=xp.bool, device=self.library.device)
+        for look, columns, _, others, _ in looks:
+            who = np.zeros((len(self.agents), len(self.roster.names)), np.bool_)
+            who[np.ix_(columns, others)] = True
+            who &= self.agents[:, None] != np.arange(len(self.roster.names))
+            within = put(who)[None, :, :] & alive[:, None, :]
+            found = found | (within if look.radius == np.inf else within & (squares <= look.radius * look.radius))
+        return found
+
+
+def is_portable(one: Lookout) -> bool:
+    """Whether what sensors show can be worked out on a device, with the same result to the bit."""
+    look = one.look
+    plain = look.place is None and look.cone is None and look.hides is None and look.chances is None
+    return plain and (look.radius == np.inf or 1e-150 < look.radius < 1e150)
+
+
+class DeviceRoutes:
+    """How far it is to targets, and which action leads there, on a device: what `RouteTable` knows, as dense tables.
+
+    A table holds all nodes, 10 bytes each, for every target that was asked for.
+    """
+
+    def __init__(self, streets: DeviceStreets, weight: str | None) -> None:
+        self._streets, self._library = streets, streets.library
+        self._host = RouteTable(streets.host, weight)
+        self._nodes = len(streets.columns.node_ids)
+        self._slot_of = np.full(self._nodes, -1, np.int64)
+        self._slots: Tensor = self._library.put(self._slot_of)
+        self._far: Tensor = None
+        self._action: Tensor = None
+        if self._nodes <= _ALL_AT_FIRST:
+            self.learn(np.arange(self._nodes))
+
+    def learn(self, targets: IntArray) -> None:
+        """Compute the tables of targets, rows of nodes, those that are missing."""
+        new = np.unique(targets[self._slot_of[targets] < 0])
+        if not len(new):
+            return
+        sources, xp = np.arange(self._nodes), self._library.xp
+        far = self._library.put(self._host.distances(sources, new[:, None]))
+        action = self._library.put(self._host.actions(sources, new[:, None]).astype(np.int16))
+        self._slot_of[new] = np.arange(len(new)) + (self._slot_of >= 0).sum()
+        self._slots = self._library.put(self._slot_of)
+        self._far = far if self._far is None else xp.concat((self._far, far))
+        self._action = action if self._action is None else xp.concat((self._action, action))
+
+    def distances(self, sources: Tensor, targets: Tensor) -> Tensor:
+        """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape."""
+        slots = self._learned(targets)
+        return self._flat(self._far)[slots * self._nodes + sources]
+
+    def actions(self, sources: Tensor, targets: Tensor) -> Tensor:
+        """Return the actions that lead to targets, as strategies go a step; -1 where there is no path."""
+        slots = self._learned(targets)
+        found = self._flat(self._action)[slots * self._nodes + sources]
+        return self._library.xp.astype(found, self._library.xp.int64)
+
+    def _flat(self, table: Tensor) -> Tensor:
+        return self._library.xp.reshape(table, (-1,))
+
+    def _learned(self, targets: Tensor) -> Tensor:
+        """Return the numbers of the tables of targets; where some may be missing, these are read first."""
+        slots = self._slots[targets]
+        if (self._slot_of < 0).any():
+            self._library.num_reads += 1
+            if bool(self._library.xp.any(slots < 0)):
+                self.learn(np.unique(self._library.get(targets)))
+                slots = self._slots[targets]
+        return slots
+
+
+class CopiedView(DeviceView):
+    """A view of games that are played on the host: copies of its arrays on a device."""
+
+    def __init__(self, view: ArrayView, streets: DeviceStreets) -> None:
+        put, state = streets.library.put, view._state
+        keys = kernels.as_signed(np.ascontiguousarray(state.draw_keys()[:, view.agents]))
+        super().__init__(state, streets, view.agents, *map(put, (view.node, view.mask, view.turn, keys)))
+        self._known = {"counts": put(view.counts)}
+
+    def _legal(self) -> Tensor:
+        return self.library.put(self.on_host()["legal"])
+
+    def action_to(self, nodes: Any) -> Tensor:
+        """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal."""
+        wanted = self.library.get(nodes) if self.library.is_own(nodes) else nodes
+        return self.library.put(self.on_host().action_to(wanted))
+
+
+def moved(view: ArrayView, library: ArrayLibrary) -> DeviceView:
+    """Return a view of all games, which are played on the host, with copies of its arrays on a device."""
+    known = view._state.shared
+    if "streets on a device" not in known:
+        known["streets on a device"] = DeviceStreets(view.streets, library)
+    return CopiedView(view, known["streets on a device"])
+
+
+def columns_of(table: Tensor, agents: IntArray, library: ArrayLibrary) -> Tensor:
+    """Return the columns of some agents, of a table (games, agents)."""
+    if not len(agents):
+        return table[:, :0]
+    first, last = int(agents[0]), int(agents[-1])
+    if last - first == len(agents) - 1:
+        return table[:, first : last + 1]
+    return library.xp.take(table, library.put(agents), axis=1)
+
+
+def only_playing(alive: Tensor, playing: BoolArray, library: ArrayLibrary) -> Tensor:
+    """Return who of those that are alive is in a game that goes on."""
+    return alive if playing.all() else alive & library.put(playing)[:, None]

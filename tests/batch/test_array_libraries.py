@@ -1,0 +1,220 @@
+"""Batches in arrays of other libraries: the same games, and tensors in and out.
+
+NumPy passed as `xp=` plays the same code; what needs another library is skipped where that is not installed.
+"""
+
+import gc
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from test_laws import LAWS, TEAMS, conflicts, maps, nodes, open_game, orders, rules
+
+import gamms
+from gamms import kernels
+from gamms.errors import BadType, BadValue
+from gamms.game.batch.device import DeviceEngine
+from gamms.strategies import random_walk
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+LIMIT = {"rule": "time_limit", "with": {"turns": 12}}
+NAMES = ["numpy", "torch", "array_api_strict"]
+
+
+@pytest.fixture(params=NAMES)
+def xp(request):
+    return library(request.param)
+
+
+def library(name):
+    return pytest.importorskip(name, reason=f'{name} is not installed: pip install "gamms[torch]", or make test-torch')
+
+
+def installed():
+    found = []
+    for name in NAMES:
+        try:
+            found.append(__import__(name))
+        except ImportError:
+            continue
+    return found
+
+
+@settings(LAWS, max_examples=25)
+@given(
+    streets=maps(),
+    places=st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=2, max_size=9),
+    rules=rules,
+    conflicts=st.one_of(st.none(), conflicts),
+    seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
+    restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
+    early=st.sets(st.integers(0, 9), max_size=2),
+    order=st.one_of(st.none(), orders),
+    xp=st.sampled_from(installed()),
+)
+def test_a_batch_of_any_library_is_that_of_numpy(streets, places, rules, conflicts, seeds, restart, early, order, xp):
+    agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
+    results = []
+    for chosen in (None, xp):
+        with (
+            open_game(streets, agents, rules, conflicts, early, order) as ctx,
+            ctx.game.batch(seeds=seeds, xp=chosen) as games,
+        ):
+            for _ in range(restart[0]):
+                games.step()
+            games.reset([restart[1] % len(seeds)])
+            games.run()
+            results.append([plain(games.result(number)) for number in range(len(seeds))])
+    assert results[0] == results[1]
+
+
+def test_actions_go_in_and_all_that_a_policy_needs_comes_out_as_tensors(xp):
+    with scene([TAG, LIMIT]).batch(4, seed=1, xp=xp) as games, scene([TAG, LIMIT]).batch(4, seed=1) as plain_games:
+        tensor = type(xp.asarray([0]))
+        for _ in range(12):
+            view, other = games.observe("red"), plain_games.observe("red")
+            for key in ("curr_pos", "legal", "mask", "turn", "xy", "edge", "offset_m"):
+                assert isinstance(view[key], tensor)
+                assert np.asarray(view[key]).tolist() == other[key].tolist(), key
+            going = games.step({"red": view.draw.below(view.counts)})
+            plain_games.step({"red": other.draw.below(other.counts)})
+            assert isinstance(going, tensor)
+        for name in ("is_over", "terminated", "truncated", "turn"):
+            assert isinstance(getattr(games, name), tensor)
+            assert np.asarray(getattr(games, name)).tolist() == getattr(plain_games, name).tolist()
+        assert {key: np.asarray(one).tolist() for key, one in games.scores.items()} == {
+            key: one.tolist() for key, one in plain_games.scores.items()
+        }
+        assert [plain(games.result(i)) for i in range(4)] == [plain(plain_games.result(i)) for i in range(4)]
+
+
+def test_a_view_knows_the_actions_that_lead_to_nodes(xp):
+    with scene().batch(3, xp=xp) as games, scene().batch(3) as plain_games:
+        view, other = games.observe("red"), plain_games.observe("red")
+        wanted = other["legal"][:, :, 1]
+        assert np.asarray(view.action_to(xp.asarray(wanted))).tolist() == other.action_to(wanted).tolist()
+        assert np.asarray(view.action_to(7)).tolist() == other.action_to(7).tolist()
+        assert (np.asarray(view.action_to(xp.asarray(wanted * 0 + 999))) == -1).all()
+
+
+def test_given_actions_are_kept_for_recordings(xp, tmp_path):
+    files = []
+    for name, chosen in (("numpy.ggr", None), ("other.ggr", xp)):
+        with scene([LIMIT]).batch(2, seed=5, record=True, xp=chosen) as games:
+            while not bool(games.is_over.all() if chosen is None else xp.all(games.is_over)):
+                view = games.observe("blue")
+                games.step({"blue": view.turn[:, None] % view.counts})
+            games.record(1, tmp_path / name)
+        gc.collect()
+        files.append((tmp_path / name).read_bytes())
+    assert files[0] == files[1]
+
+
+def test_turns_without_contacts_read_no_agents(xp):
+    with scene([LIMIT], side=9).batch(50, xp=xp) as games:
+        games.run()
+        assert games.library.num_reads == 0
+    with scene([TAG, LIMIT], side=30).batch(2, xp=xp) as games:
+        games.run()
+        events = sum(len(games.result(i).events) for i in range(2))
+        assert games.library.num_reads <= 12 + 5 + 2 * events
+
+
+def test_draws_are_the_same_bits_in_any_library(xp):
+    seeds, turns = np.random.default_rng(0).integers(0, 2**63, (7, 5)).astype(np.uint64) * 2 + 1, np.arange(7)
+    space = xp if xp.__name__ != "torch" else pytest.importorskip("array_api_compat.torch")
+    first, there = xp.asarray(kernels.as_signed(seeds)), xp.asarray(turns)[:, None]
+    keys, other = kernels.later_keys_signed(first, there), kernels.later_key_rows(seeds, turns[:, None])
+    assert np.asarray(keys).tolist() == kernels.as_signed(other).tolist()
+    for k in (0, 3):
+        bits, others = kernels.bits_at_signed(keys, k), kernels.bits_at_rows(other, k)
+        assert np.asarray(bits).tolist() == kernels.as_signed(others).tolist()
+        for n in (1, 7, 2**31, 2**32):
+            assert np.asarray(kernels.below_signed(bits, n)).tolist() == kernels.below_many(others, n).tolist()
+        assert np.asarray(kernels.fraction_signed(bits, space)).tolist() == kernels.fraction_many(others).tolist()
+
+
+def test_what_has_no_form_for_the_library_is_played_in_numpy_with_tensors_in_and_out(xp):
+    def wander(state):
+        state["action"] = state["legal"][-1]
+
+    with scene([TAG, LIMIT]).batch(2, xp=xp, strategies={"red": wander}) as games:
+        assert "wander" in games.slow
+        view = games.observe("blue")
+        games.step({"blue": view.counts - 1})
+        assert np.asarray(games.turn).tolist() == [1, 1]
+        assert isinstance(games.observe("blue")["xy"], type(xp.asarray([0])))
+
+
+def test_a_form_in_numpy_plays_in_a_batch_of_any_library(xp):
+    def last(state):
+        state["action"] = state["legal"][-1]
+
+    last.array_form = lambda view: np.where(view.mask, view.counts - 1, 0)
+    with scene([TAG, LIMIT]).batch(3, xp=xp, strategies={"red": last}) as games:
+        games.run()
+        for number in range(3):
+            assert plain(games.result(number)) == plain(scene([TAG, LIMIT]).play(seed=number, strategies={"red": last}))
+
+
+def test_a_portable_form_gets_tensors(xp):
+    def last(state):
+        state["action"] = state["legal"][-1]
+
+    def form(view):
+        kinds.add(type(view.counts))
+        return view.xp.where(view.mask, view.counts - 1, 0)
+
+    kinds = set()
+    last.array_form = gamms.portable_form(form)
+    with scene([TAG, LIMIT]).batch(3, xp=xp, strategies={"red": last}) as games:
+        games.run()
+        assert kinds == {type(xp.asarray([0]))}
+        assert plain(games.result(1)) == plain(scene([TAG, LIMIT]).play(seed=1, strategies={"red": last}))
+
+
+def test_illegal_actions_name_the_agent_and_no_game_is_played(xp):
+    with scene().batch(2, xp=xp) as games:
+        wrong = games.observe("red").counts
+        with pytest.raises(BadValue, match="of agent 'red_0' in game 0, turn 0, is not the number of a legal node"):
+            games.step({"red": wrong})
+        with pytest.raises(BadValue, match="one action for each game and agent"):
+            games.step({"red": wrong[:1, :]})
+        with pytest.raises(BadType, match="numbers of legal nodes"):
+            games.step({"red": xp.asarray(np.zeros((2, 3)))})
+        assert np.asarray(games.turn).tolist() == [0, 0]
+
+
+def test_arrays_of_another_library_are_refused():
+    torch = library("torch")
+    with scene().batch(2, xp=torch) as games, pytest.raises(BadType, match="give an array of torch on cpu"):
+        games.step({"red": np.zeros((2, 3), np.int64)})
+    with scene().batch(2, xp=np) as games, pytest.raises(BadType, match="give an array of numpy on cpu"):
+        games.step({"red": torch.zeros((2, 3), dtype=torch.int64)})
+
+
+@pytest.mark.parametrize("wrong", ["torch", 7, gamms])
+def test_what_is_no_array_library_is_refused(wrong):
+    with pytest.raises(BadType, match="module of an array library"):
+        scene().batch(2, xp=wrong)
+
+
+def test_a_device_that_is_not_there_is_refused(xp):
+    with pytest.raises(BadValue, match="Give a device that is there"):
+        scene().batch(2, xp=xp, device="warp drive")
+    with pytest.raises(BadValue, match="device='cuda' needs an array library"):
+        scene().batch(2, device="cuda")
+
+
+def test_games_are_played_on_the_device(xp):
+    with gamms.create_context() as ctx:
+        ctx.graph.graph.add_node({"id": 0, "x": 0.0, "y": 0.0})
+        ctx.agent.create_agent("a", start_node_id=0, strategy=random_walk)
+        ctx.game.max_turns = 3
+        with ctx.game.batch(2, xp=xp) as games:
+            assert isinstance(games._engine, DeviceEngine)
+            games.run()
+            assert np.asarray(games.truncated).tolist() == [True, True]
+            assert f"of {xp.__name__} on" in repr(games)
