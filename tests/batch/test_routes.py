@@ -2,10 +2,12 @@
 
 import numpy as np
 import pytest
+from batch_scenes import scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms import kernels
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch import routes
 from gamms.game.batch.routes import RouteTable
@@ -26,11 +28,17 @@ def small_map(ctx, edges):
 
 
 @settings(max_examples=40, deadline=None)
-@given(edges=EDGES, first=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=3), most=st.integers(1, 7))
-def test_steps_and_distances_are_those_of_strategies(edges, first, most):
+@given(
+    edges=EDGES,
+    first=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=3),
+    most=st.integers(1, 7),
+    few=st.sampled_from([0, 99]),
+)
+def test_steps_and_distances_are_those_of_strategies(edges, first, most, few):
     with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
         small_map(ctx, edges)
         patch.setattr(routes, "_MOST_BYTES", most * 40)
+        patch.setattr(kernels.paths, "_FEW_TIES", few)
         streets, graph = Streets(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph
         table, ids = RouteTable(streets, "length"), ctx.graph.columns().node_ids
         for one, other in first:  # tables of what is near, which later questions extend
@@ -69,7 +77,35 @@ def test_tables_of_targets_say_what_distances_and_paths_say(grid_of_streets):
 
 @pytest.fixture
 def grid_of_streets():
-    from batch_scenes import scene
-
     with scene().build(seed=1) as ctx:
         yield ctx
+
+
+def test_batches_on_equal_graphs_share_their_tables(monkeypatch):
+    monkeypatch.setattr(routes, "_shared", type(routes._shared)())
+    scenario = scene(teams={"red": {"count": 2, "strategy": "gamms.strategies:random_walk"}})
+    with scenario.batch(2) as games, scenario.batch(3) as others, scene(side=6).batch(1) as larger:
+        table = games.observe("red").routes()
+        table.distances(np.arange(25), np.full(25, 7))
+        assert others.observe("red").routes() is table
+        assert others.observe("red").routes(None) is not table
+        assert larger.observe("red").routes() is not table
+        assert len(routes._shared) == 3
+        monkeypatch.setattr(routes, "_MOST_BYTES", table.nbytes - 1)
+        with scene(side=4).batch(1) as fresh:
+            fresh.observe("red").routes()
+        assert len(routes._shared) == 3  # the largest is gone
+        assert games.observe("red").routes() is table
+
+
+def test_tables_of_a_graph_that_was_changed_are_others():
+    with scene().build(seed=1) as ctx:
+        with ctx.game.batch(1) as games:
+            before = games.observe("red").routes()
+            assert before.distances(np.array([0]), np.array([1])) == 10.0
+        edge = next(id for id in ctx.graph.graph.get_edges() if ctx.graph.graph.get_edge(id).source == 0)
+        ctx.graph.graph.remove_edge(edge)
+        with ctx.game.batch(1) as games:
+            target = games.observe("red").streets.rows(1)
+            assert games.observe("red").routes() is not before
+            assert games.observe("red").routes().distances(np.array([0]), target) == ctx.graph.distance(0, 1)

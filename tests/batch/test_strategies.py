@@ -162,3 +162,20 @@ SIGHTS = st.sampled_from([{}, {"detection": 0.5}, {"sensor_range": 1e6}])
 @given(red=st.sampled_from([*MADE]), blue=st.sampled_from([*MADE]), seed=st.integers(0, 1000), sight=SIGHTS)
 def test_any_strategies_play_the_same_with_any_sight(red, blue, seed, sight, same_as_one_by_one):
     same_as_one_by_one(hunted(sight=sight), [seed], {"red": MADE[red], "blue": MADE[blue]})
+
+
+def test_teams_that_play_one_after_another_see_what_has_moved(same_as_one_by_one):
+    scenario = hunted(settings={"order": [["blue"], ["red"]]})
+    same_as_one_by_one(scenario, [1, 2, 3], {"red": chase, "blue": flee})
+
+
+def test_what_was_observed_before_a_turn_does_not_last():
+    seeds, both = [1, 2, 3], {"red": chase, "blue": flee}
+    scenario = hunted(settings={"order": [["red"], ["blue"]]})
+    with scenario.batch(seeds=seeds, strategies=both) as games:
+        while not games.is_over.all():
+            for team in ("red", "blue"):
+                games.observe(team).vector()
+            games.step()
+        for number, seed in enumerate(seeds):
+            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=both))

@@ -1,5 +1,6 @@
 """Where agents may go along one edge, in arrays: the streets of a map that many agents or games share."""
 
+from copy import copy
 from functools import cached_property
 from typing import Any
 
@@ -14,22 +15,35 @@ from gamms.typing.routes import RouteQueries
 class Streets:
     """The nodes of a graph, and where an agent may go from each along one edge.
 
-    Attributes:
+    Args:
         columns: of the graph.
         queries: `ctx.graph.routes`.
+
+    Attributes:
+        columns: of the graph.
         counts: (nodes,) how many nodes are legal from each, its own included.
         offsets: (nodes + 1,) those of node `i` are `targets[offsets[i]:offsets[i + 1]]`.
         targets: rows of nodes; of each node its own first, then its neighbours in the order of `state["legal"]`.
     """
 
     def __init__(self, columns: GraphColumns, queries: RouteQueries) -> None:
-        self.columns, self.queries = columns, queries
+        self.columns, self._queries = columns, queries
         self.offsets, self.targets = kernels.neighborhoods(columns.sources, columns.targets, len(columns.node_ids))
         self.counts: IntArray = np.diff(self.offsets)
         self._ids_are_rows = bool((columns.node_ids == np.arange(len(columns.node_ids))).all())
         self._order = None if self._ids_are_rows else np.argsort(columns.node_ids, kind="stable")
         self._padded: IntArray | None = None
         self._axes: FloatArray | None = None
+
+    def ways_to(self, weight: str | None) -> kernels.Arcs:
+        """Return the edges with their weights, reversed: paths along them are found from their ends."""
+        return self._queries.arcs(weight, reverse=True)
+
+    def apart(self) -> "Streets":
+        """Return the same for what is kept longer than the graph, which it does not keep in memory."""
+        twin = copy(self)
+        del twin._queries
+        return twin
 
     def ids(self, rows: IntArray) -> IntArray:
         """Return the ids of nodes."""

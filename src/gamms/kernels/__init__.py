@@ -71,6 +71,7 @@ from gamms.kernels.paths import (
     least_matching,
     make_arcs,
     route_tables,
+    route_trees,
     shortest_distances,
     simple_paths,
     tight_arcs,

@@ -7,7 +7,9 @@ Matchings of least cost are found by shortest augmenting paths.
 from collections.abc import Iterable, Iterator
 from functools import cache, lru_cache
 from heapq import heapify, heappop, heappush
+from itertools import groupby
 from math import dist, inf
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,6 +19,7 @@ from gamms.kernels.csr import chosen_runs
 
 _FEW = 1000  # arcs: below, a heap in Python is done before SciPy has checked its arguments
 
+_FEW_TIES = 1 << 10  # arcs that end paths of equal length: of so few, the paths are followed one by one
 _SLACK = 1e-9  # more than rounding adds to the length of a path with a million edges
 _LEAST = 1e-150  # what is shorter may have lost digits
 _MOST_KEPT = 1 << 16  # nodes whose neighbours are kept as Python values, about 500 bytes each
@@ -91,7 +94,7 @@ def tight_arcs(arcs: Arcs, distances: FloatArray) -> Arcs:
         arcs: the ways.
         distances: (nodes,) what `shortest_distances` found along them.
     """
-    starts = np.repeat(np.arange(len(arcs.offsets) - 1), np.diff(arcs.offsets))
+    starts = _starts(arcs)
     reached = distances[starts] + arcs.weights
     is_tight = (reached == distances[arcs.ends]) & np.isfinite(reached)
     ones = np.ones(int(is_tight.sum()))
@@ -113,7 +116,7 @@ def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
     Returns:
         (nodes,) rows; -1 for the start itself and where there is no path.
     """
-    starts = np.repeat(np.arange(len(tight.offsets) - 1), np.diff(tight.offsets))
+    starts = _starts(tight)
     is_step = hops[starts] + 1.0 == hops[tight.ends]
     starts, ends = starts[is_step], tight.ends[is_step]
     order = np.lexsort((-ids[starts], ends))  # of several, the last one written stays: the least id
@@ -122,44 +125,126 @@ def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
     return steps
 
 
-def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> tuple[FloatArray, IntArray]:
+class Trees(NamedTuple):
+    """Shortest paths from several starts to the nodes that can be reached: entries by start, then by row."""
+
+    lines: IntArray  # (entries,)  numbers of starts
+    rows: IntArray  # (entries,)  of nodes
+    far: FloatArray  # (entries,)  distances from the start
+    arcs: IntArray  # (entries,)  the last arc on the path; -1 at the start itself
+
+
+def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> Trees:
     """Return what `heap_distances` and `first_steps` say of several starts, all at once.
 
-    On reversed arcs these are the distances to the roots, and the next nodes on the ways there.
+    On reversed arcs these are the distances to the roots, and the first arcs on the ways there.
 
     Args:
         arcs: the ways.
         roots: (roots,) rows, each once.
         ids: (nodes,) different numbers.
         cutoff: what is farther away than this counts as out of reach.
-
-    Returns:
-        Distances (roots, nodes), infinite where there is no path, and rows of nodes (roots, nodes), -1 for the roots
-        themselves and where there is no path.
     """
     nodes = len(ids)
     if len(arcs.ends) < _FEW or not len(roots) or not has_scipy():
         distances = np.array([heap_distances(arcs, root, cutoff) for root in roots[:, None]]).reshape(-1, nodes)
     else:
         distances = _sparse().csgraph.dijkstra(_matrix(arcs), indices=roots, limit=cutoff)
-    lines, rows = np.nonzero(np.isfinite(distances))
+    flat = distances.reshape(-1)
+    near = np.flatnonzero(np.isfinite(flat))
+    lines = near // max(nodes, 1)
+    rows = near - lines * nodes
     used, runs = chosen_runs(arcs.offsets, rows)
-    counts = np.diff(runs)
     # The arcs of all roots side by side, as if each had a graph of its own, in which rows are `before` and `after`.
-    before, base = np.repeat(lines * nodes + rows, counts), np.repeat(lines * nodes, counts)
-    after, flat = base + arcs.ends[used], distances.reshape(-1)
-    is_tight = flat[before] + arcs.weights[used] == flat[after]
-    before, after = before[is_tight], after[is_tight]
-    steps: IntArray = np.full(distances.shape, -1, np.int32)  # half the memory
-    steps.reshape(-1)[after] = before % max(nodes, 1)
-    is_tied = (np.bincount(after, minlength=steps.size).reshape(-1, nodes) > 1).any(axis=1)
-    for line in np.flatnonzero(is_tied).tolist():
-        first, last = np.searchsorted(before, (line * nodes, (line + 1) * nodes))
-        ones, own = np.ones(int(last - first)), line * nodes
-        tight = make_arcs(before[first:last] - own, after[first:last] - own, ones, nodes)
-        steps[line] = first_steps(tight, shortest_distances(tight, roots[line : line + 1]), ids)
-    steps[np.arange(len(roots)), roots] = -1
+    starts = _starts(arcs)
+    before = np.repeat(near, np.diff(runs))
+    after = before + (arcs.ends - starts)[used]
+    tight = np.flatnonzero(flat[before] + arcs.weights[used] == flat[after])
+    before, after, used = before[tight], after[tight], used[tight]
+    last: IntArray = np.full(len(flat), -1, np.int64)
+    last[after] = used
+    begins = np.arange(len(roots)) * nodes + roots
+    last[begins] = -1
+    counts = np.bincount(after, minlength=len(flat))
+    counts[begins] = 0
+    among = np.flatnonzero(counts[after] > 1)
+    if len(among) > _FEW_TIES or (len(among) and not arcs.weights.all()):
+        tied = np.zeros(len(roots), np.bool_)
+        tied[after[among] // nodes] = True
+        some = tied[before // nodes]
+        hops = _fewest_arcs(before[some], after[some], begins[tied], len(flat))
+        best = among[hops[before[among]] + 1 == hops[after[among]]]
+        best = best[np.argsort(-ids[starts[used[best]]], kind="stable")]  # the last one written stays: the least id
+        last[after[best]] = used[best]
+    elif len(among):
+        among = among[np.lexsort((after[among], flat[after[among]]))]
+        ties = zip(after[among].tolist(), ids[starts[used[among]]].tolist(), used[among].tolist(), strict=True)
+        _break_ties(last, (starts - arcs.ends).data, begins, ties)
+    return Trees(lines, rows, flat[near], last[near])
+
+
+def _break_ties(last: IntArray, back: memoryview, begins: IntArray, ties: Iterable[tuple[int, int, int]]) -> None:
+    """Write the best last arcs to nodes to which there are several: the fewest arcs from the start, then the least id.
+
+    Args:
+        last: (nodes,) the last arc on the path to each node, right for those that are nearer than all ties.
+        back: (arcs,) how far the row of the start of an arc is from that of its end.
+        begins: rows, to which no arc leads.
+        ties: nodes, ids and rows of arcs, by the distance of the node; those of one node follow each other.
+    """
+    hops = dict.fromkeys(begins.tolist(), 0)
+    for node, group in groupby(ties, key=itemgetter(0)):
+        options = []
+        for _, id, arc in group:
+            row, path = node + back[arc], list[int]()
+            while row not in hops:
+                path.append(row)
+                row += back[last[row]]
+            for count, passed in enumerate(reversed(path), hops[row] + 1):
+                hops[passed] = count
+            options.append((hops[node + back[arc]] + 1, id, arc))
+        hops[node], _, last[node] = min(options)
+
+
+def route_tables(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf) -> tuple[FloatArray, IntArray]:
+    """Return what `route_trees` returns as distances (roots, nodes), infinite where there is no path, and as rows.
+
+    The rows (roots, nodes) are those of the nodes before on the paths, -1 for the roots and where there is no path.
+    """
+    found, shape = route_trees(arcs, roots, ids, cutoff), (len(roots), len(ids))
+    distances: FloatArray = np.full(shape, inf)
+    steps: IntArray = np.full(shape, -1, np.int32)  # half the memory
+    distances[found.lines, found.rows] = found.far
+    is_led = found.arcs >= 0
+    steps[found.lines[is_led], found.rows[is_led]] = _starts(arcs)[found.arcs[is_led]]
     return distances, steps
+
+
+def _starts(arcs: Arcs) -> IntArray:
+    """Return the row that each arc leads from."""
+    return np.repeat(np.arange(len(arcs.offsets) - 1), np.diff(arcs.offsets))
+
+
+def _fewest_arcs(starts: IntArray, ends: IntArray, begins: IntArray, nodes: int) -> IntArray:
+    """Return how many arcs lead to each node from the nearest of some nodes, (nodes,); -1 where none lead.
+
+    Args:
+        starts: (arcs,) rows, ascending.
+        ends: (arcs,)
+        begins: rows.
+        nodes: how many there are.
+    """
+    offsets = np.concatenate((np.zeros(1, np.int64), np.cumsum(np.bincount(starts, minlength=nodes))))
+    hops, reached, count = np.full(nodes, -1), begins, 0
+    while len(reached):
+        hops[reached] = count
+        arcs, _ = chosen_runs(offsets, reached)
+        following = ends[arcs]
+        following = following[hops[following] < 0]
+        count += 1
+        hops[following] = count
+        reached = np.unique(following)
+    return hops
 
 
 def shortest_distances(arcs: Arcs, rows: IntArray, cutoff: float = inf) -> FloatArray:

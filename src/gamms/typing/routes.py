@@ -334,6 +334,10 @@ class RouteQueries:
         ids, ends = routes.ids(), routes.rows(targets, "targets")
         return RouteTables(*kernels.route_tables(routes.arcs(weight, reverse=True), ends, ids, limit))
 
+    def arcs(self, weight: str | None = "length", *, reverse: bool = False) -> kernels.Arcs:
+        """Return the edges with their weights as compressed sparse rows, or reversed ones; parallel ones are one."""
+        return self._routes.arcs(weight, reverse=reverse)
+
     def nearest_edge(self, x: float, y: float, within: float | None = None) -> NearestEdge | None:
         """Return the edge that is nearest to a place by the straight line, and where on it.
 

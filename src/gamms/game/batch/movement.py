@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.order import SLACK, edges_within
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
@@ -188,7 +188,7 @@ class Movement:
     def routes(self, weight: str | None) -> RouteTable:
         """Return the tables of ways by a weight of edges."""
         if weight not in self._tables:
-            self._tables[weight] = RouteTable(self.streets, weight)
+            self._tables[weight] = shared_routes(self.streets, weight)
         return self._tables[weight]
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:

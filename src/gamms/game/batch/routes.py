@@ -1,6 +1,9 @@
 """Distances and steps to many targets for many agents at once: tables of one graph, computed as they are asked for."""
 
+from collections import OrderedDict
 from collections.abc import Iterator
+from hashlib import blake2b
+from threading import RLock
 from typing import Any
 
 import numpy as np
@@ -10,18 +13,39 @@ from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
-_MOST_BYTES = 512 * 2**20  # of tables
+_MOST_BYTES = 512 * 2**20  # of the tables of one graph, and of those of other graphs that are kept beside them
 _AT_ONCE = 1 << 20  # nodes and edges that are searched at once, in all
 _DETOURS = (2.0, 6.0, np.inf)  # how long ways are that are looked for first, then, and last, in straight lines
 _SHORT = 0xFFFF  # nodes that have numbers of two bytes, without the last
 _MANY = 255  # actions that have numbers of one byte, without the last
 
 
+_lock = RLock()  # one batch at a time reads and extends tables
+_shared: OrderedDict[bytes, "RouteTable"] = OrderedDict()  # by the graph and the weight; what was used last is last
+
+
+def shared_routes(streets: Streets, weight: str | None) -> "RouteTable":
+    """Return the tables of a graph, which all batches on equal streets with equal weights share."""
+    arcs = streets.ways_to(weight)
+    parts = (streets.columns.node_ids, streets.offsets, streets.targets, *arcs)
+    key = blake2b(b"".join(blake2b(part.tobytes()).digest() for part in parts)).digest()
+    with _lock:
+        found = _shared.pop(key, None) or RouteTable(streets, weight)
+        left = _MOST_BYTES
+        for other in reversed([*_shared]):
+            left -= _shared[other].nbytes
+            if left < 0:
+                del _shared[other]
+        _shared[key] = found
+    return found
+
+
 class RouteTable:
     """How far it is to targets, and which action leads there: what strategies ask of `ctx.graph`, for arrays.
 
     A target gets a table when it is first asked for: of the nodes around it, and of more of the map once one farther
-    away asks. When the tables are too large together, they are made again as they are asked for.
+    away asks: 9 bytes for each of these, and 2 or 4 for each node of the map. When the tables are larger than 512 MB
+    together, they are made again as they are asked for.
 
     Args:
         streets: the nodes, and which of them are legal from where.
@@ -29,7 +53,9 @@ class RouteTable:
     """
 
     def __init__(self, streets: Streets, weight: str | None) -> None:
-        self._streets, self._weight = streets, weight
+        self._streets, self._arcs = streets.apart(), streets.ways_to(weight)
+        sources = np.repeat(np.arange(len(streets.counts)), np.diff(self._arcs.offsets))
+        self._action_of = np.append(streets.action_to(self._arcs.ends, sources), 0)  # the last one: at the target
         nodes, most = len(streets.counts), int(streets.counts.max(initial=1))
         narrow = np.dtype(np.uint16 if nodes < _SHORT else np.int32)
         tables = min(nodes, max(1, _MOST_BYTES // 2 // (max(nodes, 1) * narrow.itemsize)))
@@ -46,13 +72,20 @@ class RouteTable:
         self._leaps = _has_triangle(streets)  # from here, a legal node may come later on the way than the next one
         self._entries: tuple[IntArray, IntArray, IntArray] | None = None
 
+    @property
+    def nbytes(self) -> int:
+        """How much memory the tables take that there are."""
+        per_value, per_table = self._far.itemsize + self._hops.itemsize, self._ranks[:1].nbytes
+        return self._used * per_value + self._tables * per_table
+
     def distances(self, sources: IntArray, targets: IntArray) -> FloatArray:
         """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape."""
         sources, targets = np.broadcast_arrays(sources, targets)
         found = np.empty(sources.shape)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
-        for some in self._ready(starts, ends):
-            flat[some] = self._far[self._values(starts[some], ends[some])]
+        with _lock:
+            for some in self._ready(starts, ends):
+                flat[some] = self._far[self._values(starts[some], ends[some])]
         return found
 
     def actions(self, sources: IntArray, targets: IntArray, allowed: BoolArray | None = None) -> IntArray:
@@ -70,8 +103,9 @@ class RouteTable:
         sources, targets = np.broadcast_arrays(sources, targets)
         found = np.empty(sources.shape, np.int64)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
-        for some in self._ready(starts, ends):
-            flat[some] = self._steps(starts[some], ends[some], allowed)
+        with _lock:
+            for some in self._ready(starts, ends):
+                flat[some] = self._steps(starts[some], ends[some], allowed)
         return found
 
     def following(self, sources: IntArray, targets: IntArray) -> IntArray:
@@ -165,12 +199,11 @@ class RouteTable:
 
     def _add(self, targets: IntArray, cutoff: float, level: int) -> bool:
         """Compute the tables of some targets, up to a distance; where they do not fit, discard all and return False."""
-        streets, ids = self._streets, self._streets.columns.node_ids
-        size = max(1, _AT_ONCE // (len(ids) + len(streets.columns.edge_ids)))
+        arcs, ids = self._arcs, self._streets.columns.node_ids
+        size = max(1, _AT_ONCE // (len(ids) + len(arcs.ends)))
         for first in range(0, len(targets), size):
             some = targets[first : first + size]
-            far, following = streets.queries.tables(ids[some], self._weight, cutoff)
-            lines, rows = np.nonzero(np.isfinite(far))
+            lines, rows, far, first_arcs = kernels.route_trees(arcs, some, ids, cutoff)
             fresh = some[self._table_of[some] < 0]
             if self._tables + len(fresh) > len(self._first) or self._used + len(rows) > len(self._far):
                 self._table_of[:], self._level[:], self._tables, self._used = -1, -1, 0, 1
@@ -180,24 +213,24 @@ class RouteTable:
             self._tables += len(fresh)
             tables, values = self._table_of[some], slice(self._used, self._used + len(rows))
             begins = np.searchsorted(lines, np.arange(len(some)))
-            ranks = np.full(far.shape, self._unknown, self._ranks.dtype)
+            ranks = np.full((len(some), len(ids)), self._unknown, self._ranks.dtype)
             ranks[lines, rows] = np.arange(len(rows)) - begins[lines]
             self._ranks[tables], self._first[tables] = ranks, self._used + begins
-            nodes_ahead = following[lines, rows]
-            self._far[values] = far[lines, rows]
-            self._hops[values] = streets.action_to(rows, np.where(nodes_ahead < 0, rows, nodes_ahead))
+            self._far[values], self._hops[values] = far, self._action_of[first_arcs]
             self._used += len(rows)
-            self._mark_detours(some, following)
+            self._mark_detours(some)
         return True
 
-    def _mark_detours(self, targets: IntArray, following: IntArray) -> None:
+    def _mark_detours(self, targets: IntArray) -> None:
         """Note from which nodes an edge to a target is not the shortest way there."""
         offsets, order, sources = self._into()
         entries, ends = kernels.chosen_runs(offsets, targets)
         rows = sources[order[entries]]
         lines = np.repeat(np.arange(len(targets)), np.diff(ends))
         goals = targets[lines]
-        is_detour = (following[lines, rows] != goals) & (rows != goals)
+        hops = self._hops[self._values(rows, goals)]
+        leads_on = self._streets.step(rows, np.where(hops == self._none, 0, hops)) != goals
+        is_detour = (leads_on | (hops == self._none)) & (rows != goals)
         self._leaps[rows[is_detour]] = True
 
     def _into(self) -> tuple[IntArray, IntArray, IntArray]:

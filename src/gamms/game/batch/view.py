@@ -260,7 +260,10 @@ class ArrayView(Mapping[str, Any]):
         return self._state.blocked[np.ix_(self.games, self.agents)]
 
     def routes(self, weight: str | None = "length") -> RouteTable:
-        """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`."""
+        """Return how far it is to nodes, and which action leads there, by rows; `weight` as for `graph.distance`.
+
+        All batches on equal graphs share these tables, and those of other graphs are kept up to 512 MB.
+        """
         return self.movement.routes(weight)
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
