@@ -57,6 +57,10 @@ def as_ids(values: object, name: str) -> list[int]:
         BadType: it is not an iterable, or one of them is not an integer.
         BadValue: one of them does not fit into 64 bits.
     """
+    of_array: Any = getattr(values, "dtype", None)
+    if getattr(of_array, "kind", None) == "i" and getattr(values, "ndim", 0) == 1:
+        listed: list[int] = values.tolist()  # type: ignore[attr-defined] # of NumPy
+        return listed
     return [as_int(one, f"Each of {name}") for one in as_items(values, name, "integers")]
 
 

@@ -9,6 +9,8 @@ from types import MappingProxyType
 from typing import Any, Literal, overload
 from weakref import WeakSet
 
+import numpy as np
+
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.snapshots import AgentsSnapshot, copied_attributes, teams_in
 from gamms.agent.teams import AgentsByName, Members, Team, column_of, each_of, is_attribute, make_member
@@ -28,6 +30,7 @@ from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent, T
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
 
+_MANY = 1000  # nodes, from which on an array is quicker than a look at each
 _KINDS_OF_KEYWORDS = frozenset({"type", "agent_type"})
 _KEYWORDS = dict.fromkeys(
     (
@@ -235,7 +238,11 @@ class AgentEngine(Guarded, IAgentEngine):
         graph, block = self._ctx.graph.graph, self._block
         if block.graph is None:
             block.graph = graph
-        for node in dict.fromkeys(nodes):
+        unknown: Iterable[int] = dict.fromkeys(nodes)
+        if len(nodes) > _MANY and not block.trusts_nodes:
+            placed = np.array(nodes, np.int64)
+            unknown = placed[~np.isin(placed, self._ctx.graph.columns().node_ids)].tolist()
+        for node in unknown:
             known_node(graph, block, node)
         if strategy is not None:
             as_function_of(strategy, "A strategy", "the state")

@@ -15,7 +15,7 @@ from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, RowArray
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -93,8 +93,9 @@ class TeamArrays:
     ) -> None:
         self.team: Any = team  # programs look it up in dicts of their own
         self.turn, self.names = turn, names
-        self.nodes, self._legal = nodes, legal
-        nodes.setflags(write=False)
+        self._legal = legal
+        self.nodes: IntArray = nodes.view()
+        self.nodes.setflags(write=False)
         self._chosen: IntArray | None = None
         self.facts, self.team_memory = facts, team_memory
         self.draw = TeamDraws(seed, names, turn)
@@ -111,13 +112,14 @@ class TeamArrays:
         return None if self._legal is None else self._legal.ragged[1]
 
     @property
-    def counts(self) -> IntArray:
+    def counts(self) -> RowArray:
         """(agents,): how many nodes are legal for each, its own included.
 
         Raises:
             BadValue: every node of the graph is legal.
         """
-        return self._listed().counts
+        counts: RowArray = self._listed().counts
+        return counts
 
     def choose(self, actions: object) -> IntArray:
         """Return the nodes that actions lead to: the k-th legal node of each agent, 0 being its own.
@@ -130,15 +132,22 @@ class TeamArrays:
         legal, numbers = self._listed(), np.asarray(actions)
         if numbers.dtype.kind not in "iu" or numbers.shape != self.nodes.shape:
             raise BadType(f"Actions are an array ({len(self.names)},) of integers, not {shown(actions)}.")
-        bad = np.flatnonzero(~((numbers >= 0) & (numbers < legal.counts)))
-        if len(bad):
+        is_number = numbers < legal.counts
+        if numbers.dtype.kind == "i":
+            is_number &= numbers >= 0
+        if not is_number.all():
+            bad = np.flatnonzero(~is_number)
             raise BadValue(
                 f"Action {int(numbers[bad[0]])} of agent {self.names[bad[0]]!r} is not the number of one of its "
                 f"{int(legal.counts[bad[0]])} legal nodes."
             )
-        self._chosen = legal.step(numbers)
+        self._chosen = legal.step(numbers).view()
         self._chosen.setflags(write=False)
         return self._chosen
+
+    def take_chosen(self, nodes: object) -> Any:
+        """Return what `choose` returned, to be written to; None if these nodes are others."""
+        return self._chosen.base if nodes is self._chosen and self._chosen is not None else None
 
     def _listed(self) -> LegalNodes:
         if self._legal is None:
@@ -172,8 +181,6 @@ class TeamArrays:
 
     def is_legal(self, nodes: IntArray) -> "np.ndarray[Any, np.dtype[np.bool_]]":
         """Return which of these nodes are known to be legal, (agents,)."""
-        if nodes is self._chosen:
-            return np.ones(len(nodes), np.bool_)
         if self.offsets is None:
             return np.zeros(len(nodes), np.bool_)
         matches = self.targets == np.repeat(nodes, np.diff(self.offsets))
@@ -271,7 +278,7 @@ class Decisions:
                 f"The plan of team {shown(commanded.team)} decides in arrays, and agent "
                 f"{self._slots[flying[0]].name!r} flies. Use command(team, plan) with a plan of states."
             )
-        nodes: IntArray = np.array(self.starts, np.int64) if is_all else np.array(self.starts)[indices]
+        nodes: IntArray = np.asarray(self.starts, np.int64)[... if is_all else indices]
         legal: LegalNodes | None = None
         if commanded.are_plain:
             legal = LegalNodes.along_streets(self._legality.streets, nodes)
@@ -420,12 +427,16 @@ class Decisions:
 
     def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
         starts, ends, slots, indices = self.starts, self.ends, self._slots, question.indices
-        is_known = arrays.is_legal(nodes)
+        is_all, chosen = len(indices) == len(ends), arrays.take_chosen(nodes)
+        if question.are_plain and chosen is not None and is_all and isinstance(ends, memoryview):
+            self.ends = chosen.data
+            return
+        is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
             # NOTE: all at once, for teams of many (benchmarks/README.md, teams).
             if isinstance(ends, memoryview):
-                np.asarray(ends)[slice(None) if len(indices) == len(ends) else indices] = nodes
-            elif len(indices) == len(ends):
+                np.asarray(ends)[... if is_all else indices] = nodes
+            elif is_all:
                 ends[:] = nodes.tolist()
             else:
                 for i, node in zip(indices, nodes.tolist(), strict=True):

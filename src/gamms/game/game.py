@@ -191,7 +191,7 @@ class Game(RuleVerbs):
             self._begin()
         self._ruleset.warn_of_unknown_teams()
         while self._unchecked_plans:
-            team, teams = self._unchecked_plans.pop(0), self.ctx.agent.teams
+            team, teams = self._unchecked_plans.pop(0), dict.fromkeys(self.ctx.agent.block.teams)
             if team in self.plans and team not in teams:
                 self.ctx.logger.warning(f"command: {UnknownName('team', team, teams)} Its plan decides for no agent.")
         self._global_random.begin_turn()

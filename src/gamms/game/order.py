@@ -82,11 +82,14 @@ class Part:
 
     def _take_columns(self, slots: LazySlots, plans: Mapping[Any, Plan]) -> None:
         """Take what the columns of agents say, without making the slots of those that plans of arrays decide for."""
-        of_team: dict[Any, list[int]] = {}
-        for i in self.members:
-            of_team.setdefault(slots.teams[i], []).append(i)
+        of_team: dict[Any, Sequence[int]] = {team: [] for team in dict.fromkeys(slots.teams)}
+        if len(of_team) == 1:
+            of_team = dict.fromkeys(of_team, self.members)
+        else:
+            for i in self.members:
+                cast("list[int]", of_team[slots.teams[i]]).append(i)
         blind = {team for team in of_team if team in plans and plans[team].arrays}
-        self.observing = [i for i in self.members if slots.teams[i] not in blind]
+        self.observing = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
         chosen = [slots[i] for i in self.observing]
         self.see_world_only = all(slot.sees_world_only for slot in chosen)
         self.individuals = [
@@ -96,7 +99,7 @@ class Part:
         ]
         self.commanded = []
         for team, indices in of_team.items():
-            if team in plans:
+            if team in plans and indices:
                 is_all = len(indices) == len(slots)
                 names = tuple(slots.names if is_all else [slots.names[i] for i in indices])
                 are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)

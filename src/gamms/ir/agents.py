@@ -336,7 +336,7 @@ class AgentBlock:
         node, previous = np.asarray(self.node), np.asarray(self.previous)
         if len(rows.rows) == len(node):
             previous[:] = node
-            node[rows.array] = nodes
+            rows.write_all(node, nodes)
             self._have_all_changed = True
         else:
             previous[rows.array] = node[rows.array]

@@ -1,13 +1,13 @@
 """Where agents are: one object that sensors, rules and drawing ask, brought up to date whenever it is asked."""
 
 from bisect import bisect_left
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, MutableSequence, Sequence
 from typing import Any
 
 import numpy as np
 
 from gamms.ir.agents import AgentBlock, Progress
-from gamms.ir.columns import ChangeLog
+from gamms.ir.columns import ChangeLog, copied_column
 from gamms.ir.graph import FloatArray, IntArray
 
 _FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
@@ -66,17 +66,29 @@ class Positions:
         return self._block.node
 
     @property
-    def places(self) -> list[Any]:
-        """Where the agents are (agents,), as a list of its own.
+    def places(self) -> MutableSequence[Any]:
+        """Where the agents are (agents,), as a list or a view of an array of its own.
 
         Ids of nodes; of those who fly points (x, y, z), of those on an edge their `Progress`.
         """
-        places: list[Any] = list(self._block.node)
-        for row in self._block.flyers:
-            places[row] = self._block.position[row]
+        places = self._with_flyers(self._block.node, self._block.position)
         if self._block.travellers:
             for row, progress in self.on_edges.items():
                 places[row] = progress
+        return places
+
+    @property
+    def previous_places(self) -> MutableSequence[Any]:
+        """Where the agents were before their last moves (agents,), in the same form: ids of nodes, and points."""
+        return self._with_flyers(self._block.previous, self._block.previous_position)
+
+    def _with_flyers(self, nodes: Any, points: Sequence[Any]) -> MutableSequence[Any]:
+        if not (self._block.flyers or self._block.travellers):
+            places: MutableSequence[Any] = copied_column(nodes)
+            return places
+        places = list(nodes)
+        for row in self._block.flyers:
+            places[row] = points[row]
         return places
 
     @property

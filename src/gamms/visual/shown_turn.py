@@ -74,6 +74,7 @@ class Moves(NamedTuple):
 
 _NO_MOVES = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
 MOST_TURNS = 200  # that are remembered
+_MOST_PLACES = 1 << 24  # that are: of a million agents 16 turns
 
 
 def as_turns(trails: object) -> int:
@@ -89,7 +90,7 @@ def as_turns(trails: object) -> int:
 
 
 # Where agents were at the end of a turn: their names, the nodes or points they were at, and the number of the turn.
-_Turn = tuple[Sequence[str], list[Any], int]
+_Turn = tuple[Sequence[str], Sequence[Any], int]
 
 
 class Motion:
@@ -119,11 +120,12 @@ class Motion:
         agents, number, last = self._ctx.agent, self._number_of_turn(), self._last
         positions, version = agents.positions, agents.structure_version
         if last is None:
-            steps = {agent.name: _step(agent) for agent in agents.create_iter()}
-            last, self._structure = (list(steps), [before for before, _ in steps.values()], number), None
+            last, self._structure = (list(positions.names), positions.previous_places, number), None
         is_known = version is not None and version == self._structure
         now = last[0] if is_known else list(positions.names), positions.places, number
         self._past.append((last, now))
+        while len(self._past) * len(now[0]) > _MOST_PLACES and len(self._past) > 1:
+            self._past.popleft()
         self._last, self._structure = now, version
 
     def past(self, turns: int) -> list[Moves]:
