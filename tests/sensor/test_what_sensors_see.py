@@ -2,8 +2,10 @@
 
 from math import pi, sqrt
 
+import numpy as np
 import pytest
 
+import gamms
 from gamms.sensor import AgentSensor, MapSensor, SensorType
 from gamms.typing import Node, OSMEdge
 
@@ -150,3 +152,31 @@ def test_sensors_made_by_hand_sense_like_those_of_the_engine(ctx):
     agents.range = 0.5
     agents.sense(0)
     assert agents.data == {}
+
+
+def test_many_agents_that_look_equally_far_see_those_within_that_range_in_every_turn():
+    ctx = gamms.create_context(seed=1)
+    ids = np.arange(400)
+    ctx.graph.add_nodes(ids, (ids % 20) * 10.0, (ids // 20) * 10.0)
+    starts = np.random.default_rng(1).integers(400, size=300).tolist()
+    for i, start in enumerate(starts):
+        near = ctx.sensor.create_sensor(f"near_{i}", "agent_range", sensor_range=30.0)
+        ctx.agent.create_agent(f"a_{i}", start_node_id=start, sensors={"near": near})
+    agents = list(ctx.agent.create_iter())
+    agents[7].alive = False
+    seen = {}
+
+    def jump(state):
+        seen[state["name"]] = list(state["sensor"]["near"][1].items())
+        state["action"] = state["draw"].below(400)
+
+    for agent in agents:
+        agent.register_strategy(jump)
+    ctx.game.legal = "any"
+    for _ in range(3):
+        at = {agent.name: agent.current_node_id for agent in agents if agent.alive}
+        ctx.game.step()
+        for name, node in at.items():
+            x, y = node % 20, node // 20
+            others = [(one, n) for one, n in at.items() if (n % 20 - x) ** 2 + (n // 20 - y) ** 2 <= 9 and one != name]
+            assert seen[name] == others

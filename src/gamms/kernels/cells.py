@@ -13,7 +13,7 @@ _MOST_CELLS = 2**31 - 2  # per axis: two cell numbers share one 64-bit key
 _FAR = 1e150  # coordinates beyond are as far away as this: their squares would overflow
 _MOST_STRIPES = 512  # a disc that spans more rows of cells is answered by a scan
 _MOST_PAIRS = 1 << 18  # that are compared at a time
-_FEW_PAIRS = 1 << 10  # that are compared without cells
+_FEW_PAIRS = 1 << 12  # that are compared without cells
 _MOST_CELLS_OF_AREA = 1 << 20  # per axis of an area
 
 
@@ -80,7 +80,7 @@ def pairs_within(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, 
     Returns:
         `rows` of `a` and `others` of `b` (pairs,), by row, then by other row, and how far apart these are (pairs,).
     """
-    if len(a) * len(b) <= _FEW_PAIRS or limit >= _FAR:
+    if limit >= _FAR:
         rows, others = (part.reshape(-1) for part in np.indices((len(a), len(b))))
     else:
         (x, y), (x1, y1) = (np.clip(points[:, :2], -_FAR, _FAR).T for points in (a, b))
@@ -121,7 +121,15 @@ def near_each_other(a: Area, b: Area, limit: float) -> Iterator[tuple[IntArray, 
     Yields:
         Rows of `a` and of `b`, (pairs,), by row of `a`, then by row of `b`.
     """
-    if not len(a.x) or not len(b.x):
+    if len(a.x) * len(b.x) <= _FEW_PAIRS:
+        dx, dy = b.x - a.x[:, None], b.y - a.y[:, None]
+        dx *= dx
+        dy *= dy
+        dx += dy
+        is_near = dx <= limit * limit
+        is_near &= a.group[:, None] == b.group
+        rows, others = np.nonzero(is_near)
+        yield rows, others
         return
     first, last, order = _stripes(a, b, limit)
     counts = last - first

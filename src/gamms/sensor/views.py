@@ -3,7 +3,7 @@
 Both are remembered as long as the world stays as it is.
 """
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable
 from itertools import islice
 from math import inf, pi
 from typing import Any, NamedTuple
@@ -252,6 +252,7 @@ def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray,
 
 _MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
 _SLACK = 1e-6  # map units: boxes are compared with this tolerance, because places on an edge are rounded
+_MANY_AGENTS = 256  # so many are found for all that look
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
 
 
@@ -274,6 +275,7 @@ class NearbyAgents:
         self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
         self._coordinates: Coordinates | None = None
         self._travellers = Travellers(ctx)
+        self._looks = LooksOfAll()
         self._checked: tuple[Positions | None, int | None] = (None, None)  # that no agent is on a removed node
         self._revision: int | None = None  # of the graph that the discs are of
         self._discs: dict[float, dict[Place, tuple[int, ...] | None]] = {}
@@ -338,14 +340,21 @@ class NearbyAgents:
         revision = graph.revision
         if revision != self._revision or revision is None:
             self._forget(revision)
+        positions, looks = self._ctx.agent.positions, self._looks
+        are_many = len(positions.names) >= _MANY_AGENTS
+        if are_many and type(place) is int and looks.are_frequent(radius, positions):
+            found = looks.known(radius, place, self.coordinates)
+            if found is not None:
+                return positions, found
         try:
             disc = self._discs[radius][place]
         except (KeyError, TypeError):  # not known, or not hashable
             disc = self._disc(place if isinstance(place, tuple) else as_int(place, "The id of a node"), radius)
-        positions = self._ctx.agent.positions
         if disc is None:
             return positions, self._compared(place, radius)
         rows = positions.rows_on(disc)
+        if are_many:
+            looks.note(radius, len(rows))
         if positions.travellers:
             rows = sorted([*rows, *self._travellers.within(positions, coordinates(self._ctx, place), radius)])
         return positions, rows
@@ -353,6 +362,7 @@ class NearbyAgents:
     def _forget(self, revision: int | None) -> None:
         self.coordinates()  # which finds agents on removed nodes
         self._revision, self._kept = revision, 0
+        self._looks = LooksOfAll()
         self._discs.clear()
         self._ids.clear()
 
@@ -389,6 +399,60 @@ class NearbyAgents:
             lost = next(i for i, node in enumerate(nodes.tolist()) if not graph.has_node(node))
             name = positions.names[lost if rows is None else rows[lost]]
             raise UnknownName(f"node under agent {name!r}:", int(nodes[lost])) from None
+
+
+class LooksOfAll:
+    """Who is around each node with an agent on it, worked out at once for ranges at which many agents look.
+
+    These are the ranges of so many looks before agents last moved. In the paper's loop, in which each agent moves after
+    its look, there are none (benchmarks/README.md, where it broke).
+    """
+
+    def __init__(self) -> None:
+        self._frequent: frozenset[float] = frozenset()
+        self._positions: Positions | None = None
+        self._version = 0
+        self._noted: dict[float, tuple[int, int]] = {}  # range -> looks since agents moved, and agents that they found
+        self._around: dict[float, dict[int, list[int]]] = {}
+
+    def are_frequent(self, radius: float, positions: Positions) -> bool:
+        """Whether many agents look as far as that; what was found before agents moved is forgotten."""
+        version = positions.version
+        if version != self._version or positions is not self._positions:
+            self._positions, self._version = positions, version
+            self._frequent = frozenset(
+                radius
+                for radius, (looks, found) in self._noted.items()
+                if looks * _PART >= len(positions.names) and found * len(positions.names) <= looks * _MOST_IDS
+            )
+            self._noted.clear()
+            self._around.clear()
+        return radius in self._frequent
+
+    def note(self, radius: float, found: int) -> None:
+        """Note what a look has found."""
+        looks, before = self._noted.get(radius, (0, 0))
+        self._noted[radius] = looks + 1, before + found
+
+    def known(self, radius: float, node: int, coordinates: Callable[[], Coordinates]) -> list[int] | None:
+        """Return the rows of the living agents within a range of a node, ascending; None: it is worked out alone."""
+        around = self._around.get(radius)
+        if around is None:
+            around = self._around[radius] = self._all(radius, coordinates().xy)
+        found = around.get(node)
+        if found is not None:
+            self.note(radius, len(found))
+        return found
+
+    def _all(self, radius: float, xy: FloatArray) -> dict[int, list[int]]:
+        positions: Positions = self._positions  # type: ignore[assignment] # `are_frequent` was called
+        if positions.travellers:
+            return {}
+        living = positions.living
+        nodes, first = np.unique(positions.node_ids, return_index=True)
+        at, others, _ = kernels.pairs_within(at_height(xy[first], 0.0), at_height(xy[living], 0.0), radius)
+        ends, rows = np.searchsorted(at, np.arange(len(nodes) + 1)).tolist(), living[others].tolist()
+        return {node: rows[begin:end] for node, begin, end in zip(nodes.tolist(), ends, ends[1:], strict=False)}
 
 
 class Travellers:
