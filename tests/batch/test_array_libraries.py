@@ -11,6 +11,7 @@ from batch_scenes import plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_laws import LAWS, TEAMS, conflicts, maps, nodes, open_game, orders, rules
+from test_strategies import MADE, hunted
 
 import gamms
 from gamms import kernels
@@ -67,6 +68,23 @@ def test_a_batch_of_any_library_is_that_of_numpy(streets, places, rules, conflic
             games.reset([restart[1] % len(seeds)])
             games.run()
             results.append([plain(games.result(number)) for number in range(len(seeds))])
+    assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("name", MADE)
+def test_strategies_play_the_same_in_any_library(name, xp):
+    results = []
+    conflicts = {"conflicts": {"capacity": 1}} if name == "unblock" else {}
+    for chosen in (None, xp):
+        strategies = {"red": MADE[name], "blue": MADE[name]}
+        with hunted(**conflicts).batch(4, seed=1, strategies=strategies, xp=chosen) as games:
+            for _ in range(9):
+                games.step()
+            games.reset([2])
+            games.run()
+            results.append([plain(games.result(number)) for number in range(4)])
+            if chosen is not None and name not in {"guard", "safest_exit"}:
+                assert all(hasattr(agent.strategy.array_form, "portable_form") for agent in games._roster.agents)
     assert results[0] == results[1]
 
 

@@ -12,6 +12,7 @@ from gamms.context import Context
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.strategies import portable
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -59,7 +60,7 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
         nearest = ctx.graph.routes.nearest(here, enemies.values())
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
-    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True)
+    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True, portable=portable.chase)
     return strategy
 
 
@@ -92,7 +93,7 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         else:
             fallback(state)
 
-    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True)
+    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True, portable=portable.flee)
     return strategy
 
 

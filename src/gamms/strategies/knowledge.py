@@ -29,6 +29,7 @@ from gamms.game.batch.view import (
 )
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.strategies import portable as portable_forms
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
@@ -403,6 +404,7 @@ def no_actions(view: ArrayView) -> IntArray:
 _pass_in_arrays = partial(no_actions)
 setattr(_pass_in_arrays, IS_BLIND, True)
 setattr(_pass_in_arrays, MAY_SKIP, True)
+setattr(_pass_in_arrays, PORTABLE, portable_forms.no_actions)
 _pass.__dict__["array_form"] = _pass_in_arrays
 
 

@@ -12,6 +12,7 @@ from gamms.context import Context
 from gamms.errors import BadValue
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.strategies import portable
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -104,7 +105,7 @@ def goto(
         move_to(ctx, state, None if node is None else as_known_node(ctx, node, "target of goto"), fallback, "goto")
 
     if fixed is not None:
-        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback])
+        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback], portable=portable.go)
     return strategy
 
 
@@ -183,7 +184,7 @@ def random_waypoints(
             memory["random_waypoints"] = target, turns
         move_to(ctx, state, target, fallback, "random_waypoints")
 
-    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback])
+    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], portable=portable.wander)
     return strategy
 
 
@@ -278,7 +279,7 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
                 return
 
     passing = all(getattr(getattr(option, "array_form", None), MAY_SKIP, False) for option in options)
-    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing)
+    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing, portable=portable.first_of)
     return strategy
 
 
@@ -309,7 +310,7 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
-    offer_form(strategy, _mix_in_arrays, chance, parts=options)
+    offer_form(strategy, _mix_in_arrays, chance, parts=options, portable=portable.mixed)
     return strategy
 
 
@@ -376,7 +377,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], one_edge=True)
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], one_edge=True, portable=portable.unblocked)
     return unblock
 
 
@@ -501,7 +502,9 @@ def _route(
         memory[key] = at = _advanced(stops, memory.get(key, 0), here, repeat=repeat)
         move_to(ctx, state, stops[at] if at < len(stops) else None, fallback, caller)
 
-    offer_form(strategy, _route_in_arrays, key, stops, repeat, is_nearest_first, parts=[fallback])
+    offer_form(
+        strategy, _route_in_arrays, key, stops, repeat, is_nearest_first, parts=[fallback], portable=portable.route
+    )
     return strategy
 
 

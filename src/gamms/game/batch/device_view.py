@@ -1,6 +1,7 @@
 """What portable forms of strategies get: the views, draws, streets and routes of a batch on a device."""
 
 from collections.abc import Callable, Iterable
+from copy import copy
 from typing import Any
 
 import numpy as np
@@ -161,15 +162,26 @@ class DeviceView(ArrayView):
         """The numbers of the games: all, (games,)."""
         return self.library.put(np.arange(len(self._state)))
 
+    def only(self, asked: Tensor) -> "DeviceView":
+        """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`."""
+        narrowed = copy(self)
+        narrowed.mask = self.mask & asked
+        narrowed.draw = self.draw.only(narrowed.mask)
+        return narrowed
+
     def on_host(self) -> ArrayView:
         """Return the view in NumPy, of all games: where agents are on a GPU, they are copied."""
         return ArrayView(self._state, np.arange(len(self._state)), self.agents)
 
-    def _legal(self) -> Tensor:
+    def legal_rows(self) -> tuple[Tensor, Tensor]:
+        """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
         xp, table = self.xp, self.streets.legal
-        padded = xp.reshape(xp.take(table, xp.reshape(self.node, (-1,)), axis=0), (*self.node.shape, table.shape[1]))
-        is_legal = xp.arange(padded.shape[-1], device=self.library.device) < self.counts[..., None]
-        return xp.where(is_legal, self.streets.ids(padded), -1)
+        rows = xp.reshape(xp.take(table, xp.reshape(self.node, (-1,)), axis=0), (*self.node.shape, table.shape[1]))
+        return rows, xp.arange(rows.shape[-1], device=self.library.device) < self.counts[..., None]
+
+    def _legal(self) -> Tensor:
+        rows, is_legal = self.legal_rows()
+        return self.xp.where(is_legal, self.streets.ids(rows), -1)
 
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
@@ -286,6 +298,19 @@ class DeviceView(ArrayView):
             return self.library.put(self.on_host().seen(*names).mask) & self.mask[:, :, None]
         return self._around(looks, *everyone) & self.mask[:, :, None]
 
+    def sees_enemies(self) -> Tensor:
+        """Return who sees whom of other teams, (games, agents, all agents); of no team (None) are enemies of all."""
+        roster = self.roster
+        is_team = np.array([team is not None for team in roster.teams], np.bool_)
+        own = roster.team_of[self.agents]
+        is_mate = (own[:, None] == roster.team_of) & is_team[own][:, None]
+        return self.sees() & self.library.put(~is_mate)
+
+    def nodes_of_all(self) -> Tensor:
+        """Return the rows of the nodes of all agents of the games, (games, all agents)."""
+        everyone = getattr(self._state, "everyone", None)  # where all are on the device
+        return self.library.put(self._state.node) if everyone is None else everyone[0]
+
     def _around(self, looks: list[Lookout], node: Tensor, alive: Tensor) -> Tensor:
         xp, streets, put = self.xp, self.streets, self.library.put
         dx = streets.x[node][:, None, :] - streets.x[self.node][:, :, None]
@@ -338,29 +363,44 @@ class DeviceRoutes:
         self._far = far if self._far is None else xp.concat((self._far, far))
         self._action = action if self._action is None else xp.concat((self._action, action))
 
-    def distances(self, sources: Tensor, targets: Tensor) -> Tensor:
-        """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape."""
-        slots = self._learned(targets)
+    def distances(
+        self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
+    ) -> Tensor:
+        """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape.
+
+        Args:
+            sources: rows of nodes.
+            targets: rows of nodes.
+            among: those that targets can be, in NumPy; None: any, of which those that are new are read.
+            asked: which of the shape that both have need an answer; None: all.
+        """
+        slots = self._learned(targets, among, asked)
         return self._flat(self._far)[slots * self._nodes + sources]
 
-    def actions(self, sources: Tensor, targets: Tensor) -> Tensor:
-        """Return the actions that lead to targets, as strategies go a step; -1 where there is no path."""
-        slots = self._learned(targets)
+    def actions(
+        self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
+    ) -> Tensor:
+        """Return the actions that lead to targets, as strategies go a step, -1: there is no path; see `distances`."""
+        slots = self._learned(targets, among, asked)
         found = self._flat(self._action)[slots * self._nodes + sources]
         return self._library.xp.astype(found, self._library.xp.int64)
 
     def _flat(self, table: Tensor) -> Tensor:
         return self._library.xp.reshape(table, (-1,))
 
-    def _learned(self, targets: Tensor) -> Tensor:
-        """Return the numbers of the tables of targets; where some may be missing, these are read first."""
+    def _learned(self, targets: Tensor, among: IntArray | None, asked: Tensor | None) -> Tensor:
+        """Return the numbers of the tables of targets; of those that are not asked for, of any."""
+        xp, library = self._library.xp, self._library
+        self.learn(np.zeros(1, np.int64) if among is None else among)
         slots = self._slots[targets]
-        if (self._slot_of < 0).any():
-            self._library.num_reads += 1
-            if bool(self._library.xp.any(slots < 0)):
-                self.learn(np.unique(self._library.get(targets)))
+        if among is None and (self._slot_of < 0).any():
+            is_new = slots < 0 if asked is None else (slots < 0) & asked
+            library.num_reads += 1
+            if bool(xp.any(is_new)):
+                rows = xp.broadcast_to(targets, is_new.shape)
+                self.learn(np.unique(library.get(rows)[library.get(is_new)]))
                 slots = self._slots[targets]
-        return slots
+        return xp.where(slots < 0, 0, slots)
 
 
 class CopiedView(DeviceView):
