@@ -72,6 +72,24 @@ class AgentLook(NamedTuple):
     hides: "Callable[[int, IntArray], np.ndarray[Any, np.dtype[np.bool_]]] | None"
 
 
+class NodeLook(NamedTuple):
+    """How a sensor shows nodes, in a form that is computed for many games at once; equal if two show the same.
+
+    Attributes:
+        radius: map units; may be infinite; None: it shows the nodes that edges lead to, itself first.
+        place: (x, y) to look from, or None: from the node of the agent that carries it.
+        cone: heading (cos, sin) and full opening angle; None: all around.
+        height: of its sight lines above the ground; None: obstacles hide nothing.
+        from_node: returns the ids of the nodes that it shows from a node, or from `place`; None: what the rest says.
+    """
+
+    radius: float | None
+    place: tuple[float, float] | None = None
+    cone: tuple[tuple[float, float], float] | None = None
+    height: float | None = None
+    from_node: "Callable[[int], IntArray] | None" = None
+
+
 def _no_points() -> FloatArray:
     return np.zeros((0, 2))
 

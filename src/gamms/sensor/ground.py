@@ -14,7 +14,7 @@ from gamms.ir.chances import as_chances
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensed import AgentLook, Sensed, SensorView, ragged
+from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor, teams_in
 from gamms.sensor.sensor import Heading, Sensor, of_data
@@ -25,6 +25,7 @@ from gamms.typing.graph_engine import NodeColumns, Surroundings
 from gamms.typing.sensor_engine import SensorType
 
 ALL_AROUND: Heading = (0.0, 0.0)
+_LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 _FEW = 8  # agents: more are compared as arrays
 
 
@@ -194,6 +195,25 @@ class MapSensor(GroundSensor):
         nodes = ragged([[*look.nodes] for look in looks])
         return Sensed(*nodes, Sensed(*ragged([[edge.id for edge in look.edges] for look in looks])))
 
+    def nodes_in_arrays(self) -> NodeLook | str:
+        """Return how it shows nodes, to be computed for many games at once; else in words why it cannot."""
+        if not self._is_ours:
+            return "is of a class of its own"
+        is_all_around = self.fov == FULL_CIRCLE
+        if not is_all_around and self._at is None:
+            return "turns with its agent"
+        return NodeLook(
+            self.range,
+            None if self._at is None else coordinates(self.ctx, self._at),
+            None if is_all_around else (self.orientation, self.fov),
+            self._observer_height if self._is_occluded else None,
+            None if not self._is_occluded and (_LEAST < self.range < _MOST or self.range == inf) else self._ids_from,
+        )
+
+    def _ids_from(self, node_id: int) -> IntArray:
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        return np.array([*self._look(self.place(node_id), heading).nodes], np.int64)
+
     @of_data
     def last_view(self) -> SensorView:
         """Return the nodes and edges seen last, and the field of view from where they were seen."""
@@ -245,6 +265,10 @@ class NeighborSensor(Sensor):
             self._last[0] = [*self._neighborhoods[node_id]]
         except TypeError:  # not hashable, or no id
             self._last[0] = [*self._neighborhoods[as_int(node_id, "The id of a node")]]
+
+    def nodes_in_arrays(self) -> NodeLook | str:
+        """Return how it shows nodes, to be computed for many games at once; else in words why it cannot."""
+        return NodeLook(None) if self._is_ours else "is of a class of its own"
 
     @of_data
     def last_view(self) -> SensorView:

@@ -12,6 +12,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen
+from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.turn import GameArrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
 from gamms.game.streets import Streets
@@ -102,6 +103,17 @@ class _ViewOfOne(ArrayView):
         nodes = self.streets.rows([found[name] for name in number])
         none = np.zeros(len(number), np.int64)
         return Seen((1, 1, len(self.roster.names)), none, none, np.array([*number.values()], np.int64), nodes)
+
+    def seen_nodes(self, *names: str) -> SeenNodes:
+        """Return what `state["sensor"]` shows."""
+        found = [np.zeros(0, np.int64)]
+        for name, (kind, data) in self._sensed.items():
+            if kind in SHOWING_NODES and (not names or name in names):
+                found.append(self.streets.rows([*(data if isinstance(data, list) else data["nodes"])]))
+        rows = np.concatenate(found)
+        rows = np.unique(rows) if len(found) > 2 else rows
+        none = np.zeros(len(rows), np.int64)
+        return SeenNodes((1, 1, len(self.streets.counts)), none, none, rows)
 
 
 def _world(ctx: IContext) -> tuple[Movement, dict[Any, Any]]:

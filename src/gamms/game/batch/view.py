@@ -12,6 +12,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.movement import AIMS
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
+from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.turn import Arrays, GameArrays, Places
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ArrayDraws
@@ -219,6 +220,22 @@ class ArrayView(Mapping[str, Any]):
             state.now[key] = found
         return found
 
+    def seen_nodes(self, *names: str) -> SeenNodes:
+        """Return which nodes the sensors show to those in the mask: NEIGHBOR, MAP, RANGE, ARC and OCCLUDED_MAP.
+
+        Args:
+            names: of the sensors; none: all.
+
+        Raises:
+            UnknownName (KeyError): no agent carries such a sensor that shows nodes.
+            BadValue: a sensor has no array form, such as one whose field of view turns with its agent.
+            TooLarge: the agents see more than 268 million nodes together.
+        """
+        shared, key = self._state.shared, ("nodes", self.agents.tobytes(), names)
+        if key not in shared:
+            shared[key] = node_lookouts(self.streets, self.roster.agents, self.agents, names)
+        return seen_nodes(self.node, self.mask, shared[key], len(self.streets.counts))
+
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
         found = self.seen()
@@ -313,8 +330,26 @@ class ArrayView(Mapping[str, Any]):
         roster = self.roster
         return tuple(roster.teams[number] for number in roster.team_of[self.agents].tolist())
 
-    def _sensors(self) -> dict[str, Seen]:
-        return {name: self.seen(name) for name in names_of(self.roster.agents, self.agents)}
+    def _sensors(self) -> "Sensors":
+        return Sensors(self)
+
+
+class Sensors(Mapping[str, Seen | SeenNodes]):
+    """What sensors show to the agents of a view, by their names; worked out when it is read."""
+
+    def __init__(self, view: ArrayView) -> None:
+        self._view, agents, numbers = view, view.roster.agents, view.agents
+        self._of_nodes = node_sensors_of(agents, numbers)
+        self._names = sorted({*names_of(agents, numbers), *self._of_nodes})
+
+    def __getitem__(self, name: str) -> Seen | SeenNodes:
+        return self._view.seen_nodes(name) if name in self._of_nodes else self._view.seen(name)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._names)
+
+    def __len__(self) -> int:
+        return len(self._names)
 
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {

@@ -1,0 +1,198 @@
+"""Which nodes the sensors of agents show, in all games of a view at once."""
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.game.streets import Streets
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.sensed import NodeLook
+from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
+from gamms.typing.sensor_engine import SensorType
+
+SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
+_MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
+_MOST_KNOWN = 1 << 25  # nodes in views that are kept, 4 bytes each
+
+
+class SeenNodes(NamedTuple):
+    """The nodes that agents see, as pairs: by game, then by the agent that sees.
+
+    Those of one agent are in the order of the nodes on the map; of one NEIGHBOR sensor alone, as it shows them.
+
+    Attributes:
+        shape: games and agents of the view, nodes of the map.
+        at: (pairs,) the game in the view.
+        viewers: (pairs,) the agent of the view that sees.
+        nodes: (pairs,) the row of the node.
+    """
+
+    shape: tuple[int, int, int]
+    at: IntArray
+    viewers: IntArray
+    nodes: IntArray
+
+    @property
+    def mask(self) -> BoolArray:
+        """Which nodes are seen, (games, agents, nodes).
+
+        Raises:
+            TooLarge: it would take more than 256 MB; the pairs may not.
+        """
+        if np.prod(self.shape, dtype=np.float64) > _MOST_PAIRS:
+            raise TooLarge(f"A mask of {self.shape} is too large. Use the pairs: at, viewers and nodes.")
+        found = np.zeros(self.shape, np.bool_)
+        found[self.at, self.viewers, self.nodes] = True
+        return found
+
+
+class NodeLookout(NamedTuple):
+    """Sensors that show the same from the same node, and the agents of a view that carry them."""
+
+    views: "KnownViews"
+    columns: IntArray  # (carriers,) numbers in the view
+
+
+def node_sensors_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
+    """Return the names of the sensors of agents of a roster that show nodes."""
+    carried = [getattr(agents[number], "sensors", {}) for number in numbers.tolist()]
+    return sorted({name for one in carried for name, sensor in one.items() if sensor.type in SHOWING_NODES})
+
+
+def node_lookouts(
+    streets: Streets, agents: Sequence[IAgent], numbers: IntArray, names: Sequence[str]
+) -> list[NodeLookout]:
+    """Return the sensors of agents of a roster that show nodes, of these names, or all.
+
+    Raises:
+        UnknownName (KeyError): no agent carries one of a name.
+        BadValue: one has no array form.
+    """
+    known = node_sensors_of(agents, numbers)
+    for name in names:
+        if name not in known:
+            raise UnknownName("sensor that shows nodes", name, known)
+    found: dict[NodeLook, tuple[NodeLook, list[int]]] = {}
+    for column, number in enumerate(numbers.tolist()):
+        carried = getattr(agents[number], "sensors", {})
+        for name in names or known:
+            if name in carried and carried[name].type in SHOWING_NODES:
+                look = _look_of(agents[number], name)
+                found.setdefault(look._replace(from_node=None), (look, []))[1].append(column)
+    return [NodeLookout(KnownViews(streets, look), np.unique(columns)) for look, columns in found.values()]
+
+
+def _look_of(agent: IAgent, name: str) -> NodeLook:
+    form = getattr(agent.sensors[name], "nodes_in_arrays", None)
+    look = "is of a class of its own" if form is None else form()
+    if isinstance(look, str):
+        raise BadValue(
+            f"The sensor {shown(name)} of agent {shown(agent.name)} {look}, and so has no array form. "
+            "Look with state['sensor'], in a strategy for one agent."
+        )
+    found: NodeLook = look
+    return found
+
+
+def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], nodes: int) -> SeenNodes:
+    """Return which nodes some agents see.
+
+    Args:
+        node: where they are, rows (games, agents).
+        asked: (games, agents) which of them are asked.
+        looks: their sensors.
+        nodes: how many there are on the map.
+    """
+    size, none = node.shape[1], np.zeros(0, np.int64)
+    parts = [(none, none)]
+    for views, columns in looks:
+        at, carriers = np.nonzero(asked[:, columns])
+        viewers = columns[carriers]
+        runs, rows = views.of(node[at, viewers])
+        parts.append((np.repeat(at * size + viewers, np.diff(runs)), rows))
+    looking, rows = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
+    if len(looks) > 1:
+        looking, rows = np.divmod(np.unique(looking * nodes + rows), nodes)
+    at = looking // max(size, 1)
+    return SeenNodes((len(node), size, nodes), at, looking - at * size, rows)
+
+
+class KnownViews:
+    """What a sensor shows from each node, worked out when one first looks from there."""
+
+    def __init__(self, streets: Streets, look: NodeLook) -> None:
+        self._streets, self._look = streets, look
+        self._forget()
+
+    def __len__(self) -> int:
+        """How many nodes there are."""
+        return len(self._streets.counts)
+
+    def _forget(self) -> None:
+        self._first, self._count = np.full(len(self), -1), np.zeros(len(self), np.int64)
+        self._rows, self._used = np.zeros(0, np.int32), 0
+
+    def of(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        """Return what is seen from some nodes as offsets (nodes + 1,) and rows, one after the other.
+
+        Raises:
+            TooLarge: that would be more than 268 million.
+        """
+        look = self._look
+        if look.radius is None:
+            return self._streets.legal_of(nodes)
+        if look.radius == np.inf and look.cone is None and look.from_node is None:
+            return self._checked(np.full(len(nodes), len(self))), np.tile(np.arange(len(self)), len(nodes))
+        if look.place is not None:  # all see the same
+            nodes = np.zeros_like(nodes)
+        new = np.unique(nodes[self._first[nodes] < 0])
+        if len(new):
+            if self._used > _MOST_KNOWN:
+                self._forget()
+                new = np.unique(nodes)
+            self._learn(new)
+        ends = self._checked(self._count[nodes])
+        _, places = kernels.expand_ranges(self._first[nodes], self._first[nodes] + self._count[nodes])
+        return ends, self._rows[places].astype(np.int64)
+
+    def _checked(self, counts: IntArray) -> IntArray:
+        ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
+        if ends[-1] > _MOST_PAIRS:
+            raise TooLarge(f"The agents see {ends[-1]} nodes together, too many for arrays. Ask for fewer games.")
+        return ends
+
+    def _learn(self, nodes: IntArray) -> None:
+        """Look from these nodes, which ascend."""
+        runs = self._near(nodes) if self._look.from_node is None else self._from_each(nodes, self._look.from_node)
+        lines, rows = (np.concatenate([run[side] for run in runs]) for side in (0, 1))
+        counts = np.bincount(lines, minlength=len(nodes))
+        self._count[nodes], self._first[nodes] = counts, self._used + np.cumsum(counts) - counts
+        after = self._used + len(rows)
+        if after > len(self._rows):
+            self._rows = np.concatenate((self._rows[: self._used], np.empty(2 * after - self._used, np.int32)))
+        self._rows[self._used : after], self._used = rows, after
+
+    def _near(self, nodes: IntArray) -> list[tuple[IntArray, IntArray]]:
+        """Return the places in `nodes` and the rows that are in range of them and in the field of view."""
+        look, (x, y), runs = self._look, self._streets.axes, [(np.zeros(0, np.int64),) * 2]
+        x0, y0 = (x[nodes], y[nodes]) if look.place is None else (np.full(len(nodes), one) for one in look.place)
+        here, there = kernels.Area(x0, y0, np.zeros_like(nodes)), kernels.Area(x, y, np.zeros(len(x), np.int64))
+        if look.radius == np.inf:
+            runs.append(np.divmod(np.arange(len(nodes) * len(x)), len(x)))
+        else:
+            runs += kernels.near_each_other(here, there, look.radius or 0.0)
+        if look.cone is None:
+            return runs
+        ahead = [kernels.in_cone(x[rows] - x0[lines], y[rows] - y0[lines], *look.cone) for lines, rows in runs]
+        return [(lines[kept], rows[kept]) for (lines, rows), kept in zip(runs, ahead, strict=True)]
+
+    def _from_each(self, nodes: IntArray, look: Callable[[int], IntArray]) -> list[tuple[IntArray, IntArray]]:
+        """Return the same of a sensor that looks from one node after the other."""
+        ids = self._streets.ids(nodes).tolist()
+        rows = [np.sort(self._streets.rows(look(node))) for node in ids]
+        return [(np.full(len(one), line), one) for line, one in enumerate(rows)]

@@ -1,0 +1,113 @@
+"""The nodes that agents of a batch see are those that the sensors show them in a game that is played alone."""
+
+import numpy as np
+import pytest
+from batch_scenes import scene
+
+import gamms
+from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.game.batch import surroundings
+from gamms.sensor.ground import MapSensor
+
+FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
+KINDS = [
+    ("NEIGHBOR", {}),
+    ("MAP", {}),
+    ("MAP", {"at": 3}),
+    ("RANGE", {"sensor_range": 20.0}),
+    ("RANGE", {"sensor_range": 0.0}),
+    ("RANGE", {"sensor_range": 28.3, "at": (13.0, 22.0)}),
+    ("ARC", {"sensor_range": 30.0}),
+    ("ARC", {"sensor_range": float("inf"), "at": 12, **FIELD}),
+    ("ARC", {"sensor_range": 25.0, "at": 12, **FIELD}),
+    ("OCCLUDED_MAP", {}),
+    ("OCCLUDED_MAP", {"sensor_range": 25.0}),
+    ("OCCLUDED_MAP", {"sensor_range": 35.0, "at": 7, **FIELD}),
+]
+
+
+def with_eyes(ctx, kind, keywords, name="eye"):
+    """Let the red agents carry a sensor, on a map with a wall."""
+    if name == "eye":
+        ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
+    for agent in ctx.agent.agents.values():
+        if agent.team == "red":
+            agent.register_sensor(name, ctx.sensor.create_sensor(f"{agent.name}/{name}", kind, **keywords))
+
+
+@pytest.mark.parametrize(("kind", "keywords"), KINDS)
+def test_agents_see_the_nodes_that_their_sensors_show(kind, keywords):
+    with scene(max_turns=4).build(seed=1) as ctx:
+        with_eyes(ctx, kind, keywords)
+        with ctx.game.batch(seeds=[2, 1]) as games:
+            for _ in range(4):
+                view = games.observe("red")
+                seen = view["sensor"]["eye"]
+                for number, name in enumerate(view["name"]):
+                    data = ctx.game.observation(name)["sensor"]["eye"][1]
+                    here = (seen.at == 1) & (seen.viewers == number)
+                    expected = [*data["nodes"]] if isinstance(data, dict) else data
+                    assert view.streets.ids(seen.nodes[here]).tolist() == expected
+                games.step()
+                ctx.game.step()
+
+
+def test_all_sensors_together_show_each_node_once():
+    with scene().build(seed=1) as ctx:
+        with_eyes(ctx, "RANGE", {"sensor_range": 20.0})
+        with_eyes(ctx, "NEIGHBOR", {}, "next")
+        with ctx.game.batch(3) as games:
+            view = games.observe("red")
+            assert (view.seen_nodes().mask == view.seen_nodes("eye").mask).all()
+            assert len(view.seen_nodes().at) == len(view.seen_nodes("eye").at) > len(view.seen_nodes("next").at)
+            some = view.only(np.array([[False, False, True]] * 3))
+            assert set(some.seen_nodes().viewers.tolist()) == {2}
+            assert not len(games.observe("blue").seen_nodes().at)
+            with pytest.raises(UnknownName, match="'eyes'"):
+                view.seen_nodes("eyes")
+
+
+def test_sensors_without_an_array_form_are_named():
+    class Mine(MapSensor):
+        pass
+
+    with scene().build(seed=1) as ctx:
+        with_eyes(ctx, "ARC", {"sensor_range": 30.0, **FIELD})
+        ctx.agent.get_agent("red_1").register_sensor("mine", Mine(ctx, "mine", gamms.sensor.SensorType.RANGE, 5.0))
+        with ctx.game.batch(2) as games:
+            with pytest.raises(BadValue, match="'eye' of agent 'red_0' turns with its agent"):
+                games.observe("red").seen_nodes("eye")
+            with pytest.raises(BadValue, match="a class of its own"):
+                games.observe("red").seen_nodes("mine")
+
+
+def test_views_that_were_forgotten_are_worked_out_again(monkeypatch):
+    with scene().build(seed=1) as ctx:
+        with_eyes(ctx, "RANGE", {"sensor_range": 20.0})
+        with ctx.game.batch(4) as games, ctx.game.batch(4) as others:
+            for _ in range(4):
+                expected = games.observe("red").seen_nodes().mask
+                monkeypatch.setattr(surroundings, "_MOST_KNOWN", 0)
+                assert (others.observe("red").seen_nodes().mask == expected).all()
+                monkeypatch.undo()
+                games.step()
+                others.step()
+            monkeypatch.setattr(surroundings, "_MOST_PAIRS", 10)
+            with pytest.raises(TooLarge, match="Ask for fewer games"):
+                games.observe("red").seen_nodes()
+
+
+@gamms.array_strategy
+def to_the_edge_of_view(view):
+    """Go towards the last node that is seen."""
+    seen, actions = view.seen_nodes("eye"), np.zeros(view.node.shape, np.int64)
+    actions[seen.at, seen.viewers] = view.routes().actions(view.node[seen.at, seen.viewers], seen.nodes)
+    return actions
+
+
+def test_a_strategy_of_nodes_in_view_plays_the_same_alone_and_in_batches(same_as_one_by_one):
+    sensors = {"eye": {"type": "RANGE", "sensor_range": 20.0}}
+    walks = {"count": 2, "strategy": "gamms.strategies:random_walk", "sensors": ["eye"]}
+    same_as_one_by_one(
+        scene(teams={"red": walks, "blue": walks}, sensors=sensors), [1, 2], {"red": to_the_edge_of_view}
+    )
