@@ -1,5 +1,6 @@
 """The law of batches: whatever is played in arrays is played as the turn engine plays it, event by event."""
 
+import numpy as np
 from batch_scenes import plain
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -10,6 +11,7 @@ from gamms.rules import (
     at_random,
     by_priority,
     capture_flag,
+    cooldown,
     hold,
     last_team,
     nobody,
@@ -132,8 +134,66 @@ def maps(draw):
     return draw(st.lists(st.tuples(st.sampled_from([0.5, 0.7, 1.1]), st.booleans()), min_size=33, max_size=33))
 
 
-def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None):
+DEEDS = {"scan": {"node": "node"}, "mark": {"whom": "agent?", "size": "number", "how": ["near", "far"]}, "rest": {}}
+
+
+def busy(state):
+    """Walk at random, and do several things."""
+    legal, draw, do = state["legal"], state["draw"], {}
+    node = legal[draw.below(len(legal))]
+    if draw.random() < 0.5:
+        do["scan"] = {"node": node}
+    if draw.random() < 0.4:
+        do["mark"] = {"size": draw.random(), "how": "near"} | ({"whom": "a0"} if state["name"] < "b" else {})
+    if draw.random() < 0.3:
+        do["rest"] = None
+    state["action"] = {"node_id": node, "do": do} if do else node
+
+
+def busy_in_arrays(view):
+    actions = view.draw.below(view.counts)
+    view.do("scan", view.draw.random() < 0.5, node=view.movement.nodes(view.choices, actions))
+    marks = view.only(view.draw.random() < 0.4)
+    is_early = np.array([name < "b" for name in view["name"]])
+    view.do("mark", marks.mask, size=marks.draw.random(), how="near", whom=np.where(is_early, 0, -1))
+    view.do("rest", view.draw.random() < 0.3)
+    return actions
+
+
+busy.array_form = busy_in_arrays
+
+
+def strike(ctx):
+    """Let agents that are marked go back, or out if they are marked much; end the game if several rest."""
+    for deed in ctx.game.performed("mark"):
+        ctx.game.emit("marked", agent=deed.agent, at=deed.at)
+        if "whom" in deed.values:
+            (ctx.game.eliminate if deed.values["size"] > 0.7 else ctx.game.respawn)(deed.values["whom"])
+    if ctx.game.turn == 4 and len(ctx.game.performed("rest")) > 2:
+        ctx.game.end("rest")
+
+
+def strike_in_arrays(turn):
+    done = turn.performed("mark")
+    others, is_out = done.values["whom"], done.values["size"] > 0.7
+    for number in range(max(np.bincount(done.at), default=0)):  # the marks of a game one after the other
+        rank = np.arange(len(done.at)) - np.searchsorted(done.at, done.at)
+        those = rank == number
+        turn.emit("marked", done.at[those], agents={"agent": done.agents[those]}, nodes={"at": done.nodes[those]})
+        out, back = those & (others >= 0) & is_out, those & (others >= 0) & ~is_out
+        turn.eliminate(done.at[out], others[out])
+        turn.respawn(done.at[back], others[back])
+    resting = np.bincount(turn.performed("rest").at, minlength=len(turn.games))
+    ended = np.flatnonzero((turn.turn == 4) & (resting > 2))
+    turn.end(ended, "rest", [None] * len(ended))
+
+
+strike.array_form = strike_in_arrays
+
+
+def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
+    ctx.game.deeds = {} if deeds is None else DEEDS
     for number, node in enumerate(NODES):
         ctx.graph.graph.add_node({"id": node, "x": number % 7, "y": number // 7, "room": number % 4})
     pairs = [(i, i + step) for i in range(14) for step in (1, 6, 7) if i + step < 14][: len(streets)]
@@ -145,7 +205,7 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
             edge += 1
     motion = motion or {}
     for number, (name, (team, node)) in enumerate(agents.items()):
-        made = [random_walk, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
+        made = [random_walk if deeds is None else busy, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
         sees = [ctx.sensor.create_sensor(f"eyes of {name}", "AGENT_RANGE", sensor_range=4.0).sensor_id]
         agent = ctx.agent.create_agent(
             name, start_node_id=node, team=team, strategy=made[number % len(made)], sensors=sees
@@ -156,6 +216,13 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
     ctx.game.add(territory.published({node: "red" if node < 20 else "blue" for node in NODES}, "land"))
     for number, rule in enumerate(rules):
         ctx.game.add(rule, phase="before" if number in early else "after")
+    for phase in deeds or ():
+        ctx.game.add(strike, phase=phase)
+    for kind in ("scan", "mark") if deeds else ():
+        ctx.game.add(cooldown(kind, 2), phase=deeds[0])
+    if deeds is not None:
+        prices = {"rest": 0.4, "mark": 0.7, "scan": 1}
+        ctx.game.add(resource("power", 3, per_deed=prices, per_edge=0.2, recharge=dict.fromkeys(NODES[::3], 2)))
     ctx.game.conflicts, ctx.game.order = conflicts, order
     return ctx
 
@@ -192,13 +259,14 @@ motions = st.one_of(
     early=st.sets(st.integers(0, 9), max_size=2),
     order=orders,
     motion=motions,
+    deeds=st.one_of(st.none(), st.lists(st.sampled_from(["before", "deeds", "after"]), max_size=2)),
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order, motion
+    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds
 ):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
     with (
-        open_game(streets, agents, rules, conflicts, early, order, motion) as ctx,
+        open_game(streets, agents, rules, conflicts, early, order, motion, deeds) as ctx,
         ctx.game.batch(seeds=seeds) as games,
     ):
         assert games.slow is None

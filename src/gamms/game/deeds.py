@@ -154,7 +154,7 @@ def _checked_fields(deed: str, given: object, declared: Mapping[str, Any], ctx: 
     for key, field in fields.items():
         name = f"{key!r} of the deed {deed!r}"
         if values.get(key) is not None:
-            checked[key] = _checked_value(values[key], field, name, ctx)
+            checked[key] = checked_value(values[key], field, name, ctx)
         elif field.is_required:
             raise BadValue(f"There is no {name}; it needs {_listed(fields)}.")
     return checked
@@ -171,7 +171,12 @@ def _by_field(deed: str, given: object, required: list[str]) -> Mapping[Any, Any
     raise BadType(f"The deed {deed!r} needs {needs}, not {shown(given)}.")
 
 
-def _checked_value(value: object, field: DeclaredField, name: str, ctx: HostContext) -> Any:
+def checked_value(value: object, field: DeclaredField, name: str, ctx: HostContext) -> Any:
+    """Return the value of a field, plain.
+
+    Raises:
+        UnknownName (KeyError), BadType, BadValue: it is not of its kind, or none of its choices.
+    """
     if field.kind != "choice":
         return FIELD_KINDS[field.kind](value, name, ctx)
     plain = _plain(value, name, ctx)

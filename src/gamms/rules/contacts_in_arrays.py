@@ -160,7 +160,7 @@ def _near_on_paths(
         came = (times[..., 1:] == now).any(axis=-1)
         last = np.maximum((times <= now).sum(axis=-1) - 1, 0)
         node = np.take_along_axis(paths.nodes, last[..., None], axis=-1)[..., 0]
-        counts = goes & came.any(axis=1)[:, None]
+        counts = goes & came.any(axis=1)[:, None] & ((times[..., 0] == 0.0) | (last > 0))
         at, a, b, far = _near_pairs(turn, node, counts, sides, nearness)
         some = came[at, a] | came[at, b]
         at, a, b, far = at[some], a[some], b[some], far[some]

@@ -12,7 +12,8 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.device import DeviceTurn, in_all_games
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.turn import ArrayTurn, GameArrays, Visits
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of

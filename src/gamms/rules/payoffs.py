@@ -9,7 +9,8 @@ from gamms.arguments import as_flag, as_float, as_mapping, as_name
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.device import in_all_games
-from gamms.game.batch.turn import ArrayTurn, Emitted
+from gamms.game.batch.state import Emitted
+from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.rules.endings import Rank, state_of, with_hooks
 from gamms.text import shown, shown_as_called

@@ -8,7 +8,8 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered
-from gamms.game.batch.turn import Arrays, ArrayTurn
+from gamms.game.batch.state import Arrays
+from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import to_plain, why_not_plain
 from gamms.rules.contacts import nodes_within

@@ -1,6 +1,6 @@
 """What agents use up: amounts such as fuel, which moves, turns and deeds cost, and deeds that take time to be ready."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from itertools import pairwise, takewhile
 from math import dist, isfinite
 from typing import Annotated, Any, NamedTuple
@@ -10,7 +10,9 @@ import numpy as np
 from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.turn import Arrays, ArrayTurn, GameArrays
+from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.state import Arrays, GameArrays
+from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, shortest_edges
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.endings import Rank, as_teams, refuse_unknown, state_of, with_hooks
@@ -96,7 +98,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         teams=sorted(tank.teams or (), key=str),
         rank=Rank.RESOURCES,
         key=tank.name,
-        array_form=None if tank.per_deed else tank.charge_in_arrays,
+        array_form=tank.charge_in_arrays,
         array_check=tank.check_in_arrays,
         prepare_arrays=tank.prepare_arrays,
     )
@@ -210,27 +212,45 @@ class _Tank(NamedTuple):
     def check_in_arrays(self, turn: ArrayTurn, ends: IntArray) -> BoolArray:
         """Return which moves to these nodes cost more than is left, (games, agents)."""
         kept = self._kept(turn.keep, ends.shape[1])
-        left = kept["amounts"][turn.games]
+        left, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
+        is_empty = left <= 0
+        for done, price in self._deeds_in_arrays(turn):
+            deeds = done.those(counts[done.agents])
+            has = left[deeds.at, deeds.agents]
+            is_refused = price > has * (1 + _SLACK)
+            left[deeds.at, deeds.agents] = np.where(is_refused, has, has - price)
+            why = [f"it needs {price:g} {self.name}, and {amount:g} is left" for amount in has[is_refused].tolist()]
+            turn.refuse(deeds.those(is_refused), why)
         edges = ends != turn.node if turn.paths is None else turn.paths.lengths - 1
         prices = edges * self.per_edge
         if self.per_metre:
             prices = prices + _lengths_in_arrays(turn, ends) * self.per_metre
         kept["prices"][turn.games] = np.where(edges > 0, prices, kept["prices"][turn.games])
-        is_too_dear = (left <= 0) | (prices > left * (1 + _SLACK))
-        is_refused: BoolArray = is_too_dear & turn.alive & turn.roster.plays_for(self.teams)
-        return is_refused
+        is_too_dear = is_empty | (prices > left * (1 + _SLACK))
+        is_stopped: BoolArray = is_too_dear & turn.alive & counts
+        return is_stopped
+
+    def _deeds_in_arrays(self, turn: ArrayTurn) -> Iterator[tuple[ArrayDeeds, float]]:
+        """Yield what agents do that costs something, with the price: of several of one agent in their order."""
+        several = [(turn.performed(kind), price) for kind, price in self.per_deed.items()]
+        orders = np.unique(np.concatenate([deeds.order for deeds, _ in several])) if several else ()
+        for number in orders:
+            yield from ((deeds.those(deeds.order == number), price) for deeds, price in several)
 
     def charge_in_arrays(self, turn: ArrayTurn) -> None:
         """Do what `charge` does in many games."""
         kept = self._kept(turn.keep, turn.alive.shape[1])
         before, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
         prices = np.where(turn.starts != turn.ends, kept["prices"][turn.games], 0.0)
-        rest = before - prices - self.per_turn
+        used = np.full(before.shape, self.per_turn)
+        for deeds, price in self._deeds_in_arrays(turn):
+            used[deeds.at, deeds.agents] += price
+        rest = before - prices - used
         rest[rest <= before * _SLACK] = 0.0
         if self.recharge:
             rest += turn.shared(("recharge", self.name), lambda: self._rates(turn))[turn.node]
         rest = np.minimum(rest, self.full)
-        is_paying = turn.alive | turn.took_part  # that are in the game, or went out in this turn
+        is_paying = turn.is_playing
         kept["amounts"][turn.games] = np.where(counts & is_paying, rest, self.start)
         is_empty = (rest <= 0) & counts & is_paying
         self._empty(turn, is_empty & (before > 0), is_empty)
@@ -370,6 +390,23 @@ def cooldown(deed: str, turns: int) -> Rule:
         known.update(later)
         known.update((one.agent, wait) for one in ctx.game.performed(kind))
 
+    def kept(turn: ArrayTurn) -> IntArray:
+        agents = turn.alive.shape[1]
+        known: IntArray = turn.keep(("cooldown", kind), lambda n: {"left": np.zeros((n, agents), np.int64)})["left"]
+        return known
+
+    def check_in_arrays(turn: ArrayTurn, ends: IntArray) -> BoolArray:
+        done = turn.performed(kind)
+        more = kept(turn)[turn.games[done.at], done.agents]
+        ready = (turn.turn[done.at] + 1 + more)[more > 0].tolist()
+        turn.refuse(done.those(more > 0), [f"it is ready in turn {number}" for number in ready])
+        return np.zeros(ends.shape, np.bool_)
+
+    def in_arrays(turn: ArrayTurn) -> None:
+        known, done = kept(turn), turn.performed(kind)
+        known[turn.games] = np.maximum(known[turn.games] - 1, 0)
+        known[turn.games[done.at], done.agents] = wait
+
     return with_hooks(
         cooldown,
         prepare=prepare,
@@ -377,4 +414,6 @@ def cooldown(deed: str, turns: int) -> Rule:
         drawer=render_cooldowns,
         rank=Rank.RESOURCES,
         key=f"cooldown of {kind}",
+        array_form=in_arrays,
+        array_check=check_in_arrays,
     )

@@ -1,8 +1,8 @@
 """Strategies that are written in arrays alone: in a game that is played alone they get a view of one game and agent."""
 
 from collections.abc import Callable
-from functools import update_wrapper
-from typing import Any
+from functools import partial, update_wrapper
+from typing import Any, cast
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -10,16 +10,19 @@ import numpy as np
 from gamms.arguments import as_context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.columns import Roster
+from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen
+from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
-from gamms.game.batch.turn import GameArrays
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
+from gamms.game.deeds import checked_value
 from gamms.game.streets import Streets
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing import IContext
+from gamms.typing.context import HostContext
 
 _KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
 _worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyDictionary()
@@ -46,7 +49,9 @@ def array_strategy(form: ArrayStrategy) -> Callable[[IContext], Callable[[Any], 
 
         def strategy(state: dict[str, Any]) -> None:
             view = _ViewOfOne(ctx, state)
-            state["action"] = state["legal"][int(view.checked(form(view), name)[0, 0])]
+            node = state["legal"][int(view.checked(form(view), name)[0, 0])]
+            done = view.plain_deeds()
+            state["action"] = {"node_id": node, "do": done} if done else node
 
         made: Any = update_wrapper(strategy, form)
         del made.__wrapped__
@@ -84,13 +89,20 @@ class _ViewOfOne(ArrayView):
         game.kept = state["memory"].setdefault(_KEPT, {})
         super().__init__(game, np.zeros(1, np.int64), np.array([number]))
         self.draw = _DrawsOfOne(state["draw"])
-        self._sensed = state["sensor"]
+        self._sensed, self.deeds = state["sensor"], []
+        check = partial(checked_value, ctx=cast("HostContext", ctx))
+        game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
         legal = streets.ids(streets.legal[node][: int(self.counts[0, 0])])
         if legal.tolist() != list(state["legal"]):
             raise BadValue(
                 f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
                 "no speed, and leave ctx.game.legal as it is."
             )
+
+    def plain_deeds(self) -> dict[str, dict[str, Any]]:
+        """Return what the agent does besides moving, as `state["action"]` has it."""
+        known, done = self._state.deeds, [one for one in self.deeds or () if len(one.at)]
+        return {one.kind: {key: known.plain(one, key)[0] for key in one.values} for one in done}
 
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what `state["sensor"]` shows."""

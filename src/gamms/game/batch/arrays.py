@@ -8,11 +8,15 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.movement import Movement, movement_of, why_not_moved
 from gamms.game.batch.sight import why_not_seen
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, GameArrays, TurnPart
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, TurnPart
 from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, ArrayView
+from gamms.game.deeds import checked_value
 from gamms.game.result import Result
+from gamms.game.settings import PHASES as RULE_PHASES
 from gamms.game.settings import NamedRule
 from gamms.game.slots import COUNTED
 from gamms.ir.game_state import PHASES
@@ -55,9 +59,11 @@ class ArrayEngine:
         if settings["order"] is not None and len(settings["order"]) > 1:
             move_now = np.stack([roster.plays_for(teams) for teams in settings["order"]])  # (parts, agents)
             self._parts = [np.flatnonzero(of_part) for of_part in move_now]
+        self.state.deeds = DeclaredDeeds(
+            settings["deeds"], partial(checked_value, ctx=game.ctx), roster, movement.streets, len(seeds)
+        )
         self._rules = {
-            phase: [(one, _form_of(one.rule)) for one in game.rules if one.phase == phase]
-            for phase in ("before", "after")
+            phase: [(one, _form_of(one.rule)) for one in game.rules if one.phase == phase] for phase in RULE_PHASES
         }
         self._conflicts = _form_of(settings["conflicts"])
         self._checks = [getattr(one.rule, _CHECK) for one in game.rules if hasattr(one.rule, "check")]
@@ -95,44 +101,56 @@ class ArrayEngine:
             turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
             if not len(turn.games):
                 return
-            starts, ends, took_part = state.last_moves
-            turn.starts, turn.ends, turn.took_part = starts[turn.games], ends[turn.games], took_part[turn.games]
-            turn.paths = state.last_paths and state.last_paths.of(turn.games)
+            turn.resume()
             self._call(named, form, turn)
             turn.close()
         turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
         if not len(turn.games):
             return
+        state.last_deeds = []
         actions, is_given = self._given(turn, given)
         for number, members in enumerate(self._parts):
+            is_going = state.is_going[turn.games]
+            if number and not is_going.all():  # rules have ended some
+                self._finish(turn.of(~is_going))
+                turn, actions = turn.of(is_going), actions[is_going]
+                if not len(turn.games):
+                    return
             wanted, is_decided = actions, is_given
             if members is not None:
                 moves = np.isin(np.arange(len(is_given)), members)
                 wanted, is_decided = np.where(moves, actions, state.movement.idle), is_given | ~moves
             part = None if members is None else TurnPart(number, len(self._parts), members)
-            self._play_part(turn, self._decided(turn, wanted, is_decided), part)
+            self._play_part(turn, *self._decided(turn, wanted, is_decided), part)
+        self._finish(turn)
+
+    def _finish(self, turn: ArrayTurn) -> None:
+        """Apply the rules of a turn in which all have moved."""
         turn.end_moves()
         if self._rules["before"]:
-            for column, values in zip(state.last_moves, (turn.starts, turn.ends, turn.took_part), strict=True):
-                column[turn.games] = values
-            state.last_paths = turn.paths and turn.paths.spread(turn.games, len(state))
+            turn.keep_moves()
         try:
             for named, form in self._rules["after"]:
                 self._call(named, form, turn)
         finally:  # the agents have moved: the turn is played, without the rules that follow
             turn.close()
 
-    def _play_part(self, turn: ArrayTurn, actions: IntArray, part: TurnPart | None) -> None:
-        """Let some agents move at once, by what they have decided; None: all."""
+    def _play_part(self, turn: ArrayTurn, actions: IntArray, deeds: list[ArrayDeeds], part: TurnPart | None) -> None:
+        """Let some agents do and move at once what they have decided; None: all."""
         moves = self.state.movement.moves(turn.node, actions, turn.games)
         turn.paths, in_conflict = moves.paths, np.zeros(moves.ends.shape, np.bool_)
-        refused = np.zeros(moves.ends.shape, np.bool_)
-        for check in self._checks:
-            refused |= check(turn, moves.ends) & moves.goes
-        moves = moves.without(refused)
+        if self._checks or deeds or self._rules["deeds"]:
+            turn.begin_part(moves, deeds)
+            is_refused = np.zeros(moves.ends.shape, np.bool_)
+            for check in self._checks:
+                is_refused |= check(turn, moves.ends) & moves.goes
+            moves = turn.refused(moves, is_refused)
+            for named, form in self._rules["deeds"]:
+                self._call(named, form, turn)
+            moves = turn.left_of(moves)
         if self._conflicts is not None:
             in_conflict = self._conflicts(turn, moves.ends) & moves.goes
-        self.state.counts["blocked"][turn.games] += refused | in_conflict
+            self.state.counts["blocked"][turn.games] += in_conflict
         turn.move(moves.without(in_conflict), in_conflict, part)
 
     def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> tuple[IntArray, BoolArray]:
@@ -155,19 +173,21 @@ class ArrayEngine:
             is_given[agents] = True
         return actions, is_given
 
-    def _decided(self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray) -> IntArray:
-        """Return these actions with those of the agents, (agents,), whose strategies are to be asked."""
-        actions = given.copy()
+    def _decided(self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray) -> tuple[IntArray, list[ArrayDeeds]]:
+        """Return these actions with those of agents, (agents,), whose strategies are to be asked, and what they do."""
+        actions, deeds = given.copy(), list[ArrayDeeds]()
         for group in self._groups:
             agents = group.agents[~is_decided[group.agents]]
             if len(agents):
                 view = ArrayView(self.state, turn.games, agents)
+                view.deeds = []
                 try:
                     actions[:, agents] = view.checked(group.form(view), group.name, may_aim=True)
+                    deeds += view.deeds
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch.")
                     raise
-        return actions
+        return actions, [one for one in deeds if len(one.at)]
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
         try:
@@ -216,7 +236,8 @@ class ArrayEngine:
             scores=state.scores_of(game),
             events=[dict(event) for event in state.events.of(game)],
             agents=agents,
-            errors=[],
+            errors=[dict(error) for error in state.errors[game]],
+            deeds=[dict(deed) for deed in state.deeds.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],
             provenance=template.provenance,
@@ -232,7 +253,6 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     reasons = [
         (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
-        (bool(settings["deeds"]), "deeds"),
         (bool(settings["channels"]), "channels"),
         (bool(settings["plans"]), "plans of teams"),
         (settings["time_budget"] is not None, "a time budget"),
@@ -271,7 +291,7 @@ def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[I
 
 def _rule_lacks_form(named: NamedRule) -> bool:
     has_check = not hasattr(named.rule, "check") or hasattr(named.rule, _CHECK)
-    return named.phase == "deeds" or not has_check or _form_of(named.rule) is None
+    return not has_check or _form_of(named.rule) is None
 
 
 def _form_of(function: object) -> Any:

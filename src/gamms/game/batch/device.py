@@ -13,10 +13,12 @@ import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine, Group
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
-from gamms.game.batch.turn import ArrayTurn, GameArrays
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import IS_LEGAL, PORTABLE, ArrayView
 from gamms.game.settings import NamedRule
 from gamms.ir.graph import IntArray
@@ -152,6 +154,7 @@ class HostTurn(ArrayTurn):
         self._state, self.games, self._before_moves = state, games, before_moves
         self.roster, self.streets = state.roster, state.streets
         self.paths = self._played = None
+        self._deeds, self._refused = list[ArrayDeeds](), dict[tuple[int, int, str], set[str]]()
         self.turn, self.seeds = state.turn[games], state.seeds_there[games]
         self._before: tuple[IntArray, BoolArray] | None = None
 

@@ -11,7 +11,7 @@ from gamms.errors import BadType, BadValue
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Lookout, Seen, lookouts
-from gamms.game.batch.turn import Arrays, GameArrays, Places
+from gamms.game.batch.state import Arrays, GameArrays, Places
 from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import ArrayView, ViewDraws
 from gamms.game.streets import Streets

@@ -71,6 +71,25 @@ class Paths(NamedTuple):
         columns += [column.copy() for column in self[2:]]
         return Paths(*columns)
 
+    def staying(self, which: BoolArray, node: IntArray) -> "Paths":
+        """Return these paths, but of agents that stay, (games, agents), on these nodes."""
+        nodes, times = np.where(which[..., None], node[..., None], self.nodes), self.times.copy()
+        times[which, 0], times[which, 1:] = 0.0, np.inf
+        lengths = np.where(which, 1, self.lengths)
+        return Paths(nodes, times, lengths, self.stays | which, self.waits & ~which, self.rests | which)
+
+    def without_starts(self, which: BoolArray) -> "Paths":
+        """Return these paths, but of some agents, (games, agents), without their first nodes."""
+        nodes = np.concatenate((self.nodes[..., 1:], self.nodes[..., -1:]), axis=-1)
+        times = np.concatenate((self.times[..., 1:], np.full_like(self.times[..., :1], np.inf)), axis=-1)
+        of_some = which[..., None]
+        return self._replace(
+            nodes=np.where(of_some, nodes, self.nodes),
+            times=np.where(of_some, times, self.times),
+            lengths=self.lengths - which,
+            waits=self.waits & ~which,
+        )
+
     def spread(self, games: IntArray, number: int) -> "Paths":
         """Return them as those of so many games, of which they are some; those of the others mean nothing."""
         at = np.zeros(number, np.int64)
@@ -100,11 +119,7 @@ class Moves(NamedTuple):
             return self
         ends, goes, paths = np.where(stopped, self.starts, self.ends), self.goes & ~stopped, self.paths
         if paths is not None:
-            nodes = np.where(stopped[..., None], self.starts[..., None], paths.nodes)
-            times = paths.times.copy()
-            times[stopped, 1:] = np.inf
-            stays, rests = paths.stays | stopped, paths.rests | stopped
-            paths = Paths(nodes, times, np.where(stopped, 1, paths.lengths), stays, paths.waits & ~stopped, rests)
+            paths = paths.staying(stopped, self.starts)
         progress = tuple(np.where(stopped, 0, column) for column in self.progress)
         return Moves(self.starts, ends, goes, paths, progress)
 

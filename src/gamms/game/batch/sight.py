@@ -10,7 +10,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch.columns import Roster
-from gamms.game.batch.turn import GameArrays
+from gamms.game.batch.state import GameArrays
 from gamms.game.streets import Streets
 from gamms.ir.chances import chances_at
 from gamms.ir.graph import FloatArray, IntArray

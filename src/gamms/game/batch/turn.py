@@ -1,90 +1,23 @@
-"""What a batch remembers of its games, and what array forms of rules get of one turn of all that are played."""
+"""What array forms of rules get: one turn of all games that are played."""
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from itertools import compress
-from typing import Any, NamedTuple, TypeVar
+from copy import copy
+from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.columns import Roster
-from gamms.game.batch.movement import Movement, Moves, Paths
+from gamms.game.batch.deeds import ArrayDeeds, joined
+from gamms.game.batch.movement import Moves, Paths
+from gamms.game.batch.state import Arrays, Emitted, GameArrays
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 
 T = TypeVar("T")
-Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 ArrayRule = Callable[["ArrayTurn"], None]
 """The array form of a rule, in its attribute `array_form`; see docs/batches.md."""
-
-
-class Emitted(NamedTuple):
-    """Events of one kind that were emitted together.
-
-    Attributes:
-        kind: of all.
-        games: (events,)
-        turns: (events,)
-        fields: name -> (events,) values.
-    """
-
-    kind: str
-    games: IntArray
-    turns: IntArray
-    fields: Mapping[str, list[Any]]
-
-    def those(self, which: BoolArray) -> "Emitted":
-        """Return some of the events."""
-        fields = {name: list(compress(values, which.tolist())) for name, values in self.fields.items()}
-        return Emitted(self.kind, self.games[which], self.turns[which], fields)
-
-
-class EventLog:
-    """The events of all games, as they were emitted."""
-
-    def __init__(self, num_games: int) -> None:
-        self._pending: list[Emitted] = []
-        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
-        self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
-
-    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
-        """Note events, one for each of these games; of one game they are in their order."""
-        emitted = Emitted(kind, games, turns, fields)
-        for unread in (self._pending, *self._unread.values()):
-            unread.append(emitted)
-
-    def new(self, reader: Hashable) -> list[Emitted]:
-        """Return the events since the last call for a reader, at first none."""
-        found = self._unread.get(reader, [])
-        self._unread[reader] = []
-        return found
-
-    def of(self, game: int) -> list[dict[str, Any]]:
-        """Return the events of a game, in their order."""
-        for kind, games, turns, fields in self._pending:
-            for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
-                event = {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
-                self._of_game[number].append(event)
-        self._pending.clear()
-        return self._of_game[game]
-
-    def forget(self, games: IntArray) -> None:
-        """Forget the events of some games."""
-        self.of(0)
-        for game in games.tolist():
-            self._of_game[game] = []
-        for unread in self._unread.values():
-            unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
-
-
-class Places(NamedTuple):
-    """Where agents are that may be on edges; arrays begin with the games and the agents."""
-
-    edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
-    offset_m: FloatArray  # (games, agents)  metres along it
-    xy: FloatArray  # (games, agents, 2)  map units
 
 
 class TurnPart(NamedTuple):
@@ -116,124 +49,8 @@ class Visits(NamedTuple):
         return Visits(self.at[which], self.agents[which], self.nodes[which], self.begin[which], self.end[which])
 
 
-class GameArrays:
-    """The state of all games of a batch.
-
-    Attributes:
-        roster: the agents of each game.
-        movement: how they go.
-        streets: where they go.
-        seeds: of the games.
-        node, start: (games, agents) rows of nodes: where agents are, and where they began.
-        alive: (games, agents)
-        last_moves: starts, ends and which agents took part in the last turn, (games, agents) each, where rules of the
-            phase "before" need them; and `last_paths` of all games.
-        turn: (games,) how many turns were played.
-        scores: key -> (games,) numbers.
-        has_score: key -> (games,) whether the score was set.
-        counts: of moves and of conflicts, (games, agents) each.
-        over: of each game how it ended: reason, winner, truncated; None while it goes on.
-        is_going: (games,) which have not ended.
-        stops: (games, agents) how often an agent was tagged, put back or eliminated.
-        kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
-        facts: what rules have published, by name, in a form that each says.
-        events: of all games.
-        blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
-        shared: what was worked out once for all games, from what does not change, by what it is.
-        places: where agents on edges are, in games by metres; None: all are on their nodes.
-        now: what was worked out of how the games are now, by what it is; emptied when they change.
-    """
-
-    def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
-        self.roster, self.movement, self.streets, self.seeds = roster, movement, movement.streets, list(seeds)
-        games, shape = len(seeds), (len(seeds), len(roster.names))
-        movement.begin(shape)
-        self.start = start
-        self.node = start.copy()
-        self.alive: BoolArray = np.ones(shape, np.bool_)
-        self.last_moves = start.copy(), start.copy(), np.zeros(shape, np.bool_)
-        self.last_paths: Paths | None = None
-        self.turn = np.zeros(games, np.int64)
-        self.scores: dict[Hashable, FloatArray] = {}
-        self.has_score: dict[Hashable, BoolArray] = {}
-        self._has_fractions: set[Hashable] = set()  # keys of scores to which numbers were added that are no integers
-        self.counts = {name: np.zeros(shape, np.int64) for name in ("moves", "blocked")}
-        self.over: list[dict[str, Any] | None] = [None] * games
-        self.is_going = np.ones(games, np.bool_)
-        self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
-        self.kept: dict[Hashable, Arrays] = {}
-        self.facts: dict[str, Any] = {}
-        self.events = EventLog(games)
-        self.shared: dict[Hashable, Any] = {}
-        self.places: Places | None = None
-        self.now: dict[Hashable, Any] = {}
-        self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
-        self._purposes: dict[tuple[str | int, ...], BitArray] = {}
-        self._draw_keys: BitArray | None = None
-
-    def __len__(self) -> int:
-        return len(self.seeds)
-
-    def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
-        """Begin some games again."""
-        for game, seed in zip(games.tolist(), seeds, strict=True):
-            self.seeds[game], self.over[game] = seed, None
-        self.start[games] = self.node[games] = start
-        self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
-        self.blocked[games] = False
-        self.movement.clear(games)
-        self.last_moves[2][games] = False
-        for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
-            numbers[games] = 0
-        for key, make in self._makers.items():
-            for name, column in make(len(games)).items():
-                self.kept[key][name][games] = column
-        for purpose, keys in self._purposes.items():
-            keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
-        self._draw_keys = None
-        self.now.clear()
-        self.events.forget(games)
-
-    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
-        """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""
-        known = self.kept.get(key)
-        if known is None:
-            known, self._makers[key] = make(len(self)), make
-            self.kept[key] = known
-        return known
-
-    def purposes(self, *purpose: str | int) -> BitArray:
-        """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""
-        keys = self._purposes.get(purpose)
-        if keys is None:
-            keys = np.array([kernels.purpose_key(seed, *purpose) for seed in self.seeds], np.uint64)
-            self._purposes[purpose] = keys
-        return keys
-
-    def draw_keys(self) -> BitArray:
-        """Return the keys of what agents draw, (games, agents); see `kernels.first_key_rows`."""
-        if self._draw_keys is None:
-            self._draw_keys = kernels.first_key_rows(self.purposes("agent")[:, None], self.roster.keys[None])
-        return self._draw_keys
-
-    def add_score(self, key: Hashable, games: IntArray, points: float | FloatArray) -> None:
-        """Add points to the score of a key, in each of these games; one may be there several times."""
-        if key not in self.scores:
-            self.scores[key] = np.zeros(len(self), np.float64)
-            self.has_score[key] = np.zeros(len(self), np.bool_)
-        if not isinstance(points, int):
-            self._has_fractions.add(key)
-        np.add.at(self.scores[key], games, points)
-        self.has_score[key][games] = True
-
-    def scores_of(self, game: int) -> dict[Any, Any]:
-        """Return the scores of a game that were set."""
-        found = {key: numbers[game].item() for key, numbers in self.scores.items() if self.has_score[key][game]}
-        return {key: number if key in self._has_fractions else int(number) for key, number in found.items()}
-
-
-class ArrayTurn:
-    """One turn of all games that are being played: what the array form of a rule gets.
+class MovesOfTurn:
+    """How agents move in one turn of all games that are being played, and what the engine does with that.
 
     Arrays have the axes (games, agents); `at` numbers the games of this turn from 0. Nodes are rows of
     `streets.columns`; `streets.ids(rows)` gives their ids.
@@ -252,6 +69,9 @@ class ArrayTurn:
         alive: which are alive now; `eliminate` and `respawn` write it.
     """
 
+    _dropped: BoolArray | np.bool = np.False_  # agents that went out before they could move
+    _is_moving = False  # whether agents have decided and not moved
+
     def __init__(self, state: GameArrays, games: IntArray) -> None:
         self._state, self.games = state, games
         self.roster, self.streets = state.roster, state.streets
@@ -261,6 +81,62 @@ class ArrayTurn:
         self.took_part = self.alive
         self.paths: Paths | None = None
         self._played: Paths | None = None  # of the parts of the turn that have moved
+        self._earlier = self.starts, self.ends  # of these parts
+        self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
+        self._done: list[ArrayDeeds] = []  # of the parts before
+        self._refused: dict[tuple[int, int, str], set[str]] = {}
+
+    # -- how the engine plays it --------------------------------------------------------------------------------
+
+    def resume(self) -> None:
+        """Take the moves of the last turn, for rules of the phase "before"."""
+        state, games, last = self._state, self.games, self._state.last_moves
+        self.starts, self.ends, self.took_part = last.starts[games], last.ends[games], last.took_part[games]
+        self._dropped, self.paths = last.dropped[games], state.last_paths and state.last_paths.of(games)
+        number = np.full(len(state), -1)
+        number[games] = np.arange(len(games))
+        self._deeds = [deeds._replace(at=number[deeds.at]).those(number[deeds.at] >= 0) for deeds in state.last_deeds]
+
+    def keep_moves(self) -> None:
+        """Keep the moves of this turn, for rules of the phase "before"."""
+        state, games = self._state, self.games
+        values = self.starts, self.ends, self.took_part, self._dropped
+        for column, value in zip(state.last_moves, values, strict=True):
+            column[games] = value
+        state.last_paths = self.paths and self.paths.spread(games, len(state))
+        state.last_deeds += [deeds._replace(at=games[deeds.at]) for deeds in self._deeds]
+
+    def begin_part(self, moves: Moves, deeds: list[ArrayDeeds]) -> None:
+        """Take what agents have decided, before rules check it and carry out deeds."""
+        self._earlier, self._is_moving = (self.starts, self.ends), True
+        self._done, self._deeds = self._done + self._deeds, deeds
+        self.starts, self.ends, self.paths = self.node, moves.ends, moves.paths
+        self.node, self.alive = self.node.copy(), self.alive.copy()
+
+    def refused(self, moves: Moves, stopped: BoolArray) -> Moves:
+        """Take back moves and deeds that rules have refused, note the deeds that remain, and return the moves."""
+        state, games, refused = self._state, self.games, self._refused
+        for at, agent, kind in sorted(refused):
+            error = {"turn": int(self.turn[at]), "agent": self.roster.names[agent], "kind": "illegal"}
+            message = f"{kind}: {'; '.join(sorted(refused[at, agent, kind]))}"
+            state.errors[games[at]].append({**error, "message": message})
+            state.counts["illegal"][games[at], agent] += 1
+        if refused:
+            keys = [list(zip(one.at.tolist(), one.agents.tolist(), strict=True)) for one in self._deeds]
+            self._deeds = [
+                one.those(np.array([(*key, one.kind) not in refused for key in those], np.bool_))
+                for one, those in zip(self._deeds, keys, strict=True)
+            ]
+            self._refused = {}
+        state.deeds.add(self.turn + 1, games, self._deeds)
+        state.counts["blocked"][games] += stopped
+        left = moves.without(stopped)
+        self.ends, self.paths = left.ends, left.paths
+        return left
+
+    def left_of(self, moves: Moves) -> Moves:
+        """Return the moves of agents that rules have not put elsewhere or out of the game; these stay."""
+        return moves._replace(starts=self.node).without(~self.alive | (self.node != self.starts))
 
     def move(self, moves: Moves, in_conflict: BoolArray, part: TurnPart | None = None) -> None:
         """Move agents, and note which of them conflicts have stopped.
@@ -273,23 +149,66 @@ class ArrayTurn:
         state, games = self._state, self.games
         state.counts["moves"][games] += moves.ends != self.node
         if part is None:
-            self.starts, self.ends, self.took_part, self._played = self.node, moves.ends, self.alive, moves.paths
+            self.starts, self.ends, self._played = self.node, moves.ends, moves.paths
             state.blocked[games] = in_conflict
             state.movement.keep(moves, games)
         else:
+            self._join(moves, part)
             state.blocked[np.ix_(games, part.members)] = in_conflict[:, part.members]
-            went = moves.ends != self.node
-            self.starts, self.ends = np.where(went, self.node, self.starts), np.where(went, moves.ends, self.ends)
             state.movement.keep(moves, games, part.members)
-            paths = moves.as_paths().between(part.number, part.of)
-            self._played = paths if self._played is None else self._played.joined(paths, part.members)
-            state.node[games] = moves.ends  # those after them see it
+            state.node[games], state.alive[games] = moves.ends, self.alive  # those after them see it
             state.now.clear()
-        self.node = moves.ends.copy()
+        if self._is_moving:
+            self._drop_the_dead()
+        self._is_moving, self.node = False, moves.ends.copy()
+
+    def _join(self, moves: Moves, part: TurnPart) -> None:
+        """Add the moves of a part to those of the parts before."""
+        paths, went = moves.as_paths().between(part.number, part.of), moves.ends != self.node
+        if self._played is None:
+            self.starts, self.ends, self._played = self.node, moves.ends, paths
+            return
+        starts, ends = self._earlier if self._is_moving else (self.starts, self.ends)
+        has_jumped = went & (self.node != ends)  # it was put elsewhere before it left
+        paths = paths.without_starts(has_jumped) if has_jumped.any() else paths
+        for deeds in self._deeds if self._is_moving else ():
+            went[deeds.at, deeds.agents] = True
+        self.starts, self.ends = np.where(went, self.node, starts), np.where(went, moves.ends, ends)
+        self._played = self._played.joined(paths, part.members)
+
+    def _drop_the_dead(self) -> None:
+        """Forget the moves and deeds of agents that rules put out before they moved; those that came back stay."""
+        if self.took_part is self.alive or (self.took_part == self.alive).all():
+            return
+        self._dropped = self._dropped | (self.took_part & ~self.alive)
+        has_come = self.alive & ~self.took_part
+        self.starts, self.ends = (
+            np.where(has_come | ~self.alive, self.node, nodes) for nodes in (self.starts, self.ends)
+        )
+        self._played = self._played and self._played.staying(has_come, self.node)
+        self.took_part = self.alive
+        self._done, self._deeds = (
+            [deeds.those(self.alive[deeds.at, deeds.agents]) for deeds in several]
+            for several in (self._done, self._deeds)
+        )
+
+    def of(self, which: BoolArray) -> Self:
+        """Return the turn of some of its games, (games,)."""
+        part, games, number = copy(self), np.flatnonzero(which), np.cumsum(which) - 1
+        for name, value in vars(self).items():
+            if isinstance(value, np.ndarray):
+                setattr(part, name, value[games])
+            elif isinstance(value, Paths):
+                setattr(part, name, value.of(games))
+        for name in ("_deeds", "_done"):
+            kept = [deeds.those(which[deeds.at]) for deeds in getattr(self, name)]
+            setattr(part, name, [deeds._replace(at=number[deeds.at]) for deeds in kept])
+        return part
 
     def end_moves(self) -> None:
         """Let the turn be played: what follows are its rules."""
         self.alive, self.turn, self.paths = self.alive.copy(), self.turn + 1, self._played
+        self._deeds = self._done + self._deeds
 
     def close(self) -> None:
         """Write what has changed into the state of the batch."""
@@ -332,7 +251,27 @@ class ArrayTurn:
         end[waiting] = paths.times[at[waiting], agents[waiting], 1]
         return Visits(at, agents, nodes[at, agents, number], begin, end)
 
-    # -- what rules do ------------------------------------------------------------------------------------------
+    @property
+    def is_playing(self) -> BoolArray:
+        """Which agents are in the game, or were when the turn began, (games, agents)."""
+        return np.asarray(self.alive | self.took_part | self._dropped)
+
+    def performed(self, kind: str) -> ArrayDeeds:
+        """Return what agents do in this turn besides moving.
+
+        Raises:
+            UnknownName (KeyError): there is no such deed.
+        """
+        found = [deeds for deeds in self._deeds if deeds.kind == kind]
+        deeds = joined(found) if found else self._state.deeds.nothing(kind)
+        return deeds._replace(nodes=self.starts[deeds.at, deeds.agents])  # rules may have put agents elsewhere
+
+
+class ArrayTurn(MovesOfTurn):
+    """One turn of all games that are being played, with the verbs of rules: what the array form of a rule gets.
+
+    Its attributes are those of `MovesOfTurn`.
+    """
 
     def emit(
         self,
@@ -360,7 +299,7 @@ class ArrayTurn:
         for name, rows in (nodes or {}).items():
             fields[name] = self.streets.ids(rows).tolist()
         fields.update(values or {})
-        self._state.events.add(kind, self.games[at], self.turn[at], fields)
+        self._state.events.add(kind, self.games[at], self.turn[at] + self._is_moving, fields)
         stopped = {"tag": "other", "respawned": "agent", "eliminated": "agent"}.get(kind)
         if stopped is not None and agents is not None and stopped in agents:
             np.add.at(self._state.stops, (self.games[at], agents[stopped]), 1)
@@ -421,6 +360,11 @@ class ArrayTurn:
             self.alive[at, agents] = True
             self._state.movement.clear(self.games[at], agents)
             self.emit("respawned", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
+
+    def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
+        """Refuse these deeds, each for a reason; for the array form of a rule's check."""
+        for at, agent, reason in zip(deeds.at.tolist(), deeds.agents.tolist(), why, strict=True):
+            self._refused.setdefault((at, agent, deeds.kind), set()).add(reason)
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""

@@ -9,11 +9,12 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.movement import AIMS
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
+from gamms.game.batch.state import Arrays, GameArrays, Places
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
-from gamms.game.batch.turn import Arrays, GameArrays, Places
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ArrayDraws
 from gamms.ir.graph import IntArray
@@ -96,9 +97,12 @@ class ArrayView(Mapping[str, Any]):
         movement: how the agents go.
         turn: (games,) how many turns were played.
         draw: random numbers, one for each agent.
+        deeds: what the agents do besides moving, in order; None where no one asks.
         streets: the graph.
         roster: the agents of every game.
     """
+
+    deeds: list[ArrayDeeds] | None = None
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state, self.games, self.agents = state, games, agents
@@ -190,6 +194,27 @@ class ArrayView(Mapping[str, Any]):
     def sees(self, *names: str) -> BoolArray:
         """Return who sees whom, (games, agents, all agents); see `seen`."""
         return self.seen(*names).mask
+
+    def do(self, deed: str, where: Any, /, **fields: object) -> None:
+        """Let agents do something besides moving, as `ctx.game.deeds` declares it; in the order of the calls.
+
+        Args:
+            deed: what.
+            where: (games, agents) which agents do it; those that are not in the mask do not.
+            fields: a value for all, or an array (games, agents). Agents are given by their numbers in the roster,
+                nodes by their rows; -1, in other fields None, leaves out a field that need not be given.
+
+        Raises:
+            UnknownName (KeyError): there is no such deed or field.
+            BadType, BadValue: a field is missing or impossible, an agent does this already, or no strategy is asked.
+        """
+        if self.deeds is None:
+            raise BadValue("Deeds are done by strategies that are asked: view.do is not for games.observe.")
+        chosen = np.broadcast_to(np.asarray(where, np.bool_), self.node.shape) & self.mask
+        for earlier in self.deeds:
+            if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
+                raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
+        self.deeds.append(self._state.deeds.checked(deed, fields, chosen, self.agents, self.node, len(self.deeds)))
 
     def seen(self, *names: str) -> Seen:
         """Return which agents the sensors show, of kinds that show agents, to those in the mask; no agent sees itself.

@@ -1,0 +1,216 @@
+"""Deeds of many games at once: what strategies declare through their views, rules find in turns, and results list."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.columns import Roster
+from gamms.game.deeds import DeclaredField, field_of
+from gamms.game.streets import Streets
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+
+Column = np.ndarray[Any, Any]
+Check = Callable[[object, DeclaredField, str], Any]  # called with a value, its field, and what it is called
+_NUMERIC = {"integer": ("iu", np.int64), "number": ("iuf", np.float64), "boolean": ("b", np.bool_)}
+
+
+class ArrayDeeds(NamedTuple):
+    """Deeds of one kind, of several games, by game and in each by the name of the agent; arrays (deeds,).
+
+    Attributes:
+        kind: as declared.
+        at: the games, numbered as in the turn.
+        agents: numbers in the roster.
+        nodes: the rows of the nodes where the agents were.
+        order: of several deeds of one agent in a turn, that with the smaller number comes first.
+        values: field -> its values: agents by their numbers, nodes by their rows; -1 or None where one is left out.
+    """
+
+    kind: str
+    at: IntArray
+    agents: IntArray
+    nodes: IntArray
+    order: IntArray
+    values: Mapping[str, Column]
+
+    def those(self, which: Any) -> "ArrayDeeds":
+        """Return some of the deeds: a mask, or their numbers."""
+        values = {name: column[which] for name, column in self.values.items()}
+        at, agents, nodes, order = self.at[which], self.agents[which], self.nodes[which], self.order[which]
+        return ArrayDeeds(self.kind, at, agents, nodes, order, values)
+
+
+def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
+    """Return deeds of one kind as one; there is at least one part."""
+    if len(parts) == 1:
+        return parts[0]
+    at, agents, nodes, order = (
+        np.concatenate([getattr(part, name) for part in parts]) for name in ("at", "agents", "nodes", "order")
+    )
+    values = {name: np.concatenate([part.values[name] for part in parts]) for name in parts[0].values}
+    return ArrayDeeds(parts[0].kind, at, agents, nodes, order, values).those(np.lexsort((agents, at)))
+
+
+class DeclaredDeeds:
+    """The deeds that a game declares, and those that were done in each game of a batch.
+
+    Args:
+        declared: deed -> its fields, as `ctx.game.deeds`.
+        check: returns the value of a field, plain, or raises; None: nothing is declared.
+        roster: of every game.
+        streets: of all games.
+        num_games: of the batch.
+    """
+
+    def __init__(
+        self,
+        declared: Mapping[str, Mapping[str, Any]],
+        check: Check | None,
+        roster: Roster,
+        streets: Streets,
+        num_games: int,
+    ) -> None:
+        self._fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
+        self._check, self._roster, self._streets = check, roster, streets
+        self._pending: list[tuple[IntArray, list[ArrayDeeds]]] = []
+        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+
+    def checked(
+        self, deed: str, fields: Mapping[str, object], where: BoolArray, agents: IntArray, nodes: IntArray, order: int
+    ) -> ArrayDeeds:
+        """Return what agents want to do, checked.
+
+        Args:
+            deed: what.
+            fields: field -> the value of all, or an array (games, agents).
+            where: (games, agents) which agents do it.
+            agents: (agents,) numbers in the roster.
+            nodes: (games, agents) where they are.
+            order: its place among the deeds of the same agents.
+
+        Raises:
+            UnknownName (KeyError): there is no such deed or field.
+            BadType, BadValue: a field is missing, or has an impossible value.
+        """
+        known = self.fields_of(deed)
+        for key in fields:
+            if key not in known:
+                raise UnknownName(f"field of the deed {deed!r}:", key, known)
+        at, which = np.nonzero(where)
+        values = {}
+        for key, field in known.items():
+            name, given = f"{key!r} of the deed {deed!r}", fields.get(key)
+            if given is None and field.is_required:
+                raise BadValue(f"There is no {name}; it needs {', '.join(map(shown, known))}.")
+            values[key] = self._column(given, field, name, where, (at, which))
+        return ArrayDeeds(deed, at, agents[which], nodes[at, which], np.full(len(at), order), values)
+
+    def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
+        """Return the fields of a deed.
+
+        Raises:
+            UnknownName (KeyError): there is no such deed.
+        """
+        if deed not in self._fields:
+            raise UnknownName("deed" if self._fields else "deed, as ctx.game.deeds declares none:", deed, self._fields)
+        return self._fields[deed]
+
+    def nothing(self, deed: str) -> ArrayDeeds:
+        """Return no deeds of a kind."""
+        none = np.zeros((1, 0), np.int64)
+        values = {
+            key: self._column(None, field._replace(is_required=False), key, none > 0, (none[0], none[0]))
+            for key, field in self.fields_of(deed).items()
+        }
+        return ArrayDeeds(deed, *(none[0],) * 4, values)
+
+    def _column(
+        self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
+    ) -> Column:
+        """Return the values of a field of the deeds that are done."""
+        if field.kind in ("agent", "node"):
+            return self._rows(-1 if given is None else given, field, name, where, chosen)
+        if field.kind in _NUMERIC and given is not None and field.is_required:
+            kinds, dtype = _NUMERIC[field.kind]
+            values = np.asarray(given)
+            if values.dtype.kind not in kinds:
+                raise BadType(f"{name} must be of the kind {field.kind!r}, not {shown(given)}.")
+            return np.broadcast_to(values, where.shape)[chosen].astype(dtype)
+        column, check = np.empty(len(chosen[0]), object), self._check
+        if given is None or check is None:
+            return column
+        if isinstance(given, np.ndarray):
+            each = np.broadcast_to(given, where.shape)[chosen].tolist()
+            column[:] = [None if one is None else check(one, field, name) for one in each]
+        else:
+            column[:] = [check(given, field, name)] * len(column)
+        return column
+
+    def _rows(
+        self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
+    ) -> Column:
+        """Return numbers of agents or rows of nodes, which are not checked by the scalar form."""
+        values, most = np.asarray(given), len(self._roster.names if field.kind == "agent" else self._streets.counts)
+        if values.dtype.kind not in "iu":
+            raise BadType(f"{name} must be {field.kind}s by their numbers, not {shown(given)}.")
+        rows = np.broadcast_to(values, where.shape)[chosen].astype(np.int64)
+        wrong = rows[(rows < (0 if field.is_required else -1)) | (rows >= most)]
+        if len(wrong):
+            raise BadValue(
+                f"{name}: there is no {field.kind} number {wrong[0]}; they are numbered from 0 to {most - 1}."
+            )
+        return rows
+
+    def add(self, turns: IntArray, games: IntArray, deeds: Sequence[ArrayDeeds]) -> None:
+        """Note deeds that were done at once.
+
+        Args:
+            turns: (games,) the numbers of the turns.
+            games: (games,) the numbers of the games in the batch.
+            deeds: of which `at` are numbers of these games.
+        """
+        found = [one._replace(at=games[one.at]) for one in deeds if len(one.at)]
+        if found:
+            number = np.zeros(len(self._of_game), np.int64)
+            number[games] = turns
+            self._pending.append((number, found))
+
+    def of(self, game: int) -> list[dict[str, Any]]:
+        """Return the deeds of a game, in their order, as `ctx.game.deeds` has them."""
+        for turns, several in self._pending:
+            rows = [row for deeds in several for row in self._written(deeds, turns)]
+            for number, _, _, entry in sorted(rows, key=lambda row: row[:3]):
+                self._of_game[number].append(entry)
+        self._pending.clear()
+        return self._of_game[game]
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the deeds of some games."""
+        self.of(0)
+        for game in games.tolist():
+            self._of_game[game] = []
+
+    def _written(self, deeds: ArrayDeeds, turns: IntArray) -> list[tuple[int, int, int, dict[str, Any]]]:
+        """Return game, agent, order and the entry of a log of each deed."""
+        fields = {key: self.plain(deeds, key) for key in deeds.values}
+        names, nodes = self._roster.names, self._streets.ids(deeds.nodes).tolist()
+        rows = []
+        for i, (game, agent, order) in enumerate(
+            zip(deeds.at.tolist(), deeds.agents.tolist(), deeds.order.tolist(), strict=True)
+        ):
+            values = {key: column[i] for key, column in fields.items() if column[i] is not None}
+            entry = {"turn": int(turns[game]), "agent": names[agent], "deed": deeds.kind, "at": nodes[i], **values}
+            rows.append((game, agent, order, entry))
+        return rows
+
+    def plain(self, deeds: ArrayDeeds, key: str) -> list[Any]:
+        """Return the values of a field as scalar forms have them, None where one is left out."""
+        kind, column = self._fields[deeds.kind][key].kind, deeds.values[key]
+        if kind not in ("agent", "node"):
+            return list(column.tolist())
+        known = self._roster.names if kind == "agent" else self._streets.columns.node_ids.tolist()
+        return [known[number] if number >= 0 else None for number in column.tolist()]

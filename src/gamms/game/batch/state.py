@@ -1,0 +1,216 @@
+"""What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from itertools import compress
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.game.batch.columns import Roster
+from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
+from gamms.game.batch.movement import Movement, Paths
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+
+Arrays = dict[str, Any]  # name -> an array whose first axis is the games
+
+
+class Emitted(NamedTuple):
+    """Events of one kind that were emitted together.
+
+    Attributes:
+        kind: of all.
+        games: (events,)
+        turns: (events,)
+        fields: name -> (events,) values.
+    """
+
+    kind: str
+    games: IntArray
+    turns: IntArray
+    fields: Mapping[str, list[Any]]
+
+    def those(self, which: BoolArray) -> "Emitted":
+        """Return some of the events."""
+        fields = {name: list(compress(values, which.tolist())) for name, values in self.fields.items()}
+        return Emitted(self.kind, self.games[which], self.turns[which], fields)
+
+
+class EventLog:
+    """The events of all games, as they were emitted."""
+
+    def __init__(self, num_games: int) -> None:
+        self._pending: list[Emitted] = []
+        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+        self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
+
+    def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        """Note events, one for each of these games; of one game they are in their order."""
+        emitted = Emitted(kind, games, turns, fields)
+        for unread in (self._pending, *self._unread.values()):
+            unread.append(emitted)
+
+    def new(self, reader: Hashable) -> list[Emitted]:
+        """Return the events since the last call for a reader, at first none."""
+        found = self._unread.get(reader, [])
+        self._unread[reader] = []
+        return found
+
+    def of(self, game: int) -> list[dict[str, Any]]:
+        """Return the events of a game, in their order."""
+        for kind, games, turns, fields in self._pending:
+            for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
+                event = {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
+                self._of_game[number].append(event)
+        self._pending.clear()
+        return self._of_game[game]
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the events of some games."""
+        self.of(0)
+        for game in games.tolist():
+            self._of_game[game] = []
+        for unread in self._unread.values():
+            unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
+
+
+class Places(NamedTuple):
+    """Where agents are that may be on edges; arrays begin with the games and the agents."""
+
+    edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
+    offset_m: FloatArray  # (games, agents)  metres along it
+    xy: FloatArray  # (games, agents, 2)  map units
+
+
+class LastMoves(NamedTuple):
+    """How agents moved in the last turn of all games, (games, agents) each; see `ArrayTurn`."""
+
+    starts: IntArray
+    ends: IntArray
+    took_part: BoolArray
+    dropped: BoolArray
+
+
+class GameArrays:
+    """The state of all games of a batch.
+
+    Attributes:
+        roster: the agents of each game.
+        movement: how they go.
+        streets: where they go.
+        seeds: of the games.
+        node, start: (games, agents) rows of nodes: where agents are, and where they began.
+        alive: (games, agents)
+        last_moves, last_paths, last_deeds: of the last turn, where rules of the phase "before" need them; deeds are of
+            games by their numbers in the batch.
+        turn: (games,) how many turns were played.
+        scores: key -> (games,) numbers.
+        has_score: key -> (games,) whether the score was set.
+        counts: of moves, of conflicts and of what was illegal, (games, agents) each.
+        errors: of each game, in order.
+        deeds: what agents may do besides moving, and did.
+        over: of each game how it ended: reason, winner, truncated; None while it goes on.
+        is_going: (games,) which have not ended.
+        stops: (games, agents) how often an agent was tagged, put back or eliminated.
+        kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
+        facts: what rules have published, by name, in a form that each says.
+        events: of all games.
+        blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
+        shared: what was worked out once for all games, from what does not change, by what it is.
+        places: where agents on edges are, in games by metres; None: all are on their nodes.
+        now: what was worked out of how the games are now, by what it is; emptied when they change.
+    """
+
+    def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
+        self.roster, self.movement, self.streets, self.seeds = roster, movement, movement.streets, list(seeds)
+        games, shape = len(seeds), (len(seeds), len(roster.names))
+        movement.begin(shape)
+        self.start = start
+        self.node = start.copy()
+        self.alive: BoolArray = np.ones(shape, np.bool_)
+        self.last_moves = LastMoves(start.copy(), start.copy(), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_))
+        self.last_paths: Paths | None = None
+        self.last_deeds: list[ArrayDeeds] = []
+        self.turn = np.zeros(games, np.int64)
+        self.scores: dict[Hashable, FloatArray] = {}
+        self.has_score: dict[Hashable, BoolArray] = {}
+        self._has_fractions: set[Hashable] = set()  # keys of scores to which numbers were added that are no integers
+        self.counts = {name: np.zeros(shape, np.int64) for name in ("moves", "blocked", "illegal")}
+        self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
+        self.deeds = DeclaredDeeds({}, None, roster, movement.streets, games)
+        self.over: list[dict[str, Any] | None] = [None] * games
+        self.is_going = np.ones(games, np.bool_)
+        self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
+        self.kept: dict[Hashable, Arrays] = {}
+        self.facts: dict[str, Any] = {}
+        self.events = EventLog(games)
+        self.shared: dict[Hashable, Any] = {}
+        self.places: Places | None = None
+        self.now: dict[Hashable, Any] = {}
+        self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
+        self._purposes: dict[tuple[str | int, ...], BitArray] = {}
+        self._draw_keys: BitArray | None = None
+
+    def __len__(self) -> int:
+        return len(self.seeds)
+
+    def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
+        """Begin some games again."""
+        for game, seed in zip(games.tolist(), seeds, strict=True):
+            self.seeds[game], self.over[game], self.errors[game] = seed, None, []
+        self.start[games] = self.node[games] = start
+        self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
+        self.blocked[games] = False
+        self.movement.clear(games)
+        self.last_moves.took_part[games] = self.last_moves.dropped[games] = False
+        self.last_deeds = [deeds.those(~np.isin(deeds.at, games)) for deeds in self.last_deeds]
+        self.deeds.forget(games)
+        for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
+            numbers[games] = 0
+        for key, make in self._makers.items():
+            for name, column in make(len(games)).items():
+                self.kept[key][name][games] = column
+        for purpose, keys in self._purposes.items():
+            keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
+        self._draw_keys = None
+        self.now.clear()
+        self.events.forget(games)
+
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""
+        known = self.kept.get(key)
+        if known is None:
+            known, self._makers[key] = make(len(self)), make
+            self.kept[key] = known
+        return known
+
+    def purposes(self, *purpose: str | int) -> BitArray:
+        """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""
+        keys = self._purposes.get(purpose)
+        if keys is None:
+            keys = np.array([kernels.purpose_key(seed, *purpose) for seed in self.seeds], np.uint64)
+            self._purposes[purpose] = keys
+        return keys
+
+    def draw_keys(self) -> BitArray:
+        """Return the keys of what agents draw, (games, agents); see `kernels.first_key_rows`."""
+        if self._draw_keys is None:
+            self._draw_keys = kernels.first_key_rows(self.purposes("agent")[:, None], self.roster.keys[None])
+        return self._draw_keys
+
+    def add_score(self, key: Hashable, games: IntArray, points: float | FloatArray) -> None:
+        """Add points to the score of a key, in each of these games; one may be there several times."""
+        if key not in self.scores:
+            self.scores[key] = np.zeros(len(self), np.float64)
+            self.has_score[key] = np.zeros(len(self), np.bool_)
+        if not isinstance(points, int):
+            self._has_fractions.add(key)
+        np.add.at(self.scores[key], games, points)
+        self.has_score[key][games] = True
+
+    def scores_of(self, game: int) -> dict[Any, Any]:
+        """Return the scores of a game that were set."""
+        found = {key: numbers[game].item() for key, numbers in self.scores.items() if self.has_score[key][game]}
+        return {key: number if key in self._has_fractions else int(number) for key, number in found.items()}

@@ -1,0 +1,96 @@
+"""Deeds of array strategies: the same in batches and in games alone, and checked when they are done."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+
+DEEDS = {
+    "scan": {"node": "node"},
+    "mark": {"whom": "agent?", "size": "number", "how": ["near", "far"], "note": "value?", "lit": "boolean"},
+    "count": {"to": "integer"},
+}
+
+
+def deed_scene(rules=(), **more):
+    return scene(rules, settings={"deeds": DEEDS}, **more)
+
+
+@gamms.array_strategy
+def busy(view):
+    actions = view.draw.below(view.counts)
+    view.do("scan", view.draw.random() < 0.6, node=view.streets.step(view.node, actions))
+    is_far = view.draw.random() < 0.5
+    notes = np.where(is_far, {"seen": [1]}, None)
+    view.do("mark", actions > 0, size=view.draw.random(), how=np.where(is_far, "far", "near"), note=notes, lit=is_far)
+    view.do("count", ~is_far, to=actions)
+    return actions
+
+
+PRICES = {
+    "rule": "resource",
+    "with": {"name": "fuel", "start": 6, "per_deed": {"scan": 1, "mark": 0.7}, "per_edge": 0.1},
+}
+READY = {"rule": "cooldown", "with": {"deed": "scan", "turns": 2}}
+
+
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+def test_deeds_in_arrays_are_those_of_games_that_are_played_alone(order, same_as_one_by_one):
+    scenario = deed_scene([PRICES, READY]).replace(**{"settings.order": order})
+    same_as_one_by_one(scenario, [1, 2, 3], {"red": busy, "blue": busy})
+    with scenario.batch(1, seed=1, strategies={"red": busy}) as games:
+        games.run()
+        result = games.result(0)
+        assert {deed["deed"] for deed in result.deeds} == set(DEEDS)
+        assert any("it is ready in turn" in error["message"] for error in result.errors)
+        assert any("is left" in error["message"] for error in result.errors)
+
+
+def test_games_with_deeds_that_are_reset_begin_again():
+    with deed_scene([PRICES, READY]).batch(2, strategies={"red": busy}) as games:
+        games.run()
+        first = [plain(games.result(number)) for number in range(2)]
+        games.reset([1])
+        assert games.result(1).deeds == games.result(1).errors == []
+        games.run()
+        assert [plain(games.result(number)) for number in range(2)] == first
+
+
+@pytest.mark.parametrize(
+    ("deed", "fields", "kind", "message"),
+    [
+        ("jump", {}, UnknownName, "jump"),
+        ("scan", {"nodes": 1}, UnknownName, "nodes"),
+        ("scan", {}, BadValue, "'node' of the deed 'scan'"),
+        ("scan", {"node": 99}, BadValue, "no node number 99"),
+        ("scan", {"node": -1}, BadValue, "no node number -1"),
+        ("scan", {"node": "a"}, BadType, "by their numbers"),
+        ("count", {"to": 0.5}, BadType, "'integer'"),
+        ("mark", {"size": 1, "how": "up", "lit": True}, BadValue, "cannot be 'up'"),
+    ],
+)
+def test_impossible_deeds_are_refused(deed, fields, kind, message):
+    @gamms.array_strategy
+    def act(view):
+        view.do(deed, True, **fields)
+        return view.counts * 0
+
+    with deed_scene().batch(2, strategies={"red": act}) as games, pytest.raises(kind, match=message):
+        games.step()
+
+
+def test_an_agent_does_a_deed_once_in_a_turn():
+    @gamms.array_strategy
+    def act(view):
+        view.do("count", view.node % 2 == 0, to=1)
+        view.do("count", view.node % 2 == 1, to=2)
+        view.do("count", True, to=3)
+        return view.counts * 0
+
+    with deed_scene().batch(2, strategies={"red": act}) as games:
+        with pytest.raises(BadValue, match="twice"):
+            games.step()
+        with pytest.raises(BadValue, match="not for games"):
+            games.observe("red").do("count", True, to=3)
