@@ -1,6 +1,6 @@
 """Places the agents: on the node that is given for them, or on one drawn as their team says."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
@@ -64,20 +64,22 @@ def place(ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> dict[
     Raises:
         ScenarioError: a node is unknown, or so many do not fit; it says how many did.
     """
-    map, rows = _Places(ctx), dict[str, dict[str, int]]()
-    for name, team in spec.teams.items():
-        rows[name] = _Team(map, name, team, rows).place(agents[name])
-    return {agent: int(map.ids[row]) for of_team in rows.values() for agent, row in of_team.items()}
+    return _Placing(ctx, spec, agents).place()
 
 
-def starts(ctx: Context, spec: Spec, seed: int) -> dict[str, int]:
-    """Return what `place` gives with another seed than that of the context."""
-    own, own_stream = ctx.seed, ctx.rng_state()
-    ctx.reseed(seed)
-    try:
-        return place(ctx, spec, members(spec))
-    finally:
-        ctx.reseed(own, own_stream)
+def starts(ctx: Context, spec: Spec) -> Callable[[int], dict[str, int]]:
+    """Return a function that gives what `place` gives with another seed than that of the context."""
+    placing = _Placing(ctx, spec, members(spec))
+
+    def with_seed(seed: int) -> dict[str, int]:
+        own, own_stream = ctx.seed, ctx.rng_state()
+        ctx.reseed(seed)
+        try:
+            return placing.place()
+        finally:
+            ctx.reseed(own, own_stream)
+
+    return with_seed
 
 
 def node_at(ctx: Context, given: Place, path: str) -> int:
@@ -105,36 +107,63 @@ class _Places:
         self.ctx, columns = ctx, ctx.graph.columns()
         self.ids = columns.node_ids
         self.xy: FloatArray = columns.xy
+        self._xs, self._ys = np.ascontiguousarray(columns.xy.T)
 
     @cached_property
     def row_of(self) -> dict[int, int]:
         return {id: row for row, id in enumerate(self.ids.tolist())}
 
-    def metres(self, x: float, y: float) -> FloatArray:
-        """Return how far all nodes are from a place, in a straight line."""
-        return np.hypot(self.xy[:, 0] - x, self.xy[:, 1] - y)
+    def are_within(self, row: int, metres: float) -> BoolArray:
+        """Return which nodes are nearer than so far to a node, in a straight line."""
+        dx, dy = self._xs - self._xs[row], self._ys - self._ys[row]
+        squares, limit = dx * dx + dy * dy, metres * metres
+        within: BoolArray = squares < limit
+        border = np.flatnonzero(np.abs(squares - limit) <= 1e-9 * limit)  # where squares round otherwise than lengths
+        within[border] = np.hypot(dx[border], dy[border]) < metres
+        return within
+
+
+class _Placing:
+    """Places the agents of all teams, with one seed after the other."""
+
+    def __init__(self, ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> None:
+        self._map = _Places(ctx)
+        self._teams = {name: _Team(self._map, name, team, agents[name]) for name, team in spec.teams.items()}
+
+    def place(self) -> dict[str, int]:
+        """Return the node on which each agent starts, by name."""
+        rows = dict[str, dict[str, int]]()
+        for name, team in self._teams.items():
+            rows[name] = team.place(rows)
+        return {agent: int(self._map.ids[row]) for of_team in rows.values() for agent, row in of_team.items()}
 
 
 class _Team:
     """Places the agents of one team."""
 
-    def __init__(self, map: _Places, name: str, spec: Team, others: Mapping[str, Mapping[str, int]]) -> None:
+    def __init__(self, map: _Places, name: str, spec: Team, team: list[Member]) -> None:
         self.map, self.name, self.spec, self.path = map, name, spec, f"teams.{name}"
         self.away = [spec.from_] if isinstance(spec.from_, From) else spec.from_
-        self.others = others
+        self.members = team
 
-    def place(self, team: list[Member]) -> dict[str, int]:
-        """Return the row of each agent's node, by name."""
+    @cached_property
+    def fixed(self) -> dict[str, int]:
+        """The rows of nodes that are given, by name."""
+        team, map = self.members, self.map
         given = [(one.name, one.listed.node, f"{one.path}.node") for one in team if one.listed]
-        fixed = {
-            name: self.map.row_of[node_at(self.map.ctx, node, path)] for name, node, path in given if node is not None
-        }
-        free = [member.name for member in team if member.name not in fixed]
-        drawn = self._drawn(free, list(fixed.values())) if free else {}
-        return {member.name: (fixed | drawn)[member.name] for member in team}
+        return {name: map.row_of[node_at(map.ctx, node, path)] for name, node, path in given if node is not None}
 
-    def _drawn(self, names: list[str], taken: list[int]) -> dict[str, int]:
-        allowed = self._allowed()
+    def place(self, others: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
+        """Return the row of each agent's node, by name; `others` are those of the teams before."""
+        free = [member.name for member in self.members if member.name not in self.fixed]
+        drawn = self._drawn(free, list(self.fixed.values()), others) if free else {}
+        return {member.name: (self.fixed | drawn)[member.name] for member in self.members}
+
+    def _drawn(self, names: list[str], taken: list[int], others: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
+        allowed = self._near.copy()
+        for one in self.away:
+            for row in others[one.team].values():
+                allowed &= ~self.map.are_within(row, one.at_least)
         best: dict[str, int] = {}
         for attempt in range(_TRIES if self.spec.apart else 1):
             drawn = self._try(names, allowed.copy(), taken, attempt)
@@ -161,18 +190,16 @@ class _Team:
         """Exclude a node, and those that are too near to it."""
         allowed[row] = False
         if self.spec.apart:
-            allowed[self.map.metres(*self.map.xy[row]) < self.spec.apart] = False
+            allowed[self.map.are_within(row, self.spec.apart)] = False
 
-    def _allowed(self) -> BoolArray:
-        """Return on which nodes the team may start (nodes,)."""
+    @cached_property
+    def _near(self) -> BoolArray:
+        """On which nodes the team may start, for all that other teams do, (nodes,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
         if self.spec.near is not None and self.spec.within is not None:
             centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
             x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
-            allowed &= self.map.metres(x, y) <= self.spec.within
-        for one in self.away:
-            for row in self.others[one.team].values():
-                allowed &= self.map.metres(*self.map.xy[row]) >= one.at_least
+            allowed = np.hypot(self.map.xy[:, 0] - x, self.map.xy[:, 1] - y) <= self.spec.within
         return allowed
 
     def _refusal(self, placed: int, wanted: int, taken: list[int]) -> str:

@@ -232,6 +232,7 @@ class Scenario:
         strategies: Strategies | None = None,
         record: bool = False,
         one_by_one: bool = False,
+        vis_engine: Engine | None = None,
         xp: ModuleType | None = None,
         device: object = None,
     ) -> Batch:
@@ -247,6 +248,7 @@ class Scenario:
             strategies: see `build`.
             record: keep the actions that are given to `step`, so that games can be recorded.
             one_by_one: play them so also where they could be played in arrays, as `batch.context` needs.
+            vis_engine: shows the games in turn, one by one; see `build`.
             xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
             device: where it keeps them, such as "cuda"; None: its default.
 
@@ -259,12 +261,12 @@ class Scenario:
         chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
         values = [code.path for code in code_in(self.spec) if code.what == "value" and code.keys[0] != "map"]
         reason = f"{values[0]}, which a function makes for each game" if values else None
-        reason = "one_by_one=True" if as_bool(one_by_one, "one_by_one") else reason
+        reason = "one_by_one=True" if as_bool(one_by_one, "one_by_one") or vis_engine is not None else reason
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
-        ctx = self.build(chosen[0], strategies)
+        ctx = self.build(chosen[0], strategies, vis_engine)
         build = partial(self.build, strategies=strategies)
         try:
-            source = BatchSource(ctx.game, partial(starts, ctx, self.spec) if are_drawn else None, reason, build)
+            source = BatchSource(ctx.game, starts(ctx, self.spec) if are_drawn else None, reason, build)
             return Batch(source, chosen, record=record, library=library)
         except BaseException:
             ctx.terminate()
