@@ -20,7 +20,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     # ruff: isort: off
     from gamms import agent, graph, memory, sensor, typing, visual
     from gamms import belief as belief, context as context, errors as errors, game as game, limits as limits, osm as osm
-    from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rules as rules
+    from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rl as rl, rules as rules
     from gamms import scenario as scenario, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
     from gamms.game.batch import array_strategy, portable_form
@@ -58,7 +58,7 @@ _MODULES = {
         "recordings",
         "rendering",
     ),
-    *("rules", "scenario", "sensor", "strategies", "testing", "typing", "visual"),
+    *("rl", "rules", "scenario", "sensor", "strategies", "testing", "typing", "visual"),
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),

@@ -223,7 +223,7 @@ class Scenario:
                 ctx.record.start(record, overwrite=True)
             return ctx.game.run()
 
-    def batch(
+    def batch(  # noqa: PLR0913 - each option is independent of the others
         self,
         num_games: int | None = None,
         *,

@@ -196,9 +196,9 @@ class ArrayEngine:
             error.add_note(f"In the rule {named.name!r} (phase {named.phase!r}) of a batch.")
             raise
 
-    def view(self, team: Hashable) -> ArrayView:
-        """Return what the agents of a team observe, in all games."""
-        return ArrayView(self.state, np.arange(len(self.state)), self.state.roster.members(team))
+    def view(self, agents: IntArray) -> ArrayView:
+        """Return what agents observe, in all games."""
+        return ArrayView(self.state, np.arange(len(self.state)), agents)
 
     def overs(self) -> list[dict[str, Any] | None]:
         """Return how the games have ended; None of one that goes on."""

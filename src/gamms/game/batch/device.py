@@ -351,9 +351,9 @@ class DeviceEngine(ArrayEngine):
             finally:
                 turn.close()
 
-    def view(self, team: Hashable) -> ArrayView:
-        """Return what the agents of a team observe, in all games, on the device."""
-        return self._view(self.state.roster.members(team), self.state.there["alive"])
+    def view(self, agents: IntArray) -> ArrayView:
+        """Return what agents observe, in all games, on the device."""
+        return self._view(agents, self.state.there["alive"])
 
     def result(self, game: int) -> Any:
         """Return the result of a game so far."""

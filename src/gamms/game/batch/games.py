@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_mapping, as_path
-from gamms.errors import BadValue
+from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device import DeviceEngine, engine_for
@@ -199,9 +199,26 @@ class Batch:
         Raises:
             UnknownName (KeyError): no agent plays for it.
         """
-        self._roster.members(team)
-        view = self._engine.view(team)
+        return self._view(self._roster.members(team))
+
+    def observe_agent(self, name: str) -> ArrayView:
+        """Return what `observe` does, of one agent alone.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+        """
+        if name not in self._roster.names:
+            raise UnknownName("agent", name, self._roster.names)
+        return self._view(np.array([self._roster.names.index(name)]))
+
+    def _view(self, agents: IntArray) -> ArrayView:
+        view = self._engine.view(agents)
         return view if self.library is None or isinstance(view, DeviceView) else moved(view, self.library)
+
+    @property
+    def teams(self) -> tuple[Hashable, ...]:
+        """The teams that agents play for."""
+        return self._roster.teams
 
     @property
     def turn(self) -> IntArray:

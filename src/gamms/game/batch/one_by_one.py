@@ -101,12 +101,12 @@ class OneByOneEngine:
             error.add_note(f"In game {number} of a batch, with the seed {self.seeds[number]}.")
             raise
 
-    def view(self, team: Hashable) -> ArrayView:
-        """Return what the agents of a team observe, in all games, on the streets as they were at the start."""
+    def view(self, agents: IntArray) -> ArrayView:
+        """Return what agents observe, in all games, on the streets as they were at the start."""
         for number in np.flatnonzero(~self._is_observed).tolist():
             self.load(number)
             self._observe(number)
-        return ArrayView(self._observed, np.arange(len(self.seeds)), self._roster.members(team))
+        return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
 
     def _nothing_observed(self) -> GameArrays:
         graph, shape = self._game.ctx.graph, (len(self.seeds), len(self._roster.names))

@@ -1,0 +1,31 @@
+"""Learning: the games of a scenario as environments of PettingZoo and Gymnasium.
+
+    env = gamms.rl.parallel_env(gamms.scenario.load("tag.yaml"), team="red")
+
+`learners.py` has the agents that learn in the games of a batch, as arrays; read it first. Of them are made
+`team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games);
+`environments.py` has the functions that users call, `ids.py` the names that `gymnasium.make` knows. A client of
+scenarios and batches: May import: `scenario` and below. To add an observation or a reward write a function of arrays:
+see docs/learning.md.
+"""
+
+from importlib.util import find_spec
+
+from gamms.rl.environments import parallel_env, single_agent_env, vector_env
+from gamms.rl.learners import Learners, Observation, Reward, Turn, default_observation
+
+__all__ = [
+    "Learners",
+    "Observation",
+    "Reward",
+    "Turn",
+    "default_observation",
+    "parallel_env",
+    "single_agent_env",
+    "vector_env",
+]
+
+if find_spec("gymnasium") is not None:
+    from gamms.rl.ids import register
+
+    register()

@@ -1,0 +1,143 @@
+"""The environments that a scenario can be made into."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from gamms.errors import MissingExtra
+from gamms.rl.learners import Learners, Observation, Reward
+from gamms.rl.rendering import RenderMode, engine_of
+from gamms.scenario import Scenario
+
+if TYPE_CHECKING:
+    from gamms.rl.gym_envs import AgentEnv, GamesEnv
+    from gamms.rl.team_env import TeamEnv
+
+
+def parallel_env(
+    scenario: Scenario,
+    *,
+    team: str | Sequence[str] | None = None,
+    observation: Observation | None = None,
+    reward: Reward | None = None,
+    seed: int = 0,
+    render_mode: RenderMode = None,
+) -> "TeamEnv":
+    """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
+
+    What an agent observes is `{"observation": numbers, "action_mask": (actions,)}`. Action k goes to the k-th node of
+    `state["legal"]`; 0 stays, as does an action that is not legal. Other teams play their own strategies.
+
+    Args:
+        scenario: see `gamms.scenario.load`.
+        team: that learns, or several; None: all.
+        observation: gives numbers for the agents of a team, (games, agents, …), of an `ArrayView`; None:
+            `default_observation`.
+        reward: gives numbers, (games, agents), of a `Turn`; None: by how much the score of the agent's team changed.
+        seed: of the first game; each further one has the next seed.
+        render_mode: "rgb_array": `render` returns pictures; "human": a window shows the game; None: neither.
+
+    Raises:
+        UnknownName (KeyError): there is no such team.
+        BadType, BadValue: an argument is none of these; no rule gives scores, and no reward is given.
+        MissingExtra (ImportError): PettingZoo is not installed.
+    """
+    try:
+        from gamms.rl.team_env import TeamEnv
+    except ImportError:
+        raise MissingExtra("An environment of PettingZoo", "rl") from None
+    window = engine_of(render_mode)
+    teams = (team,) if isinstance(team, str) else team
+    learners = Learners(
+        scenario, teams=teams, observation=observation, reward=reward, seed=seed, one_by_one=True, vis_engine=window
+    )
+    return TeamEnv(learners, scenario.spec.name, render_mode)
+
+
+def single_agent_env(
+    scenario: Scenario,
+    *,
+    agent: str,
+    others: Mapping[str, Any] | None = None,
+    observation: Observation | None = None,
+    reward: Reward | None = None,
+    seed: int = 0,
+    render_mode: RenderMode = None,
+) -> "AgentEnv":
+    """Return a scenario as a `gymnasium.Env`, in which one agent learns.
+
+    Args:
+        scenario: see `parallel_env`.
+        agent: that learns.
+        others: strategies of other agents and teams, in place of those of the scenario.
+        observation: see `parallel_env`.
+        reward: see `parallel_env`.
+        seed: see `parallel_env`.
+        render_mode: see `parallel_env`.
+
+    Raises:
+        UnknownName (KeyError): there is no such agent.
+        BadType, BadValue: see `parallel_env`.
+        MissingExtra (ImportError): Gymnasium is not installed.
+    """
+    try:
+        from gamms.rl.gym_envs import AgentEnv, spec_of
+    except ImportError:
+        raise MissingExtra("An environment of Gymnasium", "rl") from None
+    window = engine_of(render_mode)
+    learners = Learners(
+        scenario,
+        agent=agent,
+        others=others,
+        observation=observation,
+        reward=reward,
+        seed=seed,
+        one_by_one=True,
+        vis_engine=window,
+    )
+    env = AgentEnv(learners, scenario.spec.name, render_mode)
+    given = {"agent": agent, "others": others, "observation": observation, "reward": reward, "seed": seed}
+    env.spec = spec_of(single_agent_env, scenario, given)
+    return env
+
+
+def vector_env(
+    scenario: Scenario,
+    *,
+    num_games: int,
+    team: str | Sequence[str] | None = None,
+    agent: str | None = None,
+    others: Mapping[str, Any] | None = None,
+    observation: Observation | None = None,
+    reward: Reward | None = None,
+    seed: int = 0,
+) -> "GamesEnv":
+    """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
+
+    They are played in arrays where everything in the scenario has an array form (docs/batches.md), and are the same
+    games as those of `parallel_env` with the same seeds.
+
+    Args:
+        scenario: see `parallel_env`.
+        num_games: how many.
+        team: see `parallel_env`.
+        agent: the only one that learns, instead of a team.
+        others: see `single_agent_env`.
+        observation: see `parallel_env`.
+        reward: see `parallel_env`.
+        seed: of the first game; those of the others follow.
+
+    Raises:
+        UnknownName (KeyError): there is no such team.
+        BadType, BadValue: see `parallel_env`.
+        TooLarge: the games would not fit into memory.
+        MissingExtra (ImportError): Gymnasium is not installed.
+    """
+    try:
+        from gamms.rl.gym_envs import GamesEnv
+    except ImportError:
+        raise MissingExtra("An environment of Gymnasium", "rl") from None
+    teams = (team,) if isinstance(team, str) else team
+    learners = Learners(
+        scenario, num_games, teams=teams, agent=agent, others=others, observation=observation, reward=reward, seed=seed
+    )
+    return GamesEnv(learners, scenario.spec.name)

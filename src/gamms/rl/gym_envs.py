@@ -1,0 +1,167 @@
+"""The environments of Gymnasium: one agent that learns, and many games at once."""
+
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.envs.registration import EnvSpec
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+
+from gamms.arguments import as_int
+from gamms.rl.learners import ActionArray, Learners
+from gamms.rl.rendering import METADATA, RenderMode, rendered
+from gamms.rl.spaces import observation_space, observed
+from gamms.scenario import Scenario
+
+Infos = dict[str, Any]
+Observed = dict[str, Any]  # `observation` and `action_mask`
+
+
+class AgentEnv(gymnasium.Env[Observed, Any]):
+    """One agent that learns in one game; made by `gamms.rl.single_agent_env`.
+
+    Args:
+        learners: in one game, in a context; only the first agent of them is asked.
+        name: of the scenario.
+        render_mode: "human", "rgb_array" or None.
+    """
+
+    metadata = METADATA
+
+    def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
+        self.metadata = {**METADATA, "name": name or "gamms"}
+        self._learners, self.render_mode, self._mode = learners, render_mode, render_mode
+        self.observation_space = observation_space(learners)
+        self.action_space = spaces.Discrete(learners.num_actions)
+        self._seed, self._has_begun = learners.games.seeds[0], False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
+        """Begin a game; without a seed, that of the next one."""
+        super().reset(seed=seed, options=options)
+        if seed is not None:
+            self._seed = as_int(seed, "seed")
+        elif self._has_begun:
+            self._seed += 1
+        self._has_begun = True
+        self._learners.begin(np.array([0]), [self._seed])
+        found = self._observed()
+        return found, {"action_mask": found["action_mask"]}
+
+    def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
+        """Play a turn; an action that is not legal stays, and `info["is_legal"]` is False then."""
+        chosen, legal = int(action), self.action_masks()
+        played = self._learners.step(np.array([[chosen]]))
+        found = self._observed()
+        infos = {
+            "action_mask": found["action_mask"],
+            "is_legal": bool(0 <= chosen < len(legal) and legal[chosen]),
+        }
+        is_out, is_late = bool(played.terminated[0, 0]), bool(played.truncated[0, 0])
+        return found, float(played.rewards[0, 0]), is_out, is_late and not is_out, infos
+
+    def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Return which actions are legal, (actions,); `sb3_contrib.MaskablePPO` asks for it."""
+        masks: np.ndarray[Any, np.dtype[np.bool_]] = self._learners.masks[0, 0]
+        return masks
+
+    def render(self) -> Any:
+        """Return a picture, (height, width, 3), or show it in the window; nothing without a render mode."""
+        return rendered(self._learners, self._mode)
+
+    def close(self) -> None:
+        """End the game."""
+        self._learners.close()
+
+    def _observed(self) -> Observed:
+        return {key: column[0, 0] for key, column in observed(self._learners).items()}
+
+
+class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
+    """Many games at once, with a slot for each game and learning agent; made by `gamms.rl.vector_env`.
+
+    Slot `game * agents + agent`. The slots of a game end and begin together, in the step in which it ends: what was
+    observed last is in `infos["final_obs"]`. An agent that is dead while its game goes on has the reward 0 and only
+    stays; `infos["valid"]` is False for its slot.
+
+    Args:
+        learners: in the games.
+        name: of the scenario.
+
+    Attributes:
+        learners: see above.
+        num_games: how many games.
+        num_agents: how many agents learn in each.
+    """
+
+    def __init__(self, learners: Learners, name: str) -> None:
+        self.metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP, "name": name or "gamms"}
+        self.learners, self.num_games, self.num_agents = learners, len(learners.games), len(learners.names)
+        self.num_envs = self.num_games * self.num_agents
+        self.single_observation_space = observation_space(learners)
+        self.single_action_space = spaces.Discrete(learners.num_actions)
+        self.observation_space = batch_space(self.single_observation_space, self.num_envs)
+        self.action_space = batch_space(self.single_action_space, self.num_envs)
+        self._first, self._episodes = learners.games.seeds[0], np.zeros(self.num_games, np.int64)
+
+    def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:  # noqa: ARG002 - Gymnasium's signature
+        """Begin all games: game i with the seed `seed + i`, and at each further time with one larger by `num_games`.
+
+        Without a seed all begin their next games.
+        """
+        if seed is not None:
+            self._first, self._episodes[:] = as_int(seed, "seed"), 0
+        self._begin(np.arange(self.num_games))
+        return self._flat(observed(self.learners)), self._infos()
+
+    def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
+        """Play a turn of all games, and begin those again that have ended.
+
+        Args:
+            actions: (slots,) numbers of legal nodes; one that is not legal stays.
+        """
+        was_alive = self.learners.alive
+        played = self.learners.step(np.asarray(actions).reshape(self.num_games, self.num_agents))
+        has_ended = self.learners.games.is_over
+        found, infos = observed(self.learners), {}
+        if has_ended.any():
+            which = np.repeat(has_ended, self.num_agents)
+            infos = {"final_obs": self._flat(found), "_final_obs": which}
+            self._begin(np.flatnonzero(has_ended))
+            new = observed(self.learners)
+            found = {key: np.where(_wide(has_ended, new[key]), new[key], column) for key, column in found.items()}
+        terminated = played.terminated | (has_ended[:, None] & ~played.truncated)
+        infos |= {**self._infos(), "valid": was_alive.ravel()}
+        return self._flat(found), played.rewards.ravel(), terminated.ravel(), played.truncated.ravel(), infos
+
+    def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """Return which actions are legal, (slots, actions)."""
+        return self.learners.masks.reshape(self.num_envs, -1)
+
+    def close_extras(self, **_: Any) -> None:
+        """End the games."""
+        self.learners.close()
+
+    def _begin(self, games: Any) -> None:
+        seeds = self._first + games + self._episodes[games] * self.num_games
+        self._episodes[games] += 1
+        self.learners.begin(games, seeds.tolist())
+
+    def _infos(self) -> Infos:
+        return {"action_mask": self.action_masks(), "valid": self.learners.alive.ravel()}
+
+    def _flat(self, found: Observed) -> Observed:
+        return {key: column.reshape(self.num_envs, *column.shape[2:]) for key, column in found.items()}
+
+
+def _wide(which: Any, column: Any) -> Any:
+    return which.reshape(-1, *[1] * (column.ndim - 1))
+
+
+def spec_of(make: Callable[..., Any], scenario: Scenario, options: dict[str, Any]) -> EnvSpec:
+    """Return how an environment was made, so that Gymnasium can make it again with another render mode."""
+    name = "".join(word for word in scenario.spec.name.title() if word.isalnum()) or "Game"
+    return EnvSpec(f"gamms/{name}-v0", entry_point=partial(make, scenario), kwargs=options)

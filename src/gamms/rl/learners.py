@@ -1,0 +1,327 @@
+"""The agents that learn in the games of a batch: what all environments of this package are made of."""
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from functools import partial
+from types import CodeType, FunctionType, ModuleType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+
+from gamms.arguments import as_count, as_int
+from gamms.errors import BadType, BadValue
+from gamms.game.batch import ArrayView, Batch
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.scenario import Scenario
+from gamms.text import shown
+from gamms.visual import Engine
+
+Float32Array = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
+ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
+
+_MOST_OTHERS = 8
+
+
+class Turn(NamedTuple):
+    """A turn that was played, for `reward=`.
+
+    Attributes:
+        team: whose reward it is.
+        before: its agents before the turn; of this view only `node`, `mask` and `turn` are those of then.
+        after: its agents now.
+        gains: key -> (games,) by how much each score has changed.
+    """
+
+    team: Hashable
+    before: ArrayView
+    after: ArrayView
+    gains: dict[Any, FloatArray]
+
+
+Observation = Callable[[ArrayView], Any]
+"""Gives numbers for the agents of a team, (games, agents, …); its `bounds` may be the least and the largest."""
+Reward = Callable[[Turn], Any]
+"""Gives numbers for the agents of a team, (games, agents), or alike for all, (games, 1)."""
+
+
+class Played(NamedTuple):
+    """What a turn came to, each (games, agents).
+
+    Attributes:
+        rewards: of the agents; 0 of those that were dead before.
+        terminated: whose game ended by what happened in it, or who is out of a game that goes on.
+        truncated: whose game ended because the time was up.
+    """
+
+    rewards: FloatArray
+    terminated: BoolArray
+    truncated: BoolArray
+
+
+class Learners:
+    """The agents of some teams of a scenario, in many games, as arrays: observations in, actions out.
+
+    Args:
+        scenario: that is played.
+        num_games: how many games.
+        teams: that learn; None: all. The others play their own strategies.
+        agent: the only one that learns, instead of teams; the others of its team play their strategies.
+        others: strategies by team or agent, in place of those of the scenario.
+        observation: gives what the agents observe; None: `default_observation`.
+        reward: gives rewards; None: the change of the score of the agent's team.
+        seed: of the first game; those of the others follow.
+        one_by_one: play the games in contexts, not in arrays; see `Batch.context`.
+        vis_engine: shows the games, one by one.
+
+    Attributes:
+        games: the batch.
+        teams: that learn.
+        names: of the agents, team by team, each in the order of their names.
+        num_actions: how many actions there are at most; action 0 stays.
+
+    Raises:
+        UnknownName (KeyError): there is no such team.
+        BadValue: agents fly, or no rule gives scores and no reward is given.
+    """
+
+    def __init__(  # noqa: PLR0913 - what the environments are given
+        self,
+        scenario: Scenario,
+        num_games: int = 1,
+        *,
+        teams: Sequence[Hashable] | None = None,
+        agent: str | None = None,
+        others: Mapping[str, Any] | None = None,
+        observation: Observation | None = None,
+        reward: Reward | None = None,
+        seed: int = 0,
+        one_by_one: bool = False,
+        vis_engine: Engine | None = None,
+    ) -> None:
+        if not isinstance(scenario, Scenario):
+            raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
+        for name, function in (("observation", observation), ("reward", reward)):
+            if function is not None and not callable(function):
+                raise BadType(f"{name} must be a function, not {shown(function)}.")
+        self._observation, self._reward = observation or default_observation, reward
+        strategies, self._hand = dict(others or {}), None
+        if agent is not None:
+            strategies[agent] = self._hand = _Hand()
+        first, number = as_int(seed, "seed"), as_count(num_games, "num_games")
+        self.games: Batch = scenario.batch(
+            number, seed=first, strategies=strategies, one_by_one=one_by_one, vis_engine=vis_engine
+        )
+        try:
+            self._look_at(scenario, teams, agent)
+        except BaseException:
+            self.games.close()
+            raise
+
+    def _look_at(self, scenario: Scenario, teams: Sequence[Hashable] | None, agent: str | None) -> None:
+        """Find out who learns, and refuse what cannot be learned."""
+        if agent is None:
+            self.teams = self.games.teams if teams is None else tuple(teams)
+        else:
+            self.teams = self.games.observe_agent(agent)["team"]
+        self._agent = agent
+        self._remember()
+        self._sizes = [len(view.agents) for view in self._now]
+        self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
+        self.num_actions = int(self._now[0].streets.counts.max(initial=1))
+        with scenario.build(seed=self.games.seeds[0]) as ctx:
+            flying = [one.name for one in ctx.game.agents if one.name in self.names and hasattr(one, "position")]
+            if flying:
+                raise BadValue(f"Agent {shown(flying[0])} flies: only agents on the ground learn so far.")
+            if self._reward is None and not any(_gives_scores(one.rule) for one in ctx.game.rules):
+                raise BadValue(
+                    "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
+                    "turn, or add a rule such as tag with a score."
+                )
+
+    def close(self) -> None:
+        """End the games."""
+        self.games.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    @property
+    def bounds(self) -> tuple[float, float]:
+        """The least and the largest number that an observation has."""
+        least, largest = getattr(self._observation, "bounds", (-np.inf, np.inf))
+        return float(least), float(largest)
+
+    # -- playing ------------------------------------------------------------------------------------------------
+
+    @property
+    def masks(self) -> BoolArray:
+        """Which actions are legal, (games, agents, actions): of dead agents and in games that are over to stay."""
+        found = np.concatenate([_legal(view, self.num_actions) for view in self._now], axis=1)
+        found[self.games.is_over, :, 1:] = False
+        return found
+
+    @property
+    def alive(self) -> BoolArray:
+        """Which agents take part, (games, agents)."""
+        return np.concatenate([view.mask for view in self._now], axis=1)
+
+    def observe(self) -> Any:
+        """Return what all agents observe, (games, agents, …)."""
+        values = [self._checked(np.asarray(self._observation(view)), view, "observation") for view in self._now]
+        return np.concatenate(values, axis=1)
+
+    def step(self, actions: ActionArray) -> Played:
+        """Play one turn of the games that are not over.
+
+        Args:
+            actions: (games, agents); an action that is not legal stays.
+        """
+        was_over, was_alive, before, scores = self.games.is_over, self.alive, self._now, self._scores
+        chosen = np.asarray(actions)
+        legal = np.take_along_axis(self.masks, np.clip(chosen, 0, self.num_actions - 1)[..., None], axis=2)[..., 0]
+        chosen = np.where(legal & (chosen >= 0) & (chosen < self.num_actions), chosen, 0)
+        if self._hand is None:
+            self.games.step(dict(zip(self.teams, self._by_team(chosen), strict=True)))
+        else:
+            self._hand.actions = chosen
+            self.games.step()
+        self._remember()
+        gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
+        num_games = len(self.games)
+        turns = [Turn(*given, gains) for given in zip(self.teams, before, self._now, strict=True)]
+        rewards = np.zeros(chosen.shape)
+        for turn, column in zip(turns, self._by_team(rewards), strict=True):
+            if self._reward is None:
+                column[...] = turn.gains.get(turn.team, np.zeros(num_games))[:, None]
+            else:
+                column[...] = self._checked(np.asarray(self._reward(turn)), turn.after, "reward")
+        plays = was_alive & ~was_over[:, None]
+        has_ended = self.games.terminated[:, None] | (~self.alive & ~self.games.is_over[:, None])
+        return Played(
+            np.where(plays, rewards, 0.0),
+            plays & has_ended,
+            plays & np.broadcast_to(self.games.truncated[:, None], plays.shape),
+        )
+
+    def begin(self, which: IntArray, seeds: Sequence[int]) -> None:
+        """Begin games again, with these seeds."""
+        self.games.reset(which, seeds=seeds)
+        self._remember()
+
+    def whole(self) -> Float32Array:
+        """Return the whole games as numbers, (games, entries): what no agent knows, but a critic may.
+
+        They are of each agent of all teams, in the order of their names, `alive`, `x` and `y` in shares of the map,
+        then the share n / (n + 100) after n turns, and the scores of the teams.
+        """
+        views = [self.games.observe(team) for team in self.games.teams]
+        order = np.argsort(np.concatenate([view.agents for view in views]))
+        xy = np.concatenate([view["xy"] for view in views], axis=1)[:, order]
+        alive = np.concatenate([view.mask for view in views], axis=1)[:, order]
+        nodes = views[0].streets.columns.xy
+        low, high = nodes.min(axis=0), nodes.max(axis=0)
+        shares = (xy - (low + high) / 2.0) * (2.0 / (float((high - low).max()) or 2.0))
+        of_agents = np.concatenate((alive[..., None], np.where(alive[..., None], shares, 0.0)), axis=2)
+        scores = [self._scores.get(team, np.zeros(len(self.games))) for team in self.games.teams]
+        parts = (
+            of_agents.reshape(len(self.games), -1),
+            (self.games.turn / (self.games.turn + 100.0))[:, None],
+            np.stack(scores, axis=1),
+        )
+        return np.concatenate(parts, axis=1, dtype=np.float32)
+
+    # -- inside -------------------------------------------------------------------------------------------------
+
+    def _remember(self) -> None:
+        """Look at the games as they are now."""
+        games, agent = self.games, self._agent
+        self._now = [games.observe(team) for team in self.teams] if agent is None else [games.observe_agent(agent)]
+        self._scores = games.scores
+
+    def _by_team(self, of_all: Any) -> list[Any]:
+        """Return the columns of each team, views of an array (games, agents)."""
+        return np.split(of_all, np.cumsum(self._sizes)[:-1], axis=1)
+
+    def _checked(self, given: Any, view: ArrayView, what: str) -> Any:
+        """Return what a function of the caller gave, if it fits."""
+        games, agents = len(self.games), len(view.agents)
+        wanted = [(games, agents)] + [(games, 1)] * (what == "reward")
+        if given.shape[:2] not in wanted or given.dtype.kind not in "biuf" or (what == "reward" and given.ndim > 2):
+            raise BadValue(
+                f"{what} must give numbers for {games} games and {agents} agents, an array ({games}, {agents}"
+                f"{'' if what == 'reward' else ', …'}), not {given.dtype} of the shape {given.shape}."
+            )
+        return given
+
+
+class _Hand:
+    """The strategy of one agent, which does what it is given."""
+
+    def __init__(self) -> None:
+        self.actions: ActionArray = np.zeros((1, 1), np.int64)
+
+    def __call__(self, state: dict[str, Any]) -> None:
+        state["action"] = state["legal"][int(self.actions[0, 0])]
+
+    def array_form(self, view: ArrayView) -> ActionArray:
+        """Return what it is given for each game."""
+        given: ActionArray = self.actions[view.games]
+        return given
+
+    array_form.is_blind = True  # type: ignore[attr-defined] # it does not ask what sensors show
+
+
+def default_observation(view: ArrayView) -> Float32Array:
+    """Return what agents observe unless a function is given: (games, agents, entries).
+
+    These are the entries of `ArrayView.vector`, of up to 8 other agents, and as the last one `turn`: the share n / (n +
+    100) after n turns.
+    """
+    vectors = view.vector(min(len(view.roster.names) - 1, _MOST_OTHERS))
+    turn = np.where(vectors.mask, (view.turn / (view.turn + 100.0))[:, None], 0.0)
+    return np.concatenate((vectors.values, turn[..., None].astype(np.float32)), axis=2)
+
+
+default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # an attribute that other observations may have
+
+
+def _legal(view: ArrayView, num_actions: int) -> BoolArray:
+    counts = np.where(view.mask, view.counts, 1)
+    found: BoolArray = np.arange(num_actions) < counts[..., None]
+    return found
+
+
+def _gives_scores(rule: object) -> bool:
+    """Return whether the code of a rule, or of what it calls, names the scores of the game."""
+    return any("scores" in code.co_names for code in _codes_of(rule, set()))
+
+
+def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:
+    """Yield the code of a function, or of the methods of an object, and of the functions that it can reach."""
+    if id(value) in seen or isinstance(value, type | ModuleType):
+        return
+    seen.add(id(value))
+    if isinstance(value, partial):
+        yield from _codes_of(value.func, seen)
+        return
+    if not isinstance(value, FunctionType):
+        methods = (one for kind in type(value).__mro__ for one in vars(kind).values() if isinstance(one, FunctionType))
+        for method in methods:
+            yield from _codes_of(method, seen)
+        return
+    yield from _within(value.__code__)
+    for cell in value.__closure__ or ():
+        yield from _codes_of(cell.cell_contents, seen)
+    for name in value.__code__.co_names:
+        if isinstance(value.__globals__.get(name), FunctionType):
+            yield from _codes_of(value.__globals__[name], seen)
+
+
+def _within(code: CodeType) -> Iterator[CodeType]:
+    yield code
+    for constant in code.co_consts:
+        if isinstance(constant, CodeType):
+            yield from _within(constant)

@@ -1,0 +1,117 @@
+"""The environment of PettingZoo: the agents of one team, or of several, that learn in one game."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from pettingzoo import ParallelEnv
+
+from gamms.arguments import as_int
+from gamms.rl.learners import Float32Array, Learners
+from gamms.rl.rendering import METADATA, RenderMode, rendered
+from gamms.rl.spaces import observation_space, observed
+
+Observed = dict[str, dict[str, Any]]  # agent -> `observation` and `action_mask`
+
+
+class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # PettingZoo has no types
+    """The agents of some teams in one game; made by `gamms.rl.parallel_env`.
+
+    Agents that are dead leave `agents`; those that come back are there again.
+
+    Args:
+        learners: in one game, in a context.
+        name: of the scenario.
+        render_mode: "human", "rgb_array" or None.
+    """
+
+    def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
+        self.metadata = {**METADATA, "name": name or "gamms"}
+        self._learners, self.render_mode = learners, render_mode
+        self.possible_agents = list(learners.names)
+        self.agents: list[str] = []
+        self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
+        self.observation_spaces = {agent: observation_space(learners) for agent in self.possible_agents}
+        self.action_spaces = {agent: spaces.Discrete(learners.num_actions) for agent in self.possible_agents}
+        self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
+        self._seed = learners.games.seeds[0]
+        self._has_begun = False
+
+    def observation_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the space of what an agent observes."""
+        return self.observation_spaces[agent]
+
+    def action_space(self, agent: str) -> spaces.Space[Any]:
+        """Return the space of what an agent does: the number of a legal node, 0 to stay."""
+        return self.action_spaces[agent]
+
+    def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
+        """Begin a game; without a seed, that of the next one.
+
+        Returns:
+            What each agent observes, and the infos of each.
+        """
+        if seed is not None:
+            self._seed = as_int(seed, "seed")
+        elif self._has_begun:
+            self._seed += 1
+        self._has_begun = True
+        self._learners.begin(np.array([0]), [self._seed])
+        self.agents = [name for name, is_in in zip(self.possible_agents, self._learners.alive[0], strict=True) if is_in]
+        return self._answers(self.agents)
+
+    def step(
+        self, actions: dict[str, int]
+    ) -> tuple[Observed, dict[str, float], dict[str, bool], dict[str, bool], Observed]:
+        """Play a turn.
+
+        Args:
+            actions: of each agent; of one that is missing, and one that is not legal: to stay.
+
+        Returns:
+            Observations, rewards, terminations, truncations and infos by agent; `infos[agent]["is_legal"]` is whether
+            its action was.
+        """
+        asked, masks = self.agents, self._learners.masks[0]
+        given = np.zeros(len(self.possible_agents), np.int64)
+        was_legal = {}
+        for number, name in enumerate(self.possible_agents):
+            given[number] = action = int(actions.get(name, 0))
+            was_legal[name] = bool(0 <= action < masks.shape[1] and masks[number, action])
+        played = self._learners.step(given[None])
+        observations, infos = self._answers(asked)
+        for name in asked:
+            infos[name]["is_legal"] = was_legal[name]
+        rewards = {name: float(played.rewards[0, self._number[name]]) for name in asked}
+        terminated = {name: bool(played.terminated[0, self._number[name]]) for name in asked}
+        truncated = {name: bool(played.truncated[0, self._number[name]]) for name in asked}
+        is_over = bool(self._learners.games.is_over[0])
+        alive = self._learners.alive[0]
+        self.agents = [] if is_over else [name for name in self.possible_agents if alive[self._number[name]]]
+        return observations, rewards, terminated, truncated, infos
+
+    def action_masks(self) -> dict[str, Any]:
+        """Return which actions are legal: agent -> (actions,) booleans."""
+        return dict(zip(self.possible_agents, self._learners.masks[0], strict=True))
+
+    def state(self) -> Float32Array:
+        """Return the whole game as numbers: of each agent of all teams `alive`, `x`, `y` in shares of the map.
+
+        See `Learners.whole`.
+        """
+        whole: Float32Array = self._learners.whole()[0]
+        return whole
+
+    def render(self) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
+        """Return a picture, (height, width, 3), or show it in the window; nothing without a render mode."""
+        return rendered(self._learners, self.render_mode)
+
+    def close(self) -> None:
+        """End the game."""
+        self._learners.close()
+
+    def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
+        """Return what these agents observe, and their infos."""
+        found = observed(self._learners)
+        values = {name: {key: column[0, self._number[name]] for key, column in found.items()} for name in names}
+        return values, {name: {"action_mask": one["action_mask"]} for name, one in values.items()}

@@ -1,0 +1,236 @@
+"""Scenarios as environments of PettingZoo and Gymnasium."""
+
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
+pytest.importorskip("pettingzoo", reason="PettingZoo is not installed")
+
+import gymnasium
+from gymnasium.utils.env_checker import check_env
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)  # importing the tests of PettingZoo makes a game the old way
+    from pettingzoo.test import max_cycles_test, parallel_api_test, parallel_seed_test, render_test
+    from pettingzoo.utils.conversions import parallel_to_aec
+
+import gamms
+from gamms import rl
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.scenario import Scenario
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+WALK = "gamms.strategies:random_walk"
+
+
+def scene(rules=(TAG, "last_team"), max_turns=12, **more):
+    """Two taggers with sensors and two runners on a grid."""
+    teams = {"red": {"count": 2, "strategy": WALK, "sensors": ["near"]}, "blue": {"count": 2, "strategy": WALK}}
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 30}}
+    given = {"teams": teams, "sensors": near, "rules": list(rules), "max_turns": max_turns, **more}
+    return Scenario(name="two on two", map={"grid": {"width": 4, "height": 4}}, **given)
+
+
+@pytest.mark.parametrize("team", [None, "red", ["blue", "red"]])
+def test_pettingzoo_finds_no_fault_in_the_environment_of_a_team(team, capsys):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(rl.parallel_env(scene(), team=team), num_cycles=60)
+        parallel_seed_test(lambda: rl.parallel_env(scene(), team=team), num_cycles=30)
+    assert "Passed" in capsys.readouterr().out
+
+
+def test_gymnasium_finds_no_fault_in_the_environment_of_one_agent(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(rl.single_agent_env(scene(), agent="red_1"))
+
+
+@pytest.mark.parametrize("name", ["gamms/GridTag-v0", "gamms/CaptureTheFlag-v0"])
+def test_scenarios_that_come_with_gamms_have_names_for_gymnasium(name):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        check_env(gymnasium.make(name).unwrapped, skip_render_check=True)
+        games = gymnasium.make_vec(name, num_envs=2)
+    observations, infos = games.reset(seed=1)
+    assert observations["action_mask"].shape == (2, games.single_action_space.n)
+    assert infos["valid"].tolist() == [True, True]
+    games.close()
+
+
+def chosen(masks, turn, number=0):
+    """Which action an agent takes: some legal one."""
+    legal = np.flatnonzero(masks)
+    return int(legal[(turn * 7 + number * 3) % len(legal)])
+
+
+def play_scalar(seed, team):
+    """The observations, rewards and ends of a game, turn by turn, by agent."""
+    env = rl.parallel_env(scene(), team=team)
+    observations, _ = env.reset(seed=seed)
+    played = [(observations, {}, {}, {})]
+    turn = 0
+    while env.agents:
+        masks = env.action_masks()
+        actions = {name: chosen(masks[name], turn, env.possible_agents.index(name)) for name in env.agents}
+        played.append(env.step(actions)[:4])
+        turn += 1
+    env.close()
+    return played
+
+
+def test_games_at_once_are_the_same_as_one_by_one():
+    env = rl.vector_env(scene(), num_games=3, team="red")
+    names = env.learners.names
+    observations, _ = env.reset(seed=20)
+    ended = 0
+    expected = [play_scalar(20 + game, "red") for game in range(3)]
+    turns = [0, 0, 0]
+    for _ in range(20):
+        actions = [chosen(mask, turns[slot // 2], slot % 2) for slot, mask in enumerate(env.action_masks())]
+        new, rewards, terminated, truncated, infos = env.step(actions)
+        for slot in range(6):
+            game, name = slot // 2, names[slot % 2]
+            played = expected[game]
+            now = {key: column[slot] for key, column in observations.items()}
+            assert all(np.array_equal(now[key], played[turns[game]][0][name][key]) for key in now)
+            _, wanted, ends, late = played[turns[game] + 1]
+            assert (rewards[slot], terminated[slot], truncated[slot]) == (wanted[name], ends[name], late[name])
+            if terminated[slot] or truncated[slot]:
+                assert infos["_final_obs"][slot]
+                last = played[-1][0][name]
+                assert all(np.array_equal(infos["final_obs"][key][slot], last[key]) for key in last)
+        for game in range(3):
+            turns[game] += 1
+            if terminated[2 * game] or truncated[2 * game]:
+                ended += 1
+                turns[game], expected[game] = 0, play_scalar(20 + game + 3 * env._episodes[game] - 3, "red")
+        observations = new
+    assert ended > 3
+    env.close()
+
+
+def test_an_agent_that_is_out_leaves_and_its_slot_only_stays():
+    rules = [{**TAG, "with": {**TAG["with"], "metres": 1000}}]
+    env = rl.parallel_env(scene(rules), team="blue")
+    env.reset(seed=1)
+    _, rewards, terminated, truncated, _ = env.step({})
+    assert terminated == {"blue_0": True, "blue_1": True}
+    assert not any(truncated.values())
+    assert env.agents == []
+    games = rl.vector_env(scene(rules), num_games=2, team="blue")
+    games.reset(seed=1)
+    games.step(np.zeros(4, int))
+    observations, rewards, _, _, infos = games.step(np.full(4, 3))
+    assert not infos["valid"].any()
+    assert not rewards.any()
+    assert not observations["observation"].any()
+    assert observations["action_mask"].sum(axis=1).tolist() == [1, 1, 1, 1]
+
+
+def test_an_end_by_time_is_truncation_and_one_by_a_rule_termination():
+    env = rl.parallel_env(scene(rules=[TAG], max_turns=1), team="red")
+    env.reset(seed=1)
+    _, _, terminated, truncated, _ = env.step({})
+    assert (set(terminated.values()), set(truncated.values())) == ({False}, {True})
+
+
+def test_an_action_that_is_not_legal_stays_and_is_reported():
+    env = rl.single_agent_env(scene(), agent="red_0")
+    before, _ = env.reset(seed=3)
+    most = env.action_space.n
+    assert not before["action_mask"][most - 1]  # a corner or a border
+    after, _, _, _, infos = env.step(most - 1)
+    assert infos["is_legal"] is False
+    assert after["observation"][:2].tolist() == before["observation"][:2].tolist()
+
+
+def test_rewards_and_observations_can_be_functions():
+    def near_centre(turn):
+        return -np.hypot(*np.moveaxis(turn.after["xy"], -1, 0)) * turn.after.mask
+
+    def place(view):
+        return view["xy"].astype(np.float32)
+
+    env = rl.parallel_env(scene(rules=["last_team"]), team="red", observation=place, reward=near_centre)
+    env.reset(seed=1)
+    observations, rewards, *_ = env.step({})
+    for name, reward in rewards.items():
+        assert reward == pytest.approx(-np.hypot(*observations[name]["observation"]))
+
+
+def test_wrong_arguments_are_refused_by_name():
+    with pytest.raises(BadValue, match="give reward="):
+        rl.parallel_env(scene(rules=["last_team"]))
+    with pytest.raises(UnknownName, match="red"):
+        rl.parallel_env(scene(), team="rde")
+    with pytest.raises(UnknownName, match="red_1"):
+        rl.single_agent_env(scene(), agent="red_7")
+    with pytest.raises(BadValue, match="render_mode must be None, 'human' or 'rgb_array', not 'film'"):
+        rl.parallel_env(scene(), render_mode="film")
+    with pytest.raises(BadType, match="reward must be a function"):
+        rl.vector_env(scene(), num_games=2, reward=3)
+    with pytest.raises(BadValue, match=r"reward must give numbers for 2 games and 2 agents"):
+        games = rl.vector_env(scene(), num_games=2, team="red", reward=lambda _: np.zeros(3))
+        games.step(np.zeros(4, int))
+    with pytest.raises(BadType, match=r"gamms.scenario.load\(file\)"):
+        rl.parallel_env("tag.yaml")
+
+
+def test_two_processes_play_the_same_game():
+    code = (
+        "import sys; sys.path.insert(0, 'tests/rl'); import test_environments as t, hashlib\n"
+        "print(hashlib.sha256(repr(t.play_scalar(5, 'red')).encode()).hexdigest())"
+    )
+    found = {
+        subprocess.run(
+            [sys.executable, "-c", code],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={"PYTHONHASHSEED": seed, "PYTHONPATH": ":".join(sys.path)},
+        ).stdout
+        for seed in ("1", "2")
+    }
+    assert len(found) == 1
+
+
+def test_a_picture_shows_the_game():
+    pytest.importorskip("pygame")
+    env = rl.parallel_env(scene(), render_mode="rgb_array")
+    env.reset(seed=1)
+    first = env.render()
+    assert first.shape == (480, 480, 3)
+    env.step({name: chosen(mask, 1) for name, mask in env.action_masks().items()})
+    assert (env.render() != first).any()
+
+
+class Module:
+    """What the tests of PettingZoo call, made of a scenario."""
+
+    @staticmethod
+    def parallel_env(max_cycles=12, render_mode=None):
+        return rl.parallel_env(scene(rules=[TAG], max_turns=max_cycles), team="red", render_mode=render_mode)
+
+    @staticmethod
+    def env(**options):
+        return parallel_to_aec(Module.parallel_env(**options))
+
+
+def test_pettingzoo_finds_as_many_cycles_as_turns():
+    max_cycles_test(Module)
+
+
+def test_pettingzoo_finds_no_fault_in_pictures(monkeypatch):
+    pytest.importorskip("pygame")
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    render_test(Module.env)
+
+
+def test_rl_is_a_module_of_gamms():
+    assert gamms.rl is rl
