@@ -21,7 +21,9 @@ from gamms.text import shown
 if TYPE_CHECKING:
     from gamms.ir.game_state import GameState
 
-Log = list[Any]  # (id, node id) of each move of an agent on the ground as two ints; else (kind, data) as a tuple
+# (id, node id) of each move of an agent on the ground as two ints, of many as (MOVES, array of such); else (kind, data)
+# as a tuple.
+Log = list[Any]
 Record = tuple[int, dict[str, Any]]  # an operation code of format version 2, and its data
 
 REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened
@@ -519,7 +521,8 @@ def steps_of(log: Log) -> Iterator[tuple[int, Any]]:
     """Yield the same with each move by itself."""
     for kind, data in events_of(log):
         if kind == MOVES:
-            for step in zip(data[::2], data[1::2], strict=True):
+            moves = data if isinstance(data, list) else data.tolist()
+            for step in zip(moves[::2], moves[1::2], strict=True):
                 yield MOVES, step
         else:
             yield kind, data

@@ -16,6 +16,8 @@ class Journal:
         log: what has happened; the reader empties it.
         ids: row of an agent -> the number by which moves name it, which stays when rows are closed up.
         names: that number -> the agent's name.
+        in_arrays: by how much the log is longer than its entries, of which one may hold the moves of many agents; the
+            reader sets it to 0.
         progressed: the numbers of agents whose progress along an edge was set; the reader empties it.
         is_silent: whether it notes nothing; `log`, `flew` and `turned` are then not to be used.
     """
@@ -25,6 +27,7 @@ class Journal:
     def __init__(self, names: list[str]) -> None:
         self.log: Log = []
         self.progressed: set[int] = set()
+        self.in_arrays = 0
         self.names = list(names)
         self.ids = list(range(len(names)))
 
@@ -41,6 +44,7 @@ class Journal:
         moves = np.empty((len(rows), 2), np.int64)
         moves[:, 0], moves[:, 1] = np.array(self.ids, np.int64)[rows], nodes
         self.log.append((MOVES, moves.reshape(-1)))
+        self.in_arrays += moves.size - 1
 
     def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:
         """Note that a flyer is somewhere else, above this node."""

@@ -246,7 +246,7 @@ class LiveAgents(AgentsState):
     def move(self, numbers: Sequence[int], nodes: Sequence[int]) -> None:
         """Move agents on the ground, and note it."""
         for number, node in zip(numbers, nodes, strict=True):
-            self.move_one(number, node)
+            self.move_one(int(number), int(node))
 
     def move_one(self, number: int, node: int) -> tuple[str, int]:
         """Move an agent, and note it; returns its name, and the node it was on."""

@@ -129,7 +129,8 @@ class RecordingSession:
             except Damaged:  # by what a program has written among it
                 self._replayed = None
         self._logs.append(log)
-        self._entries_here += len(log)
+        self._entries_here += len(log) + journal.in_arrays
+        journal.in_arrays = 0
         self.turn += 1
         if self.world is None:  # a map that comes later is an event, however long it took
             self.world = self._skipped.packed()

@@ -19,13 +19,13 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import chain
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packing
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.packing import ByteReader, column, steps
 from gamms.plain import Plain
@@ -33,7 +33,7 @@ from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
 
 Log = list[Plain]
-"""The log of one turn: ints two by two, and tuples."""
+"""The log of one turn: ints two by two, and tuples, among them arrays of such ints."""
 
 BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
 
@@ -247,7 +247,7 @@ def part_of(log: Sequence[object]) -> Part:
     """
     log = log if isinstance(log, list) else list(log)
     try:
-        moves = array("q", log)
+        moves = _moves_in_array(log) or array("q", cast("list[int]", log))
         part = Part(moves, (len(moves) >> 1,))
     except (TypeError, OverflowError):
         part = _mixed(log)
@@ -260,6 +260,17 @@ def part_of(log: Sequence[object]) -> Part:
     return part
 
 
+def _moves_in_array(log: Log) -> "array[int] | None":
+    """Return the moves of a log that has nothing but those of many agents in an array; else None."""
+    if len(log) != 1 or not _are_moves(log[0]):
+        return None
+    return array("q", log[0][1].tobytes())
+
+
+def _are_moves(entry: Any) -> bool:
+    return type(entry) is tuple and len(entry) == 2 and entry[0] == MOVES and isinstance(entry[1], np.ndarray)
+
+
 def _mixed(log: Log) -> Part:
     types, begin = list(map(type, log)), 0
     moves, after, kinds, data = array("q"), [], [], []
@@ -268,6 +279,10 @@ def _mixed(log: Log) -> Part:
         end = types.index(tuple, begin)
         if end > begin:
             moves.extend(_moves(log[begin:end]))
+        begin = end + 1
+        if _are_moves(log[end]):
+            moves.frombytes(log[end][1].tobytes())
+            continue
         after.append(len(moves) // 2)
         kind, one = _checked_event(log[end])
         kinds.append(kind)
@@ -275,7 +290,6 @@ def _mixed(log: Log) -> Part:
             rows[kind].append(one)
         else:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
-        begin = end + 1
     moves.extend(_moves(log[begin:]))
     found = {kind: Rows.of(kind, each) for kind, each in rows.items() if each}
     return Part(moves, (len(moves) >> 1,), after, kinds, data, found)
