@@ -11,6 +11,7 @@ from heapq import heappop, heappush
 from typing import NamedTuple
 
 import batches
+import seeing
 from pictures import film, first_frame, zoom
 from worlds import ST, Spent, context, fill, grid, paper_strategy
 
@@ -623,6 +624,10 @@ CASES = [
     Case("scenario: a game of 5 against 5 after a reset", "game", lambda: batches.one_by_one(is_fresh=False)),
     Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True)),
     Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki),
+    Case("scenario: 4,096 games of two pursuers, vectors in a batch", "agent-step", seeing.pursuit),
+    Case("scenario: 64 agents with views of 5 nodes in a batch", "agent-step", seeing.views),
+    Case("targeted: AGENT_RANGE among 100,000 agents, in a batch", "pair", seeing.crowd),
+    Case("targeted: tag(euclid=5) of 100,000 agents in a batch", "agent-step", seeing.tags),
     Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
     Case("scenario: film Helsinki, 1280 x 720", "frame", film),

@@ -17,7 +17,7 @@ from gamms.typing.sensor_engine import SensorType
 
 SHOWING_NODES = {SensorType.NEIGHBOR, SensorType.MAP, SensorType.RANGE, SensorType.ARC, SensorType.OCCLUDED_MAP}
 _MOST_PAIRS = 1 << 28  # agents and nodes, of one answer
-_MOST_KNOWN = 1 << 25  # nodes in views that are kept, 4 bytes each
+_MOST_KNOWN = 1 << 24  # nodes in views that are kept, 8 bytes each
 
 
 class SeenNodes(NamedTuple):
@@ -108,18 +108,19 @@ def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], n
         looks: their sensors.
         nodes: how many there are on the map.
     """
-    size, none = node.shape[1], np.zeros(0, np.int64)
-    parts = [(none, none)]
+    shape, none = (*node.shape, nodes), np.zeros(0, np.int64)
+    parts = [(none, none, none)]
     for views, columns in looks:
         at, carriers = np.nonzero(asked[:, columns])
         viewers = columns[carriers]
         runs, rows = views.of(node[at, viewers])
-        parts.append((np.repeat(at * size + viewers, np.diff(runs)), rows))
-    looking, rows = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
-    if len(looks) > 1:
-        looking, rows = np.divmod(np.unique(looking * nodes + rows), nodes)
-    at = looking // max(size, 1)
-    return SeenNodes((len(node), size, nodes), at, looking - at * size, rows)
+        counts = np.diff(runs)
+        parts.append((np.repeat(at, counts), np.repeat(viewers, counts), rows))
+    if len(looks) == 1:
+        return SeenNodes(shape, *parts[1])
+    at, viewers, rows = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    looking, rows = np.divmod(np.unique((at * shape[1] + viewers) * nodes + rows), max(nodes, 1))
+    return SeenNodes(shape, *np.divmod(looking, max(shape[1], 1)), rows)
 
 
 class KnownViews:
@@ -135,7 +136,7 @@ class KnownViews:
 
     def _forget(self) -> None:
         self._first, self._count = np.full(len(self), -1), np.zeros(len(self), np.int64)
-        self._rows, self._used = np.zeros(0, np.int32), 0
+        self._rows, self._used = np.zeros(0, np.int64), 0
 
     def of(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
         """Return what is seen from some nodes as offsets (nodes + 1,) and rows, one after the other.
@@ -156,9 +157,10 @@ class KnownViews:
                 self._forget()
                 new = np.unique(nodes)
             self._learn(new)
-        ends = self._checked(self._count[nodes])
-        _, places = kernels.expand_ranges(self._first[nodes], self._first[nodes] + self._count[nodes])
-        return ends, self._rows[places].astype(np.int64)
+        counts = self._count[nodes]
+        ends = self._checked(counts)
+        places = np.arange(ends[-1]) + np.repeat(self._first[nodes] - ends[:-1], counts)
+        return ends, self._rows[places]
 
     def _checked(self, counts: IntArray) -> IntArray:
         ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
@@ -174,7 +176,7 @@ class KnownViews:
         self._count[nodes], self._first[nodes] = counts, self._used + np.cumsum(counts) - counts
         after = self._used + len(rows)
         if after > len(self._rows):
-            self._rows = np.concatenate((self._rows[: self._used], np.empty(2 * after - self._used, np.int32)))
+            self._rows = np.concatenate((self._rows[: self._used], np.empty(2 * after - self._used, np.int64)))
         self._rows[self._used : after], self._used = rows, after
 
     def _near(self, nodes: IntArray) -> list[tuple[IntArray, IntArray]]:
