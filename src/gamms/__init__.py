@@ -23,7 +23,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rl as rl, rules as rules
     from gamms import scenario as scenario, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
-    from gamms.game.batch import array_strategy, portable_form
+    from gamms.game.batch import array_rule, array_strategy, portable_form
     from gamms.typing import logger
 
 __version__ = "2.0.0.dev0"
@@ -32,6 +32,7 @@ __all__ = [
     "Context",
     "InternalContext",
     "agent",
+    "array_rule",
     "array_strategy",
     "create_context",
     "graph",
@@ -62,7 +63,7 @@ _MODULES = {
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),
-    **dict.fromkeys(("array_strategy", "portable_form"), "gamms.game.batch"),
+    **dict.fromkeys(("array_rule", "array_strategy", "portable_form"), "gamms.game.batch"),
     "logger": "gamms.typing",
 }
 

@@ -65,3 +65,65 @@ def test_what_it_cannot_do_is_refused():
         ctx.agent.get_agent("red_0").speed = 3.0
         with pytest.raises(BadValue, match="one edge in a turn"):
             ctx.game.step()
+
+
+def test_a_form_can_be_declared_beside_a_strategy_a_rule_and_its_check():
+    def last(state):
+        state["action"] = state["legal"][-1]
+
+    def storm(ctx):
+        if ctx.game.turn == 5 and ctx.seed % 2:
+            ctx.game.end("storm")
+
+    def check(ctx):
+        for name, move in ctx.game.moves.items():
+            if move.end % 3 == 0:
+                ctx.game.refuse(name, "it is closed")
+
+    storm.check = check
+    gamms.array_strategy(of=last)(lambda view: view.counts - 1)
+    gamms.array_rule(of=check)(lambda turn, ends: turn.streets.ids(ends) % 3 == 0)
+
+    @gamms.array_rule(of=storm)
+    def storm_in_arrays(turn):
+        at = np.flatnonzero((turn.turn == 5) & (turn.seeds % 2 == 1))
+        turn.end(at, "storm", [None] * len(at))
+
+    scenario = scene([], max_turns=8)
+    with scenario.build(seed=1, strategies={"red": last}) as ctx:
+        ctx.game.add(storm)
+        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            for number, seed in enumerate((3, 4)):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+            assert [games.result(number).reason for number in (0, 1)] == ["storm", "max_turns"]
+            assert sum(agent["blocked"] for agent in games.result(1).agents.values()) > 0
+
+
+def test_plans_with_a_form_are_played_in_arrays():
+    def ahead(team):
+        return team.targets[team.offsets[1:] - 1]
+
+    with scene([{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]).build(seed=1) as ctx:
+        ctx.game.command("red", ahead, arrays=True)
+        with ctx.game.batch(seeds=[3, 4]) as games:
+            assert games.slow is not None
+            assert games.slow.startswith("the plan of team 'red'")
+        gamms.array_strategy(of=ahead)(lambda view: view.counts - 1)
+        with ctx.game.batch(seeds=[3, 4]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            for number, seed in enumerate((3, 4)):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_what_takes_no_form_is_refused():
+    with pytest.raises(BadType, match="the function whose form it declares"):
+        gamms.array_rule(of=3)
+    with pytest.raises(BadType, match="the function whose form it declares"):
+        gamms.array_strategy(of=len)
+    with pytest.raises(BadType, match="needs a function in arrays"):
+        gamms.array_rule(of=lambda ctx: None)(4)

@@ -51,12 +51,10 @@ class Hooks(TypedDict, total=False):
     """The teams that the rule names; one without agents is warned about."""
     last_turn: int
     """The turn after which the rule ends the game, for windows to show how far it is."""
-    array_form: Callable[[ArrayTurn], None] | None
-    """The same for many games at once; None: a batch plays them one by one."""
+    array_form: Callable[..., object] | None
+    """The same for many games at once, of a check too, see `gamms.array_rule`; None: they are played one by one."""
     array_trigger: Callable[[DeviceTurn], Tensor] | None
     """Says for arrays of any library in which games there may be something to do, (games,); None: in all."""
-    array_check: Callable[[ArrayTurn, IntArray], BoolArray]
-    """The same as `check` for many games at once: returns which moves to these nodes are refused, (games, agents)."""
     prepare_arrays: Callable[[GameArrays], object]
     """Called when a batch begins: publishes facts in the form that they have in arrays."""
     check: Callable[[Context], object]

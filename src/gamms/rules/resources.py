@@ -93,13 +93,12 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
     return with_hooks(
         resource,
         prepare=tank.prepare,
-        check=check,
+        check=with_hooks(check, array_form=tank.check_in_arrays),
         drawer=render_amounts,
         teams=sorted(tank.teams or (), key=str),
         rank=Rank.RESOURCES,
         key=tank.name,
         array_form=tank.charge_in_arrays,
-        array_check=tank.check_in_arrays,
         prepare_arrays=tank.prepare_arrays,
     )
 
@@ -410,10 +409,9 @@ def cooldown(deed: str, turns: int) -> Rule:
     return with_hooks(
         cooldown,
         prepare=prepare,
-        check=check,
+        check=with_hooks(check, array_form=check_in_arrays),
         drawer=render_cooldowns,
         rank=Rank.RESOURCES,
         key=f"cooldown of {kind}",
         array_form=in_arrays,
-        array_check=check_in_arrays,
     )

@@ -5,13 +5,24 @@ the game have an array form, and one game after the other (`one_by_one.py`) wher
 games. `turn.py` is what array forms of rules get, `view.py` what those of strategies get: `sight.py` says whom sensors
 show them, `surroundings.py` which nodes, `vectors.py` puts that into numbers, `routes.py` knows how far it is.
 `columns.py` has who plays, `state.py` what a batch remembers, `movement.py` where actions lead, `deeds.py` what agents
-do besides moving; `alone.py` plays array strategies in games that are played alone. With another array library
-(`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games there; strategies get views of `device_view.py`.
+do besides moving. `forms.py` declares array forms; `alone.py` plays array strategies in games that are played alone.
+With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games there; strategies get
+views of `device_view.py`.
 """
 
 from gamms.game.batch.alone import array_strategy
+from gamms.game.batch.forms import array_rule
 from gamms.game.batch.games import Batch
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, portable_form
 
-__all__ = ["ArrayRule", "ArrayStrategy", "ArrayTurn", "ArrayView", "Batch", "array_strategy", "portable_form"]
+__all__ = [
+    "ArrayRule",
+    "ArrayStrategy",
+    "ArrayTurn",
+    "ArrayView",
+    "Batch",
+    "array_rule",
+    "array_strategy",
+    "portable_form",
+]

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from functools import partial, update_wrapper
-from typing import Any, cast
+from typing import Any, cast, overload
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -11,6 +11,7 @@ from gamms.arguments import as_context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.deeds import DeclaredDeeds
+from gamms.game.batch.forms import F, form_declared
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen
 from gamms.game.batch.state import GameArrays
@@ -28,18 +29,28 @@ _KEPT = "array strategies"  # the key of `state["memory"]` that has what views k
 _worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyDictionary()
 
 
-def array_strategy(form: ArrayStrategy) -> Callable[[IContext], Callable[[Any], None]]:
+@overload
+def array_strategy(form: ArrayStrategy, /) -> Callable[[IContext], Callable[[Any], None]]: ...
+@overload
+def array_strategy(*, of: Callable[..., object]) -> Callable[[F], F]: ...
+def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., object] | None = None) -> Any:
     """Decorator: make a strategy of a function from an `ArrayView` to actions, for batches and for games alone.
 
     The name stands for a function that makes the strategy, as `gamms.strategies.chase` does: `strategy=hunt(ctx)`, or
     `strategies={"red": hunt}` in a scenario. The actions are the same in both; a batch asks once a turn for all agents.
 
+    `@gamms.array_strategy(of=hurry)` declares the function as the array form of a strategy, or of the plan of a team,
+    that is there already and plays in games alone; the name stands for the form then.
+
     Args:
         form: returns the numbers of legal nodes, (games, agents).
+        of: the strategy or plan that does the same with a state, or with those of a team.
 
     Raises:
-        BadType: it cannot be called.
+        BadType: one of them cannot be called.
     """
+    if of is not None:
+        return form_declared(of, "array_strategy")
     if not callable(form):
         raise BadType(f"array_strategy needs a function of a view, not {shown(form)}.")
     name = getattr(form, "__name__", "array strategy")
@@ -55,7 +66,7 @@ def array_strategy(form: ArrayStrategy) -> Callable[[IContext], Callable[[Any], 
 
         made: Any = update_wrapper(strategy, form)
         del made.__wrapped__
-        made.array_form = form
+        form_declared(strategy, name)(form)
         return strategy
 
     documented: Any = update_wrapper(make, form)

@@ -9,6 +9,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
+from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import Movement, movement_of, why_not_moved
 from gamms.game.batch.sight import why_not_seen
 from gamms.game.batch.state import GameArrays
@@ -17,15 +18,13 @@ from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, A
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
 from gamms.game.settings import PHASES as RULE_PHASES
-from gamms.game.settings import NamedRule
+from gamms.game.settings import NamedRule, Plan
 from gamms.game.slots import COUNTED
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing import IAgent
-
-_FORM, _CHECK = "array_form", "array_check"  # the attributes of rules, strategies and resolvers
 
 
 class Group(NamedTuple):
@@ -54,7 +53,7 @@ class ArrayEngine:
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
         self._last: int | None = settings["max_turns"]
-        self._groups = _groups(roster)
+        self._groups = _groups(roster, settings["plans"])
         self._parts: list[IntArray | None] = [None]  # the agents that move at once, one part after the other; None: all
         if settings["order"] is not None and len(settings["order"]) > 1:
             move_now = np.stack([roster.plays_for(teams) for teams in settings["order"]])  # (parts, agents)
@@ -63,10 +62,10 @@ class ArrayEngine:
             settings["deeds"], partial(checked_value, ctx=game.ctx), roster, movement.streets, len(seeds)
         )
         self._rules = {
-            phase: [(one, _form_of(one.rule)) for one in game.rules if one.phase == phase] for phase in RULE_PHASES
+            phase: [(one, form_of(one.rule)) for one in game.rules if one.phase == phase] for phase in RULE_PHASES
         }
-        self._conflicts = _form_of(settings["conflicts"])
-        self._checks = [getattr(one.rule, _CHECK) for one in game.rules if hasattr(one.rule, "check")]
+        self._conflicts = form_of(settings["conflicts"])
+        self._checks = [form_of(one.rule.check) for one in game.rules if hasattr(one.rule, "check")]
         self._publish_facts(game.facts)
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
@@ -254,34 +253,32 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
         (bool(settings["channels"]), "channels"),
-        (bool(settings["plans"]), "plans of teams"),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
         (settings["max_turns"] == 0, "a game of no turns"),
         (game.turn > 0 or bool(game.scores), "a game that has begun"),
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
+    deciders = [(agent, _decider_of(agent, settings["plans"])) for agent in game.agents]
     reasons += [
-        (agent.strategy is not None and _form_of(agent.strategy) is None, f"the strategy {as_code(agent.strategy)}")
-        for agent in game.agents
+        (one is not None and form_of(one) is None, f"the {_kind_of(agent, settings['plans'])} {as_code(one)}")
+        for agent, one in deciders
     ]
     reasons += [
-        (getattr(_form_of(agent.strategy), MAY_SKIP, False), f"{as_code(agent.strategy)}, which may set no action")
-        for agent in game.agents
+        (getattr(form_of(one), MAY_SKIP, False), f"{as_code(one)}, which may set no action") for _, one in deciders
     ]
     reasons += [
-        (has_speeds and getattr(_form_of(agent.strategy), ONE_EDGE, False), f"{as_code(agent.strategy)}, with speeds")
-        for agent in game.agents
+        (has_speeds and getattr(form_of(one), ONE_EDGE, False), f"{as_code(one)}, with speeds") for _, one in deciders
     ]
     reasons += [
         (why is not None, why or "")
-        for agent in game.agents
-        if agent.strategy is not None and not getattr(_form_of(agent.strategy), IS_BLIND, False)
+        for agent, one in deciders
+        if one is not None and not getattr(form_of(one), IS_BLIND, False)
         for why in (why_not_seen(agent, name) for name in getattr(agent, "sensors", ()))
     ]
     reasons += [(_rule_lacks_form(one), f"the rule {one.name!r}") for one in game.rules]
     if conflicts is not None:
-        reasons.append((_form_of(conflicts) is None, f"the conflicts {as_code(conflicts)}"))
+        reasons.append((form_of(conflicts) is None, f"the conflicts {as_code(conflicts)}"))
     return next((reason for is_there, reason in reasons if is_there), None)
 
 
@@ -290,24 +287,30 @@ def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[I
 
 
 def _rule_lacks_form(named: NamedRule) -> bool:
-    has_check = not hasattr(named.rule, "check") or hasattr(named.rule, _CHECK)
-    return not has_check or _form_of(named.rule) is None
+    check = getattr(named.rule, "check", None)
+    return form_of(named.rule) is None or (check is not None and form_of(check) is None)
 
 
-def _form_of(function: object) -> Any:
-    return getattr(function, _FORM, None)
+def _decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
+    """Return the plan of the team of an agent, or its strategy; None: neither."""
+    return plans[agent.team].function if agent.team in plans else agent.strategy
 
 
-def _groups(roster: Roster) -> list[Group]:
-    """Return the strategies of agents, each with all agents that have the same."""
+def _kind_of(agent: IAgent, plans: Mapping[Any, Plan]) -> str:
+    return f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
+
+
+def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
+    """Return the strategies and plans of agents, each with all agents that have the same."""
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
-        if agent.strategy is not None:
-            found.setdefault(_key_of(_form_of(agent.strategy)), []).append(number)
+        decider = _decider_of(agent, plans)
+        if decider is not None:
+            found.setdefault(_key_of(form_of(decider)), []).append(number)
     groups = []
     for numbers in found.values():
-        strategy = roster.agents[numbers[0]].strategy
-        groups.append(Group(as_code(strategy), np.array(numbers), _form_of(strategy)))
+        decider = _decider_of(roster.agents[numbers[0]], plans)
+        groups.append(Group(as_code(decider), np.array(numbers), form_of(decider)))
     return groups
 
 

@@ -15,6 +15,7 @@ from gamms.game.batch.arrays import ArrayEngine, Group
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
+from gamms.game.batch.forms import form_of
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.state import GameArrays
@@ -397,7 +398,7 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
 def _read_in_each_turn(game: PlayedGame, library: ArrayLibrary) -> str | None:
     """Return what reads all agents from the device in each turn, in words; None: nothing, or they are on the host."""
     strategies = [agent.strategy for agent in game.agents if agent.strategy is not None]
-    slow = [f"the strategy {as_code(one)}" for one in strategies if not hasattr(_form_of(one), PORTABLE)]
+    slow = [f"the strategy {as_code(one)}" for one in strategies if not hasattr(form_of(one), PORTABLE)]
     slow += [
         f"the rule {one.name!r}"
         for one in game.rules
@@ -406,7 +407,3 @@ def _read_in_each_turn(game: PlayedGame, library: ArrayLibrary) -> str | None:
     return (
         f"{slow[0]}, which is played in NumPy: {library} is read in each turn" if slow and not library.on_host else None
     )
-
-
-def _form_of(strategy: object) -> Any:
-    return getattr(strategy, "array_form", None)

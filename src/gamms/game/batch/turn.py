@@ -17,7 +17,7 @@ from gamms.kernels.draws import BitArray
 
 T = TypeVar("T")
 ArrayRule = Callable[["ArrayTurn"], None]
-"""The array form of a rule, in its attribute `array_form`; see docs/batches.md."""
+"""The array form of a rule; `gamms.array_rule` declares it."""
 
 
 class TurnPart(NamedTuple):

@@ -1,0 +1,50 @@
+"""Array forms beside scalar forms: how they are declared for rules, their checks, strategies and plans, and found."""
+
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from gamms.errors import BadType
+from gamms.text import shown
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_FORM = "array_form"  # the attribute of a scalar form that has its array form
+
+
+def array_rule(*, of: Callable[..., object]) -> Callable[[F], F]:
+    """Decorator: declare a function of an `ArrayTurn` as the array form of a rule, for batches.
+
+    It does in many games at once what the rule does in one: `@gamms.array_rule(of=storm)` above `def in_arrays(turn)`.
+    The form of a rule's `check`, declared alike, takes the turn and where agents go, and returns which moves it
+    refuses, (games, agents).
+
+    Args:
+        of: the rule, or the check of a rule.
+
+    Raises:
+        BadType: `of` cannot be called or takes no attributes, or the form cannot be called.
+    """
+    return form_declared(of, "array_rule")
+
+
+def form_declared(of: object, decorator: str) -> Callable[[F], F]:
+    """Return what declares a function as the array form of another.
+
+    Raises:
+        BadType: one of them cannot be called, or has no attributes.
+    """
+    if not callable(of) or not hasattr(of, "__dict__") or hasattr(of, "__func__"):
+        raise BadType(f"{decorator}(of=…) needs the function whose form it declares, not {shown(of)}.")
+
+    def declare(form: F) -> F:
+        if not callable(form):
+            raise BadType(f"{decorator}(of=…) needs a function in arrays, not {shown(form)}.")
+        of.__dict__[_FORM] = form
+        return form
+
+    return declare
+
+
+def form_of(function: object) -> Any:
+    """Return the array form of a strategy, a rule, a check, a plan or a resolver; None: it has none."""
+    return getattr(function, _FORM, None)
