@@ -1,0 +1,249 @@
+"""Play the nearest equal of a game here and in other simulators, in turn; `README.md` says what each computes.
+
+    python benchmarks/peers.py --python ENV1/bin/python --python ENV2/bin/python
+
+Peers disagree about versions of NumPy, so each may be in an environment of its own: a peer is run in the first of the
+given Pythons that has it, and one that none has is named. Rounds alternate between processes; in each, the least CPU
+time of many slices is taken.
+"""
+
+import argparse
+import importlib.util
+import json
+import random
+import statistics
+import subprocess
+import sys
+import time
+
+_SLICES, _WARM_UP = 60, 20
+
+
+# -- ours -------------------------------------------------------------------------------------------------------------
+
+
+def lattice(ctx, side):
+    """Put a grid of `side` x `side` nodes, 10 m apart, into a context."""
+    import numpy as np
+
+    ids = np.arange(side * side).reshape(side, side)
+    one = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])
+    other = np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()])
+    y, x = np.indices((side, side)) * 10.0
+    ctx.graph.add_nodes(ids.ravel(), x.ravel(), y.ravel())
+    ctx.graph.add_edges(np.arange(2 * len(one)), np.concatenate([one, other]), np.concatenate([other, one]))
+
+
+def ours_alone(side, counts, sensors, capacity=None, tag=False, turns=5):
+    """Turns of `ctx.game` of agents that walk at random; all places were looked from before."""
+    import gamms
+    from gamms import rules
+
+    ctx, choice = gamms.create_context(seed=1), random.Random(1).choice
+    lattice(ctx, side)
+
+    def walk(state):
+        state["action"] = choice(state["legal"])
+
+    agents = sum(counts.values())
+    starts = iter(random.Random(2).sample(range(side * side), agents))
+    for team, count in counts.items():
+        for i in range(count):
+            made = {
+                name: ctx.sensor.create_sensor(f"{name}_{team}_{i}", kind, sensor_range=metres)
+                for name, (kind, metres) in sensors.get(team, {}).items()
+            }
+            ctx.agent.create_agent(f"{team}_{i}", team=team, start_node_id=next(starts), sensors=made, strategy=walk)
+    for name in sensors["red"]:  # sensors of one kind and range share what they have seen
+        ctx.sensor.get_sensor(f"{name}_red_0").sense_many(range(side * side))
+    if capacity is not None:
+        ctx.game.conflicts = rules.Conflicts(capacity)
+    if tag:
+        ctx.game.add(rules.tag(*counts))
+
+    def run():
+        for _ in range(turns):
+            ctx.game.step()
+        return turns * agents
+
+    return run
+
+
+VIEWS = {"around": ("RANGE", 50.0), "near": ("AGENT_RANGE", 50.0)}
+PURSUIT = {"around": ("RANGE", 30.0), "near": ("AGENT_RANGE", 30.0)}
+
+
+def ours_in_batch(games=64):
+    """Turns of many games at once, in each of which 64 agents look around and walk at random."""
+    from gamms.scenario import Scenario
+
+    scenario = Scenario(
+        map={"grid": {"width": 64, "height": 64, "spacing": 10.0}},
+        teams={"red": {"count": 64, "sensors": ["near"], "strategy": "gamms.strategies:random_walk"}},
+        sensors={"near": {"type": "AGENT_RANGE", "sensor_range": 50.0}},
+        conflicts={"capacity": 1},
+        max_turns=10**9,
+    )
+    batch = scenario.batch(games)
+    if batch.slow is not None:
+        raise RuntimeError(batch.slow)
+
+    def run():
+        _ = batch.observe("red").seen("near").others
+        batch.step()
+        return games * 64
+
+    return run
+
+
+OURS = {
+    "pogema": lambda: ours_alone(64, {"red": 64}, {"red": VIEWS}, capacity=1),
+    "pogema, agents only": lambda: ours_alone(64, {"red": 64}, {"red": {"near": VIEWS["near"]}}, capacity=1),
+    "pogema, in batch": ours_in_batch,
+    "pursuit": lambda: ours_alone(16, {"red": 8, "blue": 30}, {"red": PURSUIT}, tag=True, turns=10),
+    "mesa": lambda: ours_alone(100, {"red": 1000}, {"red": {"near": ("NEIGHBOR", 0.0)}}, turns=1),
+}
+
+
+# -- peers ------------------------------------------------------------------------------------------------------------
+
+
+def pogema(turns=5):
+    """64 agents on 64 x 64 cells, views of radius 5."""
+    import numpy as np
+    from pogema import GridConfig, pogema_v0
+
+    config = GridConfig(
+        num_agents=64, size=64, obs_radius=5, density=0.0, max_episode_steps=10**9, on_target="restart", seed=1
+    )
+    env, rng = pogema_v0(config), np.random.default_rng(1)
+    env.reset()
+
+    def run():
+        for _ in range(turns):
+            env.step(rng.integers(5, size=64).tolist())
+        return turns * 64
+
+    return run
+
+
+def pursuit(turns=2):
+    """8 pursuers with views of 7 x 7 cells and 30 evaders on 16 x 16 cells."""
+    import numpy as np
+    from pettingzoo.sisl import pursuit_v5
+
+    env = pursuit_v5.parallel_env(x_size=16, y_size=16, n_pursuers=8, n_evaders=30, obs_range=7, max_cycles=10**9)
+    env.reset(seed=1)
+    rng = np.random.default_rng(1)
+
+    def run():
+        for _ in range(turns):
+            if not env.agents:
+                env.reset()
+            env.step(dict(zip(env.agents, rng.integers(5, size=len(env.agents)).tolist(), strict=True)))
+        return turns * 38
+
+    return run
+
+
+def mesa(side=100, agents=1000):
+    """1,000 agents that walk at random on a network of 100 x 100 cells."""
+    import mesa as library
+    import networkx as nx
+    from mesa.discrete_space import CellAgent, Network
+
+    class Walker(CellAgent):
+        def step(self):
+            self.cell = self.cell.neighborhood.select_random_cell()
+
+    model = library.Model(seed=1)
+    graph = nx.convert_node_labels_to_integers(nx.grid_2d_graph(side, side))
+    network = Network(graph, random=model.random)
+    for cell in model.random.sample(list(network.all_cells), agents):
+        Walker(model).cell = cell
+
+    def run():
+        model.agents.do("step")
+        return agents
+
+    return run
+
+
+PEERS = {  # name -> the module that it needs, its distribution and what is run
+    "pogema": ("pogema", "pogema", pogema),
+    "pogema, agents only": ("pogema", "pogema", pogema),
+    "pogema, in batch": ("pogema", "pogema", pogema),
+    "pursuit": ("pettingzoo", "pettingzoo", pursuit),
+    "mesa": ("mesa", "Mesa", mesa),
+    "vmas": ("vmas", "vmas", None),
+    "mesa-frames": ("mesa_frames", "mesa-frames", None),
+}
+
+
+def least(run):
+    """Return the least CPU seconds of an agent-step."""
+    for _ in range(_WARM_UP):
+        run()
+    spent = []
+    for _ in range(_SLICES):
+        began = time.process_time()
+        done = run()
+        spent.append((time.process_time() - began) / done)
+    return min(spent)
+
+
+def one(name, side):
+    """Measure one side in this process, and print seconds per agent-step and the version of what was run."""
+    from importlib.metadata import version
+
+    make, distribution = (OURS[name], "gamms") if side == "ours" else (PEERS[name][2], PEERS[name][1])
+    seconds = least(make())
+    try:
+        number = version(distribution)
+    except Exception:  # noqa: BLE001 - run from a checkout
+        number = ""
+    print(json.dumps({"seconds": seconds, "version": number}))
+
+
+def measured(python, name, side):
+    """Measure one side in a process of its own."""
+    command = [python, __file__, "--one", name, "--side", side]
+    return json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout.splitlines()[-1])
+
+
+def has(python, module):
+    """Return whether a Python has a module."""
+    if python == sys.executable:
+        return importlib.util.find_spec(module) is not None
+    code = f"import importlib.util as u, sys; sys.exit(u.find_spec({module!r}) is None)"
+    return subprocess.run([python, "-c", code], check=False).returncode == 0
+
+
+def main():
+    """Run each peer that is installed, in turn with ours, and print a table."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("names", nargs="*", help="run only these peers")
+    parser.add_argument("--python", action="append", default=[], help="the Python of an environment with peers")
+    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--one", help=argparse.SUPPRESS)
+    parser.add_argument("--side", default="ours", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.one:
+        one(options.one, options.side)
+        return
+    print(f"{'peer':24}{'version':>10}{'peer, steps/s':>16}{'ours, steps/s':>16}{'ours / peer':>14}")
+    for name, (module, _, make) in PEERS.items():
+        if options.names and name not in options.names:
+            continue
+        python = next((one for one in [*options.python, sys.executable] if has(one, module)), None)
+        if python is None or make is None:
+            print(f"{name:24}  {'is not installed' if python is None else 'is installed; there is no game for it yet'}")
+            continue
+        pairs = [(measured(sys.executable, name, "ours"), measured(python, name, "peer")) for _ in range(options.rounds)]
+        ours, theirs = (min(pair[side]["seconds"] for pair in pairs) for side in (0, 1))
+        ratio = statistics.median(their["seconds"] / our["seconds"] for our, their in pairs)
+        print(f"{name:24}{pairs[0][1]['version']:>10}{1 / theirs:>16,.0f}{1 / ours:>16,.0f}{ratio:>14.2f}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
