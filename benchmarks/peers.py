@@ -239,7 +239,9 @@ def main():
         if python is None or make is None:
             print(f"{name:24}  {'is not installed' if python is None else 'is installed; there is no game for it yet'}")
             continue
-        pairs = [(measured(sys.executable, name, "ours"), measured(python, name, "peer")) for _ in range(options.rounds)]
+        pairs = [
+            (measured(sys.executable, name, "ours"), measured(python, name, "peer")) for _ in range(options.rounds)
+        ]
         ours, theirs = (min(pair[side]["seconds"] for pair in pairs) for side in (0, 1))
         ratio = statistics.median(their["seconds"] / our["seconds"] for our, their in pairs)
         print(f"{name:24}{pairs[0][1]['version']:>10}{1 / theirs:>16,.0f}{1 / ours:>16,.0f}{ratio:>14.2f}", flush=True)

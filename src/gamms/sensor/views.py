@@ -252,7 +252,8 @@ def on_ground(ctx: IContext, ids: IntArray, xy: FloatArray) -> tuple[FloatArray,
 
 _MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
 _SLACK = 1e-6  # map units: boxes are compared with this tolerance, because places on an edge are rounded
-_MANY_AGENTS = 256  # so many are found for all that look
+_MANY_AGENTS = 128  # so many are found for all that look
+_FAR = 1e150  # of which squares are infinite
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
 
 
@@ -412,45 +413,49 @@ class LooksOfAll:
         self._frequent: frozenset[float] = frozenset()
         self._positions: Positions | None = None
         self._version = 0
-        self._noted: dict[float, tuple[int, int]] = {}  # range -> looks since agents moved, and agents that they found
+        self._looks: dict[float, int] = {}  # range -> looks since agents moved
+        self._found: dict[float, int] = {}  # range -> the agents that were found since then
         self._around: dict[float, dict[int, list[int]]] = {}
 
     def are_frequent(self, radius: float, positions: Positions) -> bool:
         """Whether many agents look as far as that; what was found before agents moved is forgotten."""
         version = positions.version
         if version != self._version or positions is not self._positions:
-            self._positions, self._version = positions, version
-            self._frequent = frozenset(
-                radius
-                for radius, (looks, found) in self._noted.items()
-                if looks * _PART >= len(positions.names) and found * len(positions.names) <= looks * _MOST_IDS
-            )
-            self._noted.clear()
-            self._around.clear()
+            self._begin(positions, version)
+        looks = self._looks
+        looks[radius] = looks.get(radius, 0) + 1
         return radius in self._frequent
 
+    def _begin(self, positions: Positions, version: int) -> None:
+        agents = len(positions.names)
+        often = [radius for radius, looks in self._looks.items() if looks * _PART >= agents]
+        self._frequent = frozenset(r for r in often if self._found.get(r, 0) * agents <= self._looks[r] * _MOST_IDS)
+        self._positions, self._version = positions, version
+        for noted in (self._looks, self._found, self._around):
+            noted.clear()
+
     def note(self, radius: float, found: int) -> None:
-        """Note what a look has found."""
-        looks, before = self._noted.get(radius, (0, 0))
-        self._noted[radius] = looks + 1, before + found
+        """Note how many agents a look has found."""
+        self._found[radius] = self._found.get(radius, 0) + found
 
     def known(self, radius: float, node: int, coordinates: Callable[[], Coordinates]) -> list[int] | None:
         """Return the rows of the living agents within a range of a node, ascending; None: it is worked out alone."""
         around = self._around.get(radius)
         if around is None:
             around = self._around[radius] = self._all(radius, coordinates().xy)
-        found = around.get(node)
-        if found is not None:
-            self.note(radius, len(found))
-        return found
+            self.note(radius, sum(map(len, around.values())))
+        return around.get(node)
 
     def _all(self, radius: float, xy: FloatArray) -> dict[int, list[int]]:
         positions: Positions = self._positions  # type: ignore[assignment] # `are_frequent` was called
-        if positions.travellers:
+        if positions.travellers or not max(radius, float(np.abs(xy).max())) < _FAR:
             return {}
         living = positions.living
         nodes, first = np.unique(positions.node_ids, return_index=True)
-        at, others, _ = kernels.pairs_within(at_height(xy[first], 0.0), at_height(xy[living], 0.0), radius)
+        (x, y), (x1, y1), group = xy[first].T, xy[living].T, np.zeros(len(xy), np.int64)
+        here, there = kernels.Area(x, y, group[: len(x)]), kernels.Area(x1, y1, group[: len(x1)])
+        parts = [*kernels.near_each_other(here, there, radius)]
+        at, others = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
         ends, rows = np.searchsorted(at, np.arange(len(nodes) + 1)).tolist(), living[others].tolist()
         return {node: rows[begin:end] for node, begin, end in zip(nodes.tolist(), ends, ends[1:], strict=False)}
 
