@@ -415,6 +415,15 @@ class AgentStorage(Guarded):
         """Return what the turn engine reads and writes of an agent; valid until `structure_version` changes."""
         return TurnAccess(agent._row, agent._carried, agent._last)
 
+    def details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
+        """Return the sensors, attributes and strategy of each agent, which are not to be written to."""
+        return [
+            ({}, one.attributes(name) if one.columns else {}, one.strategy)
+            if type(one) is Members
+            else (one._sensor_list, one.__dict__, one.strategy)
+            for name, one in self._engine._stored().items()
+        ]
+
     def made(self) -> list[BaseAgent]:
         """Return the agents that were made: all but those of teams that no program has asked for."""
         return [agent for agent in self._engine._stored().values() if type(agent) is not Members]

@@ -15,6 +15,7 @@ class Journal:
     Attributes:
         log: what has happened; the reader empties it.
         ids: row of an agent -> the number by which moves name it, which stays when rows are closed up.
+        ids_array: the same as an array; None: to be made again, because the list has changed.
         names: that number -> the agent's name.
         in_arrays: by how much the log is longer than its entries, of which one may hold the moves of many agents; the
             reader sets it to 0.
@@ -28,6 +29,7 @@ class Journal:
         self.log: Log = []
         self.progressed: set[int] = set()
         self.in_arrays = 0
+        self.ids_array: IntArray | None = None
         self.names = list(names)
         self.ids = list(range(len(names)))
 
@@ -41,8 +43,10 @@ class Journal:
 
     def moved(self, rows: IntArray, nodes: IntArray) -> None:
         """Note the moves of many agents: rows and ids of nodes, (agents,) each."""
+        if self.ids_array is None:
+            self.ids_array = np.array(self.ids, np.int64)
         moves = np.empty((len(rows), 2), np.int64)
-        moves[:, 0], moves[:, 1] = np.array(self.ids, np.int64)[rows], nodes
+        moves[:, 0], moves[:, 1] = self.ids_array.take(rows), nodes
         self.log.append((MOVES, moves.reshape(-1)))
         self.in_arrays += moves.size - 1
 
@@ -56,6 +60,7 @@ class Journal:
 
     def entered(self, row: int, name: str) -> None:
         """Number an agent that has come, in the last row."""
+        self.ids_array = None
         del self.ids[row:]
         self.ids += [-1] * (row - len(self.ids))  # rows of agents whose creation failed
         self.ids.append(len(self.names))
@@ -63,7 +68,7 @@ class Journal:
 
     def keep_rows(self, rows: list[int]) -> None:
         """Keep only the numbers of these rows, in this order."""
-        self.ids = [self.ids[row] for row in rows]
+        self.ids, self.ids_array = [self.ids[row] for row in rows], None
 
 
 class Muted(Journal):

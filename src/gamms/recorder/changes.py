@@ -9,14 +9,13 @@ from gamms.deciding import phase_of
 from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.plain import Plain, is_same, plain_subset, to_plain
-from gamms.recorder.keyframes import decider_of, grouped, places_of
+from gamms.recorder.keyframes import deciders, grouped, places_of
 from gamms.typing import IVisualizationEngine
 from gamms.typing.context import HostContext
 from gamms.typing.game import strategy_name
 
 Changes = dict[str, Any]  # of a dict: what is `set`, what is `removed`, and what lists and sets have `more`
 
-_STRATEGY = attrgetter("strategy")
 _NO_REFERENCES = 2  # the last version of marshal that writes a value whether or not it was written before
 _MARKED = (bool, int, float, str, bytes, type(None), list, tuple, set, frozenset, dict)
 _NUMBERS = (int, float)
@@ -296,7 +295,7 @@ class StrategyChanges:
     """Which strategies or plans decide for which agents, since it was asked last."""
 
     def __init__(self, ctx: HostContext) -> None:
-        self._ctx, self._game, self._engine = ctx, ctx.game, ctx.agent
+        self._ctx = ctx
         self._functions = self._now()
         self._named = dict(zip(ctx.agent.agents, self._functions, strict=True))
 
@@ -314,10 +313,7 @@ class StrategyChanges:
         ]
 
     def _now(self) -> list[Any]:
-        agents = self._engine.agents.values()
-        if self._game.plans:
-            return [decider_of(self._ctx, agent) for agent in agents]
-        return list(map(_STRATEGY, agents))
+        return deciders(self._ctx)
 
 
 class SensorChanges:

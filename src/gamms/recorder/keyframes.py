@@ -42,19 +42,19 @@ _MOST_AGENTS = 1 << 24  # that one recording may number
 
 def captured(ctx: HostContext) -> Keyframe:
     """Return the state of a context that is being recorded, as a keyframe holds it."""
-    rows, agents = ctx.agent.block, list(ctx.agent.agents.values())
+    rows, details = ctx.agent.block, ctx.agent.storage.details()
     rows.locate()
     arrays = rows.arrays()
     columns: Columns = {
         **{name: arrays[name] for name in ("names", "kind", "node", "previous", *_PLACES, *NUMBERS)},
-        "numbers": np.array(rows.journal.ids[: len(agents)], np.int64),
+        "numbers": np.array(rows.journal.ids[: len(details)], np.int64),
         "alive": arrays["alive"].astype(np.int64),
         **progress_columns(rows.progress),
         "teams": [to_plain(team) for team in rows.teams],
         "speed": [to_plain(speed) for speed in rows.speed],
-        "sensors": [{name: one.sensor_id for name, one in agent.sensors.items()} for agent in agents],
-        "attributes": [plain_subset(vars(agent)) if vars(agent) else {} for agent in agents],
-        "strategies": [strategy_name(decider_of(ctx, agent)) for agent in agents],
+        "sensors": [{name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details],
+        "attributes": [plain_subset(attributes) if attributes else {} for _, attributes, _ in details],
+        "strategies": _names_of(deciders(ctx)),
     }
     described = ctx.sensor.storage.described()
     return packed(columns, len(rows.journal.names), described, ctx.game.internals.state, ctx.rng_state())
@@ -253,10 +253,18 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return list(groups.values())
 
 
-def decider_of(ctx: HostContext, agent: Any) -> Any:
-    """Return the function that decides for an agent: the plan of its team, its own strategy, or None."""
-    plan = ctx.game.plans.get(agent.team)
-    return agent.strategy if plan is None else plan.function
+def deciders(ctx: HostContext) -> list[Any]:
+    """Return the functions that decide for agents: the plan of the team of each, its own strategy, or None."""
+    strategies, plans = [strategy for _, _, strategy in ctx.agent.storage.details()], ctx.game.plans
+    if not plans:
+        return strategies
+    functions = {team: plan.function for team, plan in plans.items()}
+    return [functions.get(team, own) for team, own in zip(ctx.agent.block.teams, strategies, strict=True)]
+
+
+def _names_of(functions: list[Any]) -> list[str | None]:
+    names = {id(function): strategy_name(function) for function in {id(one): one for one in functions}.values()}
+    return [names[id(function)] for function in functions]
 
 
 def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:

@@ -221,7 +221,7 @@ class RecordingSession:
     def renumber(self, snapshot: keyframes.Keyframe) -> None:
         """Give agents the numbers that they have in a snapshot, and expect no changes but those that follow it."""
         journal, block = self._journal, self.ctx.agent.block
-        journal.names = [""] * snapshot["next"]
+        journal.names, journal.ids_array = [""] * snapshot["next"], None
         journal.living = dict.fromkeys(snapshot["names"])
         for name, number in zip(snapshot["names"], snapshot["numbers"].tolist(), strict=True):
             journal.ids[block.row_of(name)] = number
@@ -514,9 +514,9 @@ class SkippedValues:
 
     def check_all(self) -> None:
         """Warn of values of agents and sensors that cannot be written."""
-        for agent in self._ctx.agent.agents.values():
-            if vars(agent):
-                self.plain_part("agent", agent.name, vars(agent))
+        for name, (_, attributes, _) in zip(self._ctx.agent.agents, self._ctx.agent.storage.details(), strict=True):
+            if attributes:
+                self.plain_part("agent", name, attributes)
         self.check_sensors(self._ctx.sensor.storage.described())
 
     def check_sensors(self, described: list[dict[str, Any]]) -> None:
