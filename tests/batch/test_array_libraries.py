@@ -88,6 +88,21 @@ def test_strategies_play_the_same_in_any_library(name, xp):
     assert results[0] == results[1]
 
 
+@pytest.mark.parametrize("name", ["goto", "patrol", "random_waypoints", "chase", "flee"])
+@pytest.mark.parametrize("on_host", [True, False])
+def test_routes_of_large_maps_are_learned_as_they_are_asked_for(name, on_host, monkeypatch):
+    monkeypatch.setattr("gamms.game.batch.device_view._ALL_AT_FIRST", 0)
+    xp = np if on_host else library("torch")
+    strategies = {"red": MADE[name], "blue": MADE[name]}
+    with hunted().batch(3, seed=1, strategies=strategies) as games:
+        games.run()
+        results = [plain(games.result(number)) for number in range(3)]
+    with hunted().batch(3, seed=1, strategies=strategies, xp=xp) as games:
+        games.library.on_host = on_host  # else as if it were a GPU
+        games.run()
+        assert [plain(games.result(number)) for number in range(3)] == results
+
+
 def test_actions_go_in_and_all_that_a_policy_needs_comes_out_as_tensors(xp):
     with scene([TAG, LIMIT]).batch(4, seed=1, xp=xp) as games, scene([TAG, LIMIT]).batch(4, seed=1) as plain_games:
         tensor = type(xp.asarray([0]))

@@ -334,34 +334,42 @@ def is_portable(one: Lookout) -> bool:
 
 
 class DeviceRoutes:
-    """How far it is to targets, and which action leads there, on a device: what `RouteTable` knows, as dense tables.
+    """How far it is to targets, and which action leads there, on a device: what `RouteTable` knows.
 
-    A table holds all nodes, 10 bytes each, for every target that was asked for.
+    On a GPU, and for small maps, these are tables of all nodes, 10 bytes each, for targets that were asked for; else
+    `RouteTable` is asked, whose tables are of what is around targets, and which shares its memory.
     """
 
     def __init__(self, streets: DeviceStreets, weight: str | None) -> None:
-        self._streets, self._library = streets, streets.library
-        self._host = RouteTable(streets.host, weight)
+        self._library, self._host = streets.library, RouteTable(streets.host, weight)
         self._nodes = len(streets.columns.node_ids)
-        self._slot_of = np.full(self._nodes, -1, np.int64)
-        self._slots: Tensor = self._library.put(self._slot_of)
-        self._far: Tensor = None
-        self._action: Tensor = None
-        if self._nodes <= _ALL_AT_FIRST:
-            self.learn(np.arange(self._nodes))
+        self._is_dense = self._nodes <= _ALL_AT_FIRST or not self._library.on_host
+        self._slot_of, self._used = np.full(self._nodes, -1, np.int64), 0
+        self._slots, self._far, self._action = self._library.put(self._slot_of), *self._room(0)
+        if self._is_dense:
+            self.learn(np.arange(self._nodes if self._nodes <= _ALL_AT_FIRST else 1))
+
+    def _room(self, tables: int) -> tuple[Tensor, Tensor]:
+        xp, device = self._library.xp, self._library.device
+        shape = tables, self._nodes
+        return xp.empty(shape, dtype=xp.float64, device=device), xp.empty(shape, dtype=xp.int16, device=device)
 
     def learn(self, targets: IntArray) -> None:
         """Compute the tables of targets, rows of nodes, those that are missing."""
         new = np.unique(targets[self._slot_of[targets] < 0])
         if not len(new):
             return
-        sources, xp = np.arange(self._nodes), self._library.xp
-        far = self._library.put(self._host.distances(sources, new[:, None]))
-        action = self._library.put(self._host.actions(sources, new[:, None]).astype(np.int16))
-        self._slot_of[new] = np.arange(len(new)) + (self._slot_of >= 0).sum()
-        self._slots = self._library.put(self._slot_of)
-        self._far = far if self._far is None else xp.concat((self._far, far))
-        self._action = action if self._action is None else xp.concat((self._action, action))
+        first, self._used = self._used, self._used + len(new)
+        if self._used > self._far.shape[0]:
+            known = self._far, self._action
+            self._far, self._action = self._room(min(2 * self._used, self._nodes))
+            for table, old in zip((self._far, self._action), known, strict=True):
+                table[:first, :] = old[:first, :]
+        sources, put = np.arange(self._nodes), self._library.put
+        self._far[first : self._used, :] = put(self._host.distances(sources, new[:, None]))
+        self._action[first : self._used, :] = put(self._host.actions(sources, new[:, None]).astype(np.int16))
+        self._slot_of[new] = np.arange(first, self._used)
+        self._slots = put(self._slot_of)
 
     def distances(
         self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
@@ -372,28 +380,41 @@ class DeviceRoutes:
             sources: rows of nodes.
             targets: rows of nodes.
             among: those that targets can be, in NumPy; None: any, of which those that are new are read.
-            asked: which of the shape that both have need an answer; None: all.
+            asked: which of the shape that both have need an answer; None: all. The others are any numbers.
         """
+        if not self._is_dense:
+            return self._of_host(self._host.distances, sources, targets, asked)
         slots = self._learned(targets, among, asked)
-        return self._flat(self._far)[slots * self._nodes + sources]
+        return self._library.xp.reshape(self._far, (-1,))[slots * self._nodes + sources]
 
     def actions(
         self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
     ) -> Tensor:
         """Return the actions that lead to targets, as strategies go a step, -1: there is no path; see `distances`."""
-        slots = self._learned(targets, among, asked)
-        found = self._flat(self._action)[slots * self._nodes + sources]
-        return self._library.xp.astype(found, self._library.xp.int64)
+        if not self._is_dense:
+            return self._of_host(self._host.actions, sources, targets, asked)
+        slots, xp = self._learned(targets, among, asked), self._library.xp
+        return xp.astype(xp.reshape(self._action, (-1,))[slots * self._nodes + sources], xp.int64)
 
-    def _flat(self, table: Tensor) -> Tensor:
-        return self._library.xp.reshape(table, (-1,))
+    def _of_host(
+        self, ask: Callable[[IntArray, IntArray], Any], sources: Tensor, targets: Tensor, asked: Tensor | None
+    ) -> Tensor:
+        """Return what the tables of the host say."""
+        get = self._library.get
+        starts, ends = np.broadcast_arrays(get(sources), get(targets))
+        which = np.ones(starts.shape, np.bool_) if asked is None else np.broadcast_to(get(asked), starts.shape)
+        answers = ask(starts[which], ends[which])
+        found = np.zeros(starts.shape, answers.dtype)
+        found[which] = answers
+        return self._library.put(found)
 
     def _learned(self, targets: Tensor, among: IntArray | None, asked: Tensor | None) -> Tensor:
         """Return the numbers of the tables of targets; of those that are not asked for, of any."""
         xp, library = self._library.xp, self._library
-        self.learn(np.zeros(1, np.int64) if among is None else among)
+        if among is not None:
+            self.learn(among)
         slots = self._slots[targets]
-        if among is None and (self._slot_of < 0).any():
+        if among is None and self._used < self._nodes:
             is_new = slots < 0 if asked is None else (slots < 0) & asked
             library.num_reads += 1
             if bool(xp.any(is_new)):
