@@ -123,6 +123,18 @@ def test_actions_go_in_and_all_that_a_policy_needs_comes_out_as_tensors(xp):
         assert [plain(games.result(i)) for i in range(4)] == [plain(plain_games.result(i)) for i in range(4)]
 
 
+def test_what_sensors_show_comes_out_as_tensors(xp):
+    with hunted().batch(3, xp=xp) as games, hunted().batch(3) as plain_games:
+        view, other = games.observe("red"), plain_games.observe("red")
+        assert np.asarray(view.sees()).tolist() == np.asarray(view.sees("near")).tolist() == other.sees().tolist()
+        for found, expected in ((view.seen(), other.seen()), (view.enemies(), other.enemies())):
+            assert [np.asarray(column).tolist() for column in found[1:]] == [one.tolist() for one in expected[1:]]
+        for column, expected in zip(view.vector(), other.vector(), strict=True):
+            assert np.asarray(column).tolist() == np.asarray(expected).tolist()
+        node = xp.asarray(other.node)
+        assert np.asarray(view.towards(node * 0 + 5)).tolist() == other.towards(other.node * 0 + 5).tolist()
+
+
 def test_a_view_knows_the_actions_that_lead_to_nodes(xp):
     with scene().batch(3, xp=xp) as games, scene().batch(3) as plain_games:
         view, other = games.observe("red"), plain_games.observe("red")

@@ -155,6 +155,7 @@ class HostTurn(ArrayTurn):
         self._state, self.games, self._before_moves = state, games, before_moves
         self.roster, self.streets = state.roster, state.streets
         self.paths = self._played = None
+        self._deeds, self._done, self._refused = [], [], {}
         self._deeds, self._refused = list[ArrayDeeds](), dict[tuple[int, int, str], set[str]]()
         self.turn, self.seeds = state.turn[games], state.seeds_there[games]
         self._before: tuple[IntArray, BoolArray] | None = None

@@ -12,6 +12,7 @@ from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Lookout, Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays, Places
+from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import ArrayView, ViewDraws
 from gamms.game.streets import Streets
@@ -215,12 +216,20 @@ class DeviceView(ArrayView):
 
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
-        return self._put(self.on_host().seen(*names))
+        found = self._put(self.on_host().seen(*names))
+        return found.of(self._whole[found.at, found.viewers])
+
+    def seen_nodes(self, *names: str) -> SeenNodes:
+        """Return which nodes the sensors show to those in the mask; see `ArrayView.seen_nodes`."""
+        shape, *columns = self.on_host().seen_nodes(*names)
+        found = SeenNodes(shape, *map(self.library.put, columns))
+        is_asked = self.mask[found.at, found.viewers]
+        return SeenNodes(shape, found.at[is_asked], found.viewers[is_asked], found.nodes[is_asked])
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
         found = self._put(self.on_host().enemies())
-        return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
+        return found.of(self.mask[found.at, found.viewers])
 
     def _put(self, found: Seen) -> Seen:
         shape, *columns = found
