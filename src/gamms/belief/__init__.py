@@ -10,7 +10,7 @@
 
 Memories hold observations (`evidence.py`), and nothing else: beliefs are worked out from these on demand, so that those
 of teammates are merged by merging observations, and a recording grows by one line for each agent and turn. `Filter` has
-the probabilities without memories, for many targets at once.
+the probabilities without memories, for many targets at once, `GamesFilter` for those of many games.
 
 Read `belief.py` first. `reach.py` has where targets can be, `filter.py` and `motion.py` where they probably are. A new
 model of motion is a function in `motion.py`. May import: `context` and below.
@@ -18,12 +18,13 @@ model of motion is a function in `motion.py`. May import: `context` and below.
 
 from gamms.belief.belief import Belief, artist, belief_of, believed, observe
 from gamms.belief.evidence import Sighting, merge, note
-from gamms.belief.filter import Filter
+from gamms.belief.filter import Filter, GamesFilter
 from gamms.belief.motion import Motion, mixture, random_walk, to_goals
 
 __all__ = [
     "Belief",
     "Filter",
+    "GamesFilter",
     "Motion",
     "Sighting",
     "artist",

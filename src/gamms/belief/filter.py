@@ -4,17 +4,78 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_count, as_ids, as_items, as_range
-from gamms.belief.ground import Ground, column_blocks, ground_of
+from gamms.belief.ground import Ground, ground_of
 from gamms.belief.motion import Chain, Motion, as_motion, chain_of
 from gamms.errors import BadValue, UnknownName
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import NodeId
 
 
-class Filter:
+class Masses:
+    """Probabilities of the states of some targets, which move independently of each other by one chain.
+
+    Args:
+        ground: the map.
+        motion: how the targets move.
+        metres: how far they go in a turn, in games by metres; None: they are on nodes only.
+        number: of targets.
+
+    Attributes:
+        chain: of the model, with the states.
+        masses: (states, targets) of each target they add up to 1; at first each is on any node, with the same
+            probability. Settable, to go on from earlier ones.
+
+    Raises:
+        BadType, BadValue: the motion is no model, or the map has no nodes.
+    """
+
+    def __init__(self, ground: Ground, motion: Motion, metres: float | None, number: int) -> None:
+        self._ground = ground
+        pace = None if metres is None else as_range(metres, "metres of a filter")
+        self.chain: Chain = chain_of(as_motion(motion, "motion"), ground, pace)
+        self._motion = motion
+        if not ground.size:
+            raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")
+        self.masses: FloatArray = np.repeat(self.chain.shares[:, None] / ground.size, number, axis=1)
+
+    def predict(self, turns: int = 1) -> None:
+        """Let turns pass, in which the targets move by the model."""
+        for _ in range(as_count(turns, "turns", 0) * self._motion.steps):
+            self.masses = self.chain.transitions.sums(self.masses)
+
+    def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
+        """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
+        masses, totals = self.masses.copy(), np.ones(self.masses.shape[1])
+        for columns in kernels.column_blocks(masses):
+            changed = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
+            by_state = likelihoods[:, changed]
+            weighed = masses[:, changed] * by_state
+            sums = _totals(weighed)
+            totals[changed] = sums
+            for column in np.flatnonzero(sums == 0.0).tolist():
+                shares, possible = self.chain.shares, by_state[:, column]
+                # At first no target is on an edge; and perhaps no state is possible.
+                prior = next(one for one in (shares * possible, possible, shares) if one.any())
+                weighed[:, column] = prior
+                sums[column] = _totals(weighed[:, column : column + 1])[0]
+            masses[:, changed] = weighed / sums
+        self.masses = masses
+        return totals
+
+    def _unseen(self, missed: FloatArray) -> FloatArray:
+        """Return how probable it is for each state that a target in it is not seen, by that of the nodes."""
+        on_nodes: BoolArray = self.chain.edges < 0
+        of_states = missed[self.chain.rows]
+        of_states[~on_nodes] = 1.0
+        return of_states
+
+
+class Filter(Masses):
     """Probabilities of where some targets are, which are exactly those of Bayes' rule.
 
     The targets move independently of each other. At first each is on any node, with the same probability.
@@ -38,18 +99,7 @@ class Filter:
 
     def __init__(self, ctx: IContext, motion: Motion, targets: Iterable[str], *, metres: float | None = None) -> None:
         self.targets: Sequence[str] = tuple(as_items(targets, "targets", "names"))
-        self._ground: Ground = ground_of(ctx.graph.columns())
-        pace = None if metres is None else as_range(metres, "metres of a filter")
-        self.chain: Chain = chain_of(as_motion(motion, "motion"), self._ground, pace)
-        self._motion = motion
-        if not self._ground.size:
-            raise BadValue("A filter needs a map, and the graph has no nodes. Add them before.")
-        self.masses: FloatArray = np.repeat(self.chain.shares[:, None] / self._ground.size, len(self.targets), axis=1)
-
-    def predict(self, turns: int = 1) -> None:
-        """Let turns pass, in which the targets move by the model."""
-        for _ in range(as_count(turns, "turns", 0) * self._motion.steps):
-            self.masses = self.chain.transitions.sums(self.masses)
+        super().__init__(ground_of(ctx.graph.columns()), motion, metres, len(self.targets))
 
     def update(
         self,
@@ -88,8 +138,7 @@ class Filter:
         )
         missed = np.ones(self._ground.size)
         np.multiply.at(missed, seen, 1.0 - chances)
-        of_states = np.where(self.chain.edges < 0, missed[self.chain.rows], 1.0)
-        likelihoods = np.repeat(of_states[:, None], len(self.targets), axis=1)
+        likelihoods = np.repeat(self._unseen(missed)[:, None], len(self.targets), axis=1)
         for column, name in enumerate(self.targets):
             if name in rows:
                 likelihoods[:, column] = self.chain.rows == rows[name]
@@ -113,25 +162,6 @@ class Filter:
         of_states[between] = np.maximum(of_states[between], likelihoods[ends])
         return self.weigh_states(of_states)
 
-    def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
-        """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
-        masses, totals = self.masses.copy(), np.ones(len(self.targets))
-        for columns in column_blocks(masses):
-            changed = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
-            by_state = likelihoods[:, changed]
-            weighed = masses[:, changed] * by_state
-            sums = _totals(weighed)
-            totals[changed] = sums
-            for column in np.flatnonzero(sums == 0.0).tolist():
-                shares, possible = self.chain.shares, by_state[:, column]
-                # At first no target is on an edge; and perhaps no state is possible.
-                prior = next(one for one in (shares * possible, possible, shares) if one.any())
-                weighed[:, column] = prior
-                sums[column] = _totals(weighed[:, column : column + 1])[0]
-            masses[:, changed] = weighed / sums
-        self.masses = masses
-        return totals
-
     def probabilities(self) -> FloatArray:
         """Return how probable each node is, (targets, nodes) with the nodes as in `ctx.graph.columns()`."""
         return self.chain.by_node.sums(self.masses)[: self._ground.size].T.copy()
@@ -145,6 +175,74 @@ class Filter:
         if target not in self.targets:
             raise UnknownName("target", target, self.targets)
         return by_node(self._ground, self.probabilities()[self.targets.index(target)])
+
+
+class GamesFilter(Masses):
+    """The same for targets of many games at once: the probabilities are those of a `Filter` of each game, bit by bit.
+
+    It takes 8 bytes for each state of the chain, which are the nodes or more, and each target of each game.
+
+    Args:
+        columns: the map, such as `view.streets.columns`.
+        motion: how the targets move.
+        games: how many.
+        targets: how many in each.
+        metres: as for a `Filter`.
+
+    Raises:
+        BadType, BadValue: as for a `Filter`.
+    """
+
+    def __init__(
+        self, columns: GraphColumns, motion: Motion, games: int, targets: int = 1, *, metres: float | None = None
+    ) -> None:
+        self._shape = as_count(games, "games", least=0), as_count(targets, "targets", least=0)
+        super().__init__(ground_of(columns), motion, metres, self._shape[0] * self._shape[1])
+
+    def update(
+        self, seen: FloatArray | BoolArray, found: IntArray | None = None, not_shown: BoolArray | None = None
+    ) -> FloatArray:
+        """Take in what was observed in all games at one moment, between two turns.
+
+        Args:
+            seen: (games, nodes) how probable it was that a target on a node would have been noticed.
+            found: (games, targets) the rows of the nodes on which targets were seen; -1: it was not seen.
+            not_shown: (games, targets) of which targets `seen` says nothing.
+
+        Returns:
+            (games, targets) as `Filter.update`.
+
+        Raises:
+            BadValue: an array has another shape, or `seen` has no probabilities.
+        """
+        games, targets = self._shape
+        chances = np.asarray(seen, np.float64)
+        for name, given, shape in (
+            ("seen", chances, (games, self._ground.size)),
+            ("found", found, self._shape),
+            ("not_shown", not_shown, self._shape),
+        ):
+            if given is not None and given.shape != shape:
+                raise BadValue(f"{name} needs the shape {shape}, not {given.shape}.")
+        if not ((chances >= 0.0) & (chances <= 1.0)).all():
+            raise BadValue("seen must have probabilities from 0 to 1.")
+        likelihoods = np.repeat(self._unseen(1.0 - chances.T), targets, axis=1)
+        if not_shown is not None:
+            likelihoods[:, not_shown.ravel()] = 1.0
+        if found is not None:
+            there = np.flatnonzero(found.ravel() >= 0)
+            likelihoods[:, there] = self.chain.rows[:, None] == found.ravel()[there]
+        return self.weigh_states(likelihoods).reshape(self._shape)
+
+    def reset(self, games: IntArray) -> None:
+        """Begin some games again: their targets may be anywhere."""
+        masses = self.masses.reshape(-1, *self._shape)
+        masses[:, games] = (self.chain.shares / self._ground.size)[:, None, None]
+
+    def probabilities(self) -> FloatArray:
+        """Return how probable each node is, (games, targets, nodes) with the nodes as in the columns."""
+        of_nodes = self.chain.by_node.sums(self.masses)[: self._ground.size]
+        return of_nodes.T.reshape(*self._shape, self._ground.size).copy()
 
 
 def by_node(ground: Ground, probabilities: FloatArray) -> dict[int, float]:

@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_ids, as_mapping
-from gamms.belief.ground import Arrivals, Ground
+from gamms.belief.ground import Ground
 from gamms.errors import BadType, BadValue
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.text import shown
@@ -53,8 +53,8 @@ class Chain:
         on_nodes = np.full(states, -1), np.zeros(states)
         self.edges: IntArray = on_nodes[0] if parts is None else parts[0]
         self.offsets_m: FloatArray = on_nodes[1] if parts is None else parts[1]
-        self.transitions = Arrivals(found.sources, found.targets, found.chances, states)
-        self.by_node = Arrivals(np.arange(states), found.rows, np.ones(states), states)
+        self.transitions = kernels.Arrivals(found.sources, found.targets, found.chances, states)
+        self.by_node = kernels.Arrivals(np.arange(states), found.rows, np.ones(states), states)
 
 
 @dataclass(frozen=True)

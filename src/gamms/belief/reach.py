@@ -13,8 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.belief.evidence import Look, Observation, Place
-from gamms.belief.ground import Arc, Arrivals, Ground
+from gamms.belief.ground import Arc, Ground
 from gamms.ir.graph import FloatArray, IntArray
 
 _ROUNDED = 1e-6  # of metres: by so much more than it was seen to, an agent may have gone
@@ -24,7 +25,7 @@ _LITTLE = 1e-9  # metres: more than nothing, so that edges without a length can 
 class _Edges(NamedTuple):
     """Edges that may have been open."""
 
-    arrivals: Arrivals  # with the costs of the edges
+    arrivals: kernels.Arrivals  # with the costs of the edges
     most_covered: FloatArray  # (nodes, 1) the most that an agent can have covered of an edge from there
     enough: float  # a speed by which every path is gone along in a turn
 
@@ -119,7 +120,7 @@ def _edges_of(ground: Ground, more: tuple[Arc, ...], in_metres: bool) -> _Edges:
     most = np.full(ground.size, _LITTLE if in_metres else 1.0)
     if in_metres:
         np.maximum.at(most, sources, costs)
-    return _Edges(Arrivals(sources, targets, costs, ground.size), most[:, None], 1.0 + float(costs.sum()))
+    return _Edges(kernels.Arrivals(sources, targets, costs, ground.size), most[:, None], 1.0 + float(costs.sum()))
 
 
 def _certain_rows(ground: Ground, look: Look) -> IntArray:

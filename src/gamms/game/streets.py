@@ -35,6 +35,10 @@ class Streets:
         self._padded: IntArray | None = None
         self._axes: FloatArray | None = None
 
+    def ways(self, weight: str | None) -> kernels.Arcs:
+        """Return the edges with their weights."""
+        return self._queries.arcs(weight)
+
     def ways_to(self, weight: str | None) -> kernels.Arcs:
         """Return the edges with their weights, reversed: paths along them are found from their ends."""
         return self._queries.arcs(weight, reverse=True)

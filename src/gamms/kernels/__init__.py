@@ -4,6 +4,7 @@ The NumPy versions are the specification; faster twins must match them exactly.
 Call them as `kernels.name(...)`. May import: numpy, `gamms.ir`.
 """
 
+from gamms.kernels.arrivals import Arrivals, column_blocks
 from gamms.kernels.cells import (
     Area,
     CellIndex,

@@ -10,6 +10,7 @@ from gamms import kernels
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import AIMS
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
@@ -307,6 +308,17 @@ class ArrayView(Mapping[str, Any]):
         All batches on equal graphs share these tables, and those of other graphs are kept up to 512 MB.
         """
         return self.movement.routes(weight)
+
+    def flows(self) -> Flows:
+        """Return what spreads along the edges: random walks, probabilities that diffuse, and which nodes are in reach.
+
+        What it works out is kept for the batch.
+        """
+        shared = self._state.shared
+        if "flows" not in shared:
+            shared["flows"] = Flows(self.streets)
+        found: Flows = shared["flows"]
+        return found
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a strategy remembers of all games of the batch, at first what `make(games)` gives.

@@ -1,0 +1,142 @@
+"""What spreads along the edges of a graph, of many games at once: random walks, probabilities, and what is in reach.
+
+How far it is and which action leads there is in `routes.py`; what is believed of targets in `gamms.belief.GamesFilter`.
+"""
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_count, as_float, as_int, as_range
+from gamms.errors import BadValue, TooLarge
+from gamms.game.streets import Streets
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+
+_MOST_DENSE = 1 << 28  # nodes in masks
+_AT_ONCE = 1 << 22  # nodes that are searched at once, in all
+_MOST_KEPT = 1 << 25  # nodes in reach that are kept, 8 bytes each
+
+
+class Flows:
+    """What spreads along the edges of a graph: `view.flows()`.
+
+    Nodes are rows of `streets.columns`; arrays may have any axes, such as games and agents.
+
+    Args:
+        streets: the graph.
+    """
+
+    def __init__(self, streets: Streets) -> None:
+        self._streets = streets
+        self._walks: dict[float | None, kernels.Arrivals] = {}
+        self._reached: dict[tuple[str | None, float, int], IntArray] = {}
+        self._kept = 0
+
+    def walks(self, nodes: IntArray, turns: int, seed: int = 0) -> IntArray:
+        """Walk at random from nodes, each time to one of the legal nodes, the own one among them.
+
+        Args:
+            nodes: where to begin, rows.
+            turns: how often to step.
+            seed: of the draws: walk `i` with a seed draws the same whatever walks beside it.
+
+        Returns:
+            (turns + 1, …) rows; the first are `nodes`.
+        """
+        steps = as_count(turns, "turns", least=0)
+        key = kernels.purpose_key(as_int(seed, "seed"), "walks")
+        walkers = np.arange(nodes.size, dtype=np.uint64).reshape(nodes.shape)
+        found = np.empty((steps + 1, *nodes.shape), np.int64)
+        found[0] = nodes
+        for turn in range(steps):
+            here = found[turn]
+            chosen = kernels.below_many(kernels.draw_bits_many(key, walkers, turn), self._streets.counts[here])
+            found[turn + 1] = self._streets.step(here, chosen)
+        return found
+
+    def diffuse(self, masses: FloatArray, turns: int = 1, stay: float | None = None) -> FloatArray:
+        """Return probabilities after random walks: those of `belief.Filter.predict` with `belief.random_walk(stay)`.
+
+        Args:
+            masses: (…, nodes)
+            turns: how often to step.
+            stay: how probable it is to stay; None: as probable as each neighbour.
+
+        Raises:
+            BadValue: the last axis is not that of the nodes, or `stay` is no probability.
+        """
+        nodes = len(self._streets.counts)
+        if masses.shape[-1:] != (nodes,):
+            raise BadValue(f"masses need {nodes} nodes as their last axis, not the shape {masses.shape}.")
+        chance = None if stay is None else as_float(stay, "stay")
+        if chance is not None and not 0.0 <= chance <= 1.0:
+            raise BadValue(f"stay must be a probability from 0 to 1, not {shown(stay)}.")
+        if chance not in self._walks:
+            self._walks[chance] = self._walk(chance)
+        found: FloatArray = masses.reshape(-1, nodes).T
+        for _ in range(as_count(turns, "turns", least=0)):
+            found = self._walks[chance].sums(found)
+        return np.ascontiguousarray(found.T).reshape(masses.shape)
+
+    def _walk(self, stay: float | None) -> kernels.Arrivals:
+        """Return where random walks lead."""
+        streets = self._streets
+        counts, ends = streets.counts, streets.targets
+        starts = np.repeat(np.arange(len(counts)), counts)
+        ways = counts - 1
+        stays = 1.0 / (ways + 1.0) if stay is None else np.where(ways, stay, 1.0)
+        going = (1.0 - stays) / np.maximum(ways, 1)
+        return kernels.Arrivals(starts, ends, np.where(starts == ends, stays[starts], going[starts]), len(counts))
+
+    def within(self, nodes: IntArray, limit: float, weight: str | None = "length") -> BoolArray:
+        """Return which nodes paths from nodes reach that are at most so long, as `graph.distances(source=, cutoff=)`.
+
+        What can be reached from a node is kept, up to 256 MB.
+
+        Args:
+            nodes: rows.
+            limit: in the unit of the weight.
+            weight: of edges: "length", the name of an attribute, or None for steps.
+
+        Returns:
+            (…, nodes)
+
+        Raises:
+            TooLarge: that would take more than 256 MB.
+        """
+        size, most = len(self._streets.counts), as_range(limit, "limit")
+        if nodes.size * size > _MOST_DENSE:
+            raise TooLarge(
+                f"{nodes.size} masks of {size} nodes are too large. Ask for fewer games, or for distances between "
+                "nodes: view.routes().distances."
+            )
+        starts, which = np.unique(nodes, return_inverse=True)
+        masks = np.zeros((len(starts), size), np.bool_)
+        for line, rows in enumerate(self._in_reach(starts, most, weight)):
+            masks[line, rows] = True
+        found: BoolArray = masks[which.reshape(nodes.shape)]
+        return found
+
+    def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[IntArray]:
+        """Return the rows that can be reached from each of some nodes."""
+        arcs, ids = self._streets.ways(weight), self._streets.columns.node_ids
+        new = np.array([row for row in starts.tolist() if (weight, limit, row) not in self._reached], np.int64)
+        found = {row: self._reached[weight, limit, row] for row in set(starts.tolist()).difference(new.tolist())}
+        size = max(1, _AT_ONCE // max(len(ids), 1))
+        for first in range(0, len(new), size):
+            some = new[first : first + size]
+            tree = kernels.route_trees(arcs, some, ids, limit)
+            ends = np.searchsorted(tree.lines, np.arange(1, len(some)))
+            found.update(zip(some.tolist(), np.split(tree.rows, ends), strict=True))
+        self._keep({(weight, limit, row): found[row] for row in new.tolist()})
+        return [found[row] for row in starts.tolist()]
+
+    def _keep(self, new: dict[tuple[str | None, float, int], IntArray]) -> None:
+        size = sum(map(len, new.values()))
+        if self._kept + size > _MOST_KEPT:
+            self._reached.clear()
+            self._kept = 0
+        if size <= _MOST_KEPT:
+            self._reached.update(new)
+            self._kept += size

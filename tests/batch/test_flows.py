@@ -1,0 +1,90 @@
+"""What spreads along edges, of many games at once, is what the graph and beliefs say one by one."""
+
+import numpy as np
+import pytest
+from batch_scenes import scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms import belief
+from gamms.errors import BadValue, TooLarge
+from gamms.game.batch import flows
+from gamms.game.batch.flows import Flows
+from gamms.game.streets import Streets
+
+EDGES = st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6), st.sampled_from([0.0, 1.0, 2.0, 3.5])), max_size=20)
+
+
+def small_map(ctx, edges):
+    """Seven nodes, whose ids are not their rows, with these edges."""
+    for node in range(7):
+        ctx.graph.graph.add_node({"id": (node * 3) % 7, "x": float(node), "y": float(node % 3)})
+    for number, (source, target, length) in enumerate(edges):
+        ctx.graph.graph.add_edge({"id": number, "source": source, "target": target, "length": length})
+    return Flows(Streets(ctx.graph.columns(), ctx.graph.routes))
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(edges=EDGES, stay=st.sampled_from([None, 0.0, 0.3]), turns=st.integers(0, 3))
+def test_probabilities_diffuse_as_those_of_filters(edges, stay, turns):
+    with gamms.create_context(seed=1) as ctx:
+        found = small_map(ctx, edges)
+        masses = np.random.default_rng(1).random((2, 3, 7))
+        filter = belief.Filter(ctx, belief.random_walk(stay), [*"abcdef"])
+        filter.masses = masses.reshape(6, 7).T.copy()
+        filter.predict(turns)
+        diffused = found.diffuse(masses, turns, stay)
+        assert (diffused.reshape(6, 7) == filter.masses.T).all()
+        assert (found.diffuse(masses[1, 2], turns, stay) == diffused[1, 2]).all()
+
+
+@settings(max_examples=25, deadline=None, derandomize=True)
+@given(
+    edges=EDGES,
+    limit=st.sampled_from([0.0, 1.0, 3.0]),
+    weight=st.sampled_from(["length", None]),
+    most=st.integers(0, 20),
+)
+def test_nodes_in_reach_are_those_that_the_graph_gives(edges, limit, weight, most):
+    with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+        found, ids = small_map(ctx, edges), ctx.graph.columns().node_ids
+        patch.setattr(flows, "_MOST_KEPT", most)
+        for nodes in (np.array([[0, 3], [3, 6]]), np.arange(7)):
+            reached = found.within(nodes, limit, weight)
+            for place in np.ndindex(nodes.shape):
+                near = ctx.graph.distances(source=int(ids[nodes[place]]), weight=weight, cutoff=limit)
+                assert set(ids[reached[place]].tolist()) == set(near)
+
+
+def test_walks_go_along_edges_and_do_not_depend_on_others():
+    with scene().batch(3) as games:
+        view = games.observe("red")
+        walks = view.flows().walks(view.node, 6, seed=4)
+        assert walks.shape == (7, 3, 3)
+        assert (walks[0] == view.node).all()
+        steps = view.streets.action_to(walks[:-1], walks[1:])
+        assert (steps >= 0).all()
+        assert len(np.unique(steps)) > 2
+        assert (view.flows().walks(view.node[:2], 6, seed=4) == walks[:, :2]).all()
+        assert (view.flows().walks(view.node, 6, seed=5) != walks).any()
+
+
+def test_walks_are_spread_as_probabilities_diffuse():
+    with scene().batch(1) as games:
+        view = games.observe("red")
+        ends = view.flows().walks(np.full(20_000, 7), 3)[-1]
+        masses = view.flows().diffuse(np.eye(25)[7], 3)
+        assert np.bincount(ends, minlength=25) / 20_000 == pytest.approx(masses, abs=0.02)
+
+
+def test_what_cannot_be_is_refused(monkeypatch):
+    with scene().batch(2) as games:
+        found = games.observe("red").flows()
+        with pytest.raises(BadValue, match="25 nodes as their last axis"):
+            found.diffuse(np.zeros((25, 2)))
+        with pytest.raises(BadValue, match="stay must be"):
+            found.diffuse(np.zeros(25), stay=1.5)
+        monkeypatch.setattr(flows, "_MOST_DENSE", 100)
+        with pytest.raises(TooLarge, match="Ask for fewer games"):
+            found.within(np.arange(5), 10.0)
