@@ -1,5 +1,7 @@
 """Many games at once: each is the game that would be played alone."""
 
+from math import inf
+
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
@@ -234,11 +236,12 @@ def test_an_error_of_a_strategy_names_game_agent_and_turn():
         assert "turn 2" in notes
 
 
-def test_agents_on_edges_are_observed_where_they_are():
-    scenario = scene(settings={"speed_unit": "metres"})
+@pytest.mark.parametrize("order", [None, [["red"], ["blue"]]])
+def test_agents_on_edges_are_observed_where_they_are(order):
+    scenario = scene(settings={"speed_unit": "metres", "order": order})
     scenario = scenario.replace(**{"teams.red.speed": 3.5, "teams.blue.speed": 10.0})
     with scenario.batch(2, seed=1) as games:
-        assert "metres" in games.slow
+        assert games.slow == (None if order is None else "an order of play in a game by metres")
         for _ in range(3):
             games.step()
         view = games.observe("red")
@@ -251,6 +254,8 @@ def test_agents_on_edges_are_observed_where_they_are():
                     state = ctx.game.observation(name)
                     assert tuple(view["xy"][number, i]) == pytest.approx(state["xy"])
                     assert view["offset_m"][number, i] == state["offset_m"]
+                    legal = view["legal"][number, i]
+                    assert order or legal[legal >= 0].tolist() == list(state["legal"])
                     edge = tuple(view["edge"][number, i].tolist())
                     assert edge == ((-1, -1, -1) if state["edge"] is None else state["edge"])
     with scene().batch(2) as games:
@@ -260,7 +265,7 @@ def test_agents_on_edges_are_observed_where_they_are():
 
 
 def test_games_that_were_begun_again_are_recorded_with_their_own_actions(tmp_path):
-    for speed in (None, 1.0):  # in arrays, and one by one
+    for speed in (None, inf):  # in arrays, and one by one
         scenario = scene([TAG]) if speed is None else scene([TAG]).replace(**{"teams.blue.speed": speed})
         with scenario.batch(3, seed=4, record=True) as games:
             games.step()

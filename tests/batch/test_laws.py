@@ -117,6 +117,7 @@ conflicts = st.builds(
     Conflicts,
     st.one_of(st.sampled_from([None, 1, 2, "room"]), st.dictionaries(nodes, st.integers(0, 2), min_size=1)),
     st.sampled_from(["all", "team"]),
+    edge_capacity=st.one_of(st.none(), st.integers(1, 2), st.dictionaries(st.integers(0, 12), st.integers(0, 2))),
     allow_swaps=st.booleans(),
     resolve=st.sampled_from([at_random(), nobody(), by_priority(["blue", None, "red", "green"])]),
 )
@@ -200,19 +201,27 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
     edge = 0
     for (start, end), (length, is_one_way) in zip(pairs, streets, strict=False):
         for source, target in [(start, end), (end, start)][: 1 if is_one_way else 2]:
-            ways = {"id": edge, "source": NODES[source], "target": NODES[target], "length": length}
+            ways = {
+                "id": edge,
+                "source": NODES[source],
+                "target": NODES[target],
+                "length": length,
+                "slow": 2.0 - length,
+            }
             ctx.graph.graph.add_edge(ways)
             edge += 1
     motion = motion or {}
     for number, (name, (team, node)) in enumerate(agents.items()):
         made = [random_walk if deeds is None else busy, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
-        sees = [ctx.sensor.create_sensor(f"eyes of {name}", "AGENT_RANGE", sensor_range=4.0).sensor_id]
+        kind = {"type": "AGENT_RANGE", "sensor_range": 4.0} if "speed_unit" not in motion else {"type": "AGENT"}
+        sees = [ctx.sensor.create_sensor(f"eyes of {name}", **kind).sensor_id]
         agent = ctx.agent.create_agent(
             name, start_node_id=node, team=team, strategy=made[number % len(made)], sensors=sees
         )
         if motion.get("speeds"):
             agent.speed = motion["speeds"][number % len(motion["speeds"])]
-    ctx.game.legal = motion.get("legal", "edges")
+    for name in motion.keys() - {"strategies", "speeds"}:
+        setattr(ctx.game, name, motion[name])
     ctx.game.add(territory.published({node: "red" if node < 20 else "blue" for node in NODES}, "land"))
     for number, rule in enumerate(rules):
         ctx.game.add(rule, phase="before" if number in early else "after")
@@ -241,6 +250,14 @@ motions = st.one_of(
     st.just({"legal": "any", "strategies": ["chase", "flee", "guard"]}),
     st.fixed_dictionaries(
         {
+            "speed_unit": st.just("metres"),
+            "weight": st.sampled_from(["length", "slow"]),
+            "speeds": st.lists(st.sampled_from([None, 0.3, 0.5, 1.0, 1.9, 3]), min_size=1, max_size=3),
+            "strategies": st.lists(st.sampled_from(sorted(PACED.keys() - {"guard"})), max_size=3),
+        }
+    ),
+    st.fixed_dictionaries(
+        {
             "speeds": st.lists(st.sampled_from([None, 0.4, 1.0, 1.5, 2, 2.7, 3]), min_size=1, max_size=3),
             "strategies": st.lists(st.sampled_from(sorted(PACED)), max_size=3),
         }
@@ -265,11 +282,14 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
     streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds
 ):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
+    if motion is not None and "speed_unit" in motion:
+        order = deeds = None
+        rules = [rule for rule in rules if not getattr(rule, "array_form_by_edges", False)]
     with (
         open_game(streets, agents, rules, conflicts, early, order, motion, deeds) as ctx,
         ctx.game.batch(seeds=seeds) as games,
     ):
-        assert games.slow is None
+        assert games.slow is None, games.slow
         for _ in range(restart[0]):
             games.step()
         games.reset([restart[1] % len(seeds)])

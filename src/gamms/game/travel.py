@@ -17,7 +17,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg
 
-_ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end is not asked again in it
+ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end is not asked again in it
 SLACK = 1e-9  # of a turn: a way that takes exactly as long must not fail by rounding
 
 
@@ -215,7 +215,9 @@ class Travel:
         ahead = (1.0 - place.share) * road.cost + graph.distance(place.target, target, weight)
         behind = place.share * road.cost + graph.distance(here, target, weight) if may_turn else inf
         if ahead == behind == inf:
-            raise BadValue(str(NoPath(place.target, target) if may_turn or target != here else _one_way(place)))
+            raise BadValue(
+                str(NoPath(place.target, target) if may_turn or target != here else one_way(place.source, place.target))
+            )
         is_back = behind < ahead
         nodes = self._path(here if is_back else place.target, target, speed)
         return self._advance(speed, here, self._steps(place, here, nodes, is_back=is_back), place)
@@ -244,7 +246,7 @@ class Travel:
         if place is not None:
             road = self._road_of(place)
             if is_back and self.roads.back(road) is None:
-                raise _one_way(place)
+                raise one_way(place.source, place.target)
             at = here if is_back else place.target
             steps.append(_Step(road, place.share, 0.0 if is_back else 1.0, at))
         for node in nodes:
@@ -276,7 +278,7 @@ class Travel:
                 if 0.0 < step.begin < 1.0:  # it is on the edge, and stays there
                     return self._ended(path, times, legs, place)
                 break
-            until = now + takes if now + takes < 1.0 - _ROUNDED else 1.0
+            until = now + takes if now + takes < 1.0 - ROUNDED else 1.0
             legs.append(self._leg(step.road, step.begin, step.end, now, until))
             now = until
             if step.node != path[-1]:
@@ -371,8 +373,9 @@ class Travel:
         return road
 
 
-def _one_way(place: Progress) -> BadValue:
+def one_way(source: int, target: int) -> BadValue:
+    """Return the error of agents that cannot turn round on an edge."""
     return BadValue(
-        f"The edge from node {place.source} to node {place.target} is a one-way road: the agent cannot turn round on "
-        f"it; legal is node {place.target}, and what lies beyond."
+        f"The edge from node {source} to node {target} is a one-way road: the agent cannot turn round on "
+        f"it; legal is node {target}, and what lies beyond."
     )

@@ -18,7 +18,7 @@ from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.turn import ArrayTurn
 from gamms.graph import Graph
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays, may_conflict
@@ -80,7 +80,8 @@ class Conflicts:
         resolve: Resolver | None = None,
     ) -> None:
         as_choice(as_text(among, "among"), "among", ("all", "team"))
-        self._limits = _both(_as_limits(capacity, "node"), _as_limits(edge_capacity, "edge"))
+        of_nodes, self._of_edges = _as_limits(capacity, "node"), _as_limits(edge_capacity, "edge")
+        self._limits = _both(of_nodes, self._of_edges)
         self._resolve = at_random() if resolve is None else _as_resolver(resolve)
         given = {"capacity": capacity, "among": among, "allow_swaps": allow_swaps, "resolve": self._resolve}
         if edge_capacity is not None:
@@ -130,15 +131,25 @@ class Conflicts:
         if not self.allow_swaps:
             moves.stop_swaps()
         if known is not None:
-            limits = turn.shared(("capacity", id(known)), lambda: (known, known.rows(turn.streets.columns)))[1]
+            limits = turn.shared(("capacity", id(known)), lambda: (known, self._rows(turn, known)))[1]
             moves.stop_overflow(limits)
         return moves.stays
 
     def array_trigger(self, turn: DeviceTurn) -> Tensor:
         """Return in which games of a batch on a device agents may be in the way of others, (games,)."""
-        known = self._limits
-        least = UNLIMITED if known is None else int(known.rows(turn.streets.columns).min(initial=UNLIMITED))
+        known, graph = self._limits, turn.streets.columns
+        limits = np.zeros(0, np.int64) if known is None else known.rows(graph.node_ids, graph.node_attributes)
+        least = int(limits.min(initial=UNLIMITED))
         return may_conflict(turn, least, per_team=self._per_team, swaps=not self.allow_swaps)
+
+    def _rows(self, turn: ArrayTurn, limits: "_Limits") -> IntArray:
+        """Return the capacities of all nodes, and in games by metres of all edges behind them."""
+        graph, on_edges = turn.streets.columns, self._of_edges
+        of_nodes = limits.rows(graph.node_ids, graph.node_attributes)
+        of_edges = np.full(turn.num_places - len(of_nodes), UNLIMITED)
+        if len(of_edges) and on_edges is not None:
+            of_edges = on_edges.rows(graph.edge_ids, graph.edge_attributes)
+        return np.concatenate((of_nodes, of_edges))
 
     def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Return which moves, by index, can decide which agents stay; `resolve` answers the same for these alone.
@@ -425,25 +436,28 @@ def _no_place_for(agent: str, team: Hashable, teams: list[Hashable]) -> MissingK
 # -- the capacity of nodes ---------------------------------------------------------------------------------------------
 
 
+_Attributes = Mapping[str, Mapping[int, Any]]  # name -> row -> value
+
+
 class _Limits(NamedTuple):
     """The capacity of nodes, of edges, or of both.
 
     Attributes:
         least: none has a smaller one, so that for fewer agents none is looked at.
         on: gives the function from an id to its capacity in this turn; `UNLIMITED` where there is none.
-        rows: gives the capacities of all nodes of a graph that stays as it is, (nodes,).
+        rows: gives the capacities of all nodes, or edges, of a graph that stays as it is, by ids and attributes.
     """
 
     least: int
     on: Callable[[Graph], Callable[[Any], int]]
-    rows: Callable[[GraphColumns], IntArray]
+    rows: Callable[[IntArray, _Attributes], IntArray]
 
 
 def _both(nodes: _Limits | None, edges: _Limits | None) -> _Limits | None:
     """Return the limits of nodes by their ids, and of edges by their `EdgePlace`."""
     if nodes is None and edges is None:
         return None
-    unlimited = _Limits(UNLIMITED, lambda _: lambda _: UNLIMITED, lambda graph: _rows_of(graph, {}))
+    unlimited = _Limits(UNLIMITED, lambda _: lambda _: UNLIMITED, partial(_rows_of_ids, {}))
     of_nodes, of_edges = nodes or unlimited, edges or unlimited
 
     def on(graph: Graph) -> Callable[[Any], int]:
@@ -467,11 +481,13 @@ def _in_attribute(name: str, kind: str) -> _Limits:
         is_known = True
         return lambda one: _as_limit(attributes(one).get(name), f"Attribute {name!r} of {kind} {one}")
 
-    def rows(graph: GraphColumns) -> IntArray:
-        if name not in graph.node_attributes:
-            raise UnknownName("node attribute", name, graph.node_attributes)
-        ids, values = graph.node_ids, graph.node_attributes[name].items()
-        return _rows_of(graph, {row: _as_limit(of, f"Attribute {name!r} of node {ids[row]}") for row, of in values})
+    def rows(ids: IntArray, attributes: _Attributes) -> IntArray:
+        if name not in attributes:
+            raise UnknownName(f"{kind} attribute", name, attributes)
+        limits = np.full(len(ids), UNLIMITED)
+        for row, value in attributes[name].items():
+            limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")
+        return limits
 
     return _Limits(0, on, rows)
 
@@ -504,19 +520,11 @@ def _as_limits(capacity: object, kind: str) -> _Limits | None:
         ) from None
     if number < 1:
         raise BadValue(f"{what} must be at least 1, not {number}: no agent could move. Use None for no limit.")
-    return _Limits(number, lambda _: lambda _: number, lambda graph: np.full(len(graph.node_ids), number))
+    return _Limits(number, lambda _: lambda _: number, lambda ids, _: np.full(len(ids), number))
 
 
-def _rows_of(graph: GraphColumns, known: Mapping[int, int]) -> IntArray:
-    """Return the capacities of all nodes, of which those of some rows are known."""
-    limits = np.full(len(graph.node_ids), UNLIMITED)
-    for row, limit in known.items():
-        limits[row] = limit
-    return limits
-
-
-def _rows_of_ids(known: Mapping[int, int], graph: GraphColumns) -> IntArray:
-    return np.array([known.get(node, UNLIMITED) for node in graph.node_ids.tolist()], np.int64)
+def _rows_of_ids(known: Mapping[int, int], ids: IntArray, _: _Attributes) -> IntArray:
+    return np.array([known.get(one, UNLIMITED) for one in ids.tolist()], np.int64)
 
 
 def _as_limit(value: object, name: str) -> int:

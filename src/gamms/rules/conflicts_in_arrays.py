@@ -10,6 +10,7 @@ from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 
 UNLIMITED = maxsize  # no graph has so many agents
 
@@ -49,21 +50,21 @@ class MovesInArrays:
     Attributes:
         turn: of the games.
         rank: the resolver.
-        starts, ends: (games, agents) places: nodes, or those of each team apart.
+        starts, ends: (games, agents) places: nodes, in games by metres edges behind them, or those of each team apart.
         stays: (games, agents), which the methods find out.
     """
 
     def __init__(self, turn: ArrayTurn, ends: IntArray, rank: ArrayResolver, *, per_team: bool) -> None:
-        self.turn, self.rank, self._nodes = turn, rank, len(turn.streets.counts)
+        self.turn, self.rank, self._nodes = turn, rank, turn.num_places
         of_team = turn.roster.team_of * self._nodes if per_team else 0
-        self.starts, self.ends, self.stays = turn.node + of_team, ends + of_team, np.zeros(ends.shape, np.bool_)
+        self.starts, self.ends, self.stays = turn.start_places + of_team, ends + of_team, np.zeros(ends.shape, np.bool_)
 
     def stop_swaps(self) -> None:
         """Let agents stay so that no two exchange nodes."""
         games = self._games_with_swaps()
         if not len(games):
             return
-        rows, agents = np.nonzero((self.turn.alive & (self.starts != self.ends))[games])
+        rows, agents = np.nonzero((self.turn.alive & (self.starts != self.ends) & self._are_nodes())[games])
         at = games[rows]
         start, end = self.starts[at, agents], self.ends[at, agents]
         ways = np.column_stack((at, np.minimum(start, end), np.maximum(start, end)))
@@ -80,11 +81,17 @@ class MovesInArrays:
             is_lost = ahead != goes_ahead[way]
         self.stays[at[is_lost], agents[is_lost]] = True
 
+    def _are_nodes(self) -> BoolArray:
+        """Return which agents begin and end on nodes, rather than edges."""
+        nodes = len(self.turn.streets.counts)
+        are_nodes: BoolArray = (self.starts % self._nodes < nodes) & (self.ends % self._nodes < nodes)
+        return are_nodes
+
     def _games_with_swaps(self) -> IntArray:
         """Return the games in which two agents want to exchange nodes."""
         starts, ends = self.starts, self.ends
         ways = np.minimum(starts, ends) * (self._nodes * len(self.turn.roster.teams)) + np.maximum(starts, ends)
-        keys = np.where(self.turn.alive & (starts != ends), ways * 2 + (starts < ends), -1)
+        keys = np.where(self.turn.alive & (starts != ends) & self._are_nodes(), ways * 2 + (starts < ends), -1)
         keys.sort(axis=1)
         are_opposite = (keys[:, 1:] == keys[:, :-1] + 1) & (keys[:, 1:] % 2 == 1)
         return np.flatnonzero(are_opposite.any(axis=1))

@@ -11,13 +11,14 @@ import numpy as np
 from gamms import kernels
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.movement import Paths
+from gamms.game.batch.movement import Legs, Paths
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.rules.contacts import Nearness
+from gamms.rules.meetings import TIME_SLACK
 
 
 class ArrayContacts(NamedTuple):
@@ -51,6 +52,8 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
     draws = turn.draw_bits(at, _pair_keys(turn.roster.names, a, b), "contacts")
     order = np.lexsort((on_edge, draws, far, times, at))
     order = order[(a != b)[order]]
+    if turn.paths is not None and turn.paths.legs is not None:
+        order = order[_are_first(at[order], a[order], b[order], times[order])]
     return ArrayContacts(*(part[order] for part in (at, a, b, *parts[6:])))
 
 
@@ -107,9 +110,24 @@ def _met_on_paths(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray
     met = [_on_nodes(turn, sides, passing=nearness.passing)] if nearness.unit is None else []
     if nearness.unit is not None:
         met = list(_near_on_paths(turn, paths, sides, nearness))
-    if nearness.crossing:
+    if nearness.crossing and paths.legs is not None:
+        met.append(_on_streets(turn, paths, paths.legs, sides, passing=nearness.passing))
+    elif nearness.crossing:
         met.append(_on_edges(turn, paths, sides, passing=nearness.passing))
     return met
+
+
+def _are_first(at: IntArray, a: IntArray, b: IntArray, times: FloatArray) -> BoolArray:
+    """Return which contacts, in their order, are not right after another one of the same agents.
+
+    Else they were found on the node or the next edge, too.
+    """
+    order = np.lexsort((np.arange(len(at)), b, a, at))
+    is_first = np.ones(len(at), np.bool_)
+    before, after = order[:-1], order[1:]
+    same = (at[before] == at[after]) & (a[before] == a[after]) & (b[before] == b[after])
+    is_first[after] = ~same | (times[after] - times[before] > TIME_SLACK)
+    return is_first
 
 
 def _of_sides(turn: ArrayTurn, agents: IntArray, sides: tuple[IntArray, IntArray]) -> list[IntArray]:
@@ -123,7 +141,8 @@ def _on_nodes(turn: ArrayTurn, sides: tuple[IntArray, IntArray], *, passing: boo
     ours, theirs = (visits.those(rows) for rows in _of_sides(turn, visits.agents, sides))
     nodes = len(turn.streets.counts)
     i, j = _equal_keys(ours.at * nodes + ours.nodes, theirs.at * nodes + theirs.nodes)
-    together = (ours.begin[i] <= theirs.end[j]) & (theirs.begin[j] <= ours.end[i])
+    slack = 0.0 if turn.paths is None or turn.paths.legs is None else TIME_SLACK
+    together = (ours.begin[i] <= theirs.end[j] + slack) & (theirs.begin[j] <= ours.end[i] + slack)
     one, other = ours.those(i[together]), theirs.those(j[together])
     times, where = np.maximum(one.begin, other.begin), one.nodes
     return one.at, one.agents, other.agents, times, times * 0.0, times < 0.0, where, where
@@ -149,18 +168,62 @@ def _on_edges(turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], *
     return games, a, b, times, times * 0.0, times >= 0.0, *where
 
 
+def _on_streets(turn: ArrayTurn, paths: Paths, legs: Legs, sides: tuple[IntArray, IntArray], *, passing: bool) -> _Met:
+    """Return the pairs that are at one place of a street at one time, as `meetings.on_edges` does."""
+    counts = (legs.edge >= 0) & (turn.alive & turn.is_there_by_move)[..., None]
+    if not passing:  # those that are on an edge at the end: its share is that at the end of the last leg
+        is_last = np.arange(legs.edge.shape[-1]) == (legs.edge >= 0).sum(axis=-1)[..., None] - 1
+        counts &= is_last & (legs.end > 0.0) & (legs.end < 1.0)
+    which = np.nonzero(counts)
+    at, agents = which[:2]
+    begin, end, since, until = (column[which] for column in (legs.begin, legs.end, legs.since, legs.until))
+    if not passing:
+        begin, since, until = end, np.ones(len(at)), np.ones(len(at))
+    movement, edge = turn.movement, legs.edge[which]
+    street, is_ahead = movement.street[edge], movement.is_ahead[edge]
+    ours, theirs = _of_sides(turn, agents, sides)
+    keys = at * len(movement.street) + street
+    i, j = _equal_keys(keys[ours], keys[theirs])
+    i, j = ours[i], theirs[j]
+    first, last = np.maximum(since[i], since[j]), np.minimum(until[i], until[j])
+
+    def place(rows: IntArray, time: FloatArray) -> FloatArray:
+        with np.errstate(divide="ignore", invalid="ignore"):
+            way = (end - begin)[rows] * (time - since[rows]) / (until - since)[rows]
+        share = np.where(until[rows] <= since[rows], end[rows], begin[rows] + way)
+        return np.where(is_ahead[rows], share, 1.0 - share)
+
+    gap, later = (place(i, time) - place(j, time) for time in (first, last))
+    is_at_once, is_at_end = np.abs(gap) <= TIME_SLACK, np.abs(later) <= TIME_SLACK
+    with np.errstate(divide="ignore", invalid="ignore"):
+        crossing = first + (last - first) * gap / (gap - later)
+    time = np.where(is_at_once, first, np.where(gap * later < 0.0, crossing, last))
+    meets = np.where(is_at_once, (first > 0.0) | is_at_end, (gap * later < 0.0) | is_at_end) & (first <= last)
+    i, j, time = i[meets], j[meets], time[meets]
+    games, a, b = at[i], agents[i], agents[j]
+    nodes = [_node_at(paths, games, one, time) for one in (a, b)]
+    return games, a, b, time, time * 0.0, time >= 0.0, nodes[0], nodes[1]
+
+
+def _node_at(paths: Paths, at: IntArray, agents: IntArray, time: FloatArray) -> IntArray:
+    """Return the nodes that agents have passed last at some times."""
+    passed = (paths.times[at, agents] <= time[:, None]).sum(axis=-1) - 1
+    found: IntArray = paths.nodes[at, agents, np.maximum(passed, 0)]
+    return found
+
+
 def _near_on_paths(
     turn: ArrayTurn, paths: Paths, sides: tuple[IntArray, IntArray], nearness: Nearness
 ) -> Iterator[_Met]:
     """Yield the pairs that were near enough, at each moment at which one of two agents reached a node."""
     goes = turn.is_there_by_move & turn.alive & np.isin(np.arange(turn.alive.shape[1]), np.concatenate(sides))
-    times = np.where(goes[..., None], paths.times, np.inf)
+    times = np.where(goes[..., None] & paths.arrives, paths.times, np.inf)
     moments = np.unique(times[..., 1:]).tolist() if nearness.passing else ()
     for now in [moment for moment in moments if moment < 1.0]:
         came = (times[..., 1:] == now).any(axis=-1)
-        last = np.maximum((times <= now).sum(axis=-1) - 1, 0)
+        last = np.maximum((paths.times <= now).sum(axis=-1) - 1, 0)
         node = np.take_along_axis(paths.nodes, last[..., None], axis=-1)[..., 0]
-        counts = goes & came.any(axis=1)[:, None] & ((times[..., 0] == 0.0) | (last > 0))
+        counts = goes & came.any(axis=1)[:, None] & ((paths.times[..., 0] == 0.0) | (last > 0))
         at, a, b, far = _near_pairs(turn, node, counts, sides, nearness)
         some = came[at, a] | came[at, b]
         at, a, b, far = at[some], a[some], b[some], far[some]
@@ -168,8 +231,8 @@ def _near_on_paths(
     at, a, b, far = _near_pairs(turn, turn.node, turn.alive, sides, nearness)
     since = np.ones(turn.node.shape)
     if nearness.passing:
-        last = np.take_along_axis(paths.times, paths.lengths[..., None] - 1, axis=-1)[..., 0]
-        since = np.where(turn.is_there_by_move, last, 1.0)
+        came = np.where(paths.arrives, paths.times, 0.0).max(axis=-1)
+        since = np.where(turn.is_there_by_move, came, 1.0)
     together = np.maximum(since[at, a], since[at, b])
     some = (together == 0.0) | (together == 1.0)  # else they were found when the later of both had arrived
     at, a, b, far, together = at[some], a[some], b[some], far[some], together[some]

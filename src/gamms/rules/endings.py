@@ -53,6 +53,8 @@ class Hooks(TypedDict, total=False):
     """The turn after which the rule ends the game, for windows to show how far it is."""
     array_form: Callable[..., object] | None
     """The same for many games at once, of a check too, see `gamms.array_rule`; None: they are played one by one."""
+    array_form_by_edges: bool
+    """Whether that form is not for games by metres."""
     array_trigger: Callable[[DeviceTurn], Tensor] | None
     """Says for arrays of any library in which games there may be something to do, (games,); None: in all."""
     prepare_arrays: Callable[[GameArrays], object]

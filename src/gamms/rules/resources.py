@@ -220,11 +220,11 @@ class _Tank(NamedTuple):
             left[deeds.at, deeds.agents] = np.where(is_refused, has, has - price)
             why = [f"it needs {price:g} {self.name}, and {amount:g} is left" for amount in has[is_refused].tolist()]
             turn.refuse(deeds.those(is_refused), why)
-        edges = ends != turn.node if turn.paths is None else turn.paths.lengths - 1
+        edges = ends != turn.node if turn.paths is None else turn.paths.edges
         prices = edges * self.per_edge
         if self.per_metre:
             prices = prices + _lengths_in_arrays(turn, ends) * self.per_metre
-        kept["prices"][turn.games] = np.where(edges > 0, prices, kept["prices"][turn.games])
+        kept["prices"][turn.games] = np.where(_goes(turn, edges), prices, kept["prices"][turn.games])
         is_too_dear = is_empty | (prices > left * (1 + _SLACK))
         is_stopped: BoolArray = is_too_dear & turn.alive & counts
         return is_stopped
@@ -240,7 +240,8 @@ class _Tank(NamedTuple):
         """Do what `charge` does in many games."""
         kept = self._kept(turn.keep, turn.alive.shape[1])
         before, counts = kept["amounts"][turn.games], turn.roster.plays_for(self.teams)
-        prices = np.where(turn.starts != turn.ends, kept["prices"][turn.games], 0.0)
+        edges = turn.starts != turn.ends if turn.paths is None else turn.paths.edges
+        prices = np.where(_goes(turn, edges), kept["prices"][turn.games], 0.0)
         used = np.full(before.shape, self.per_turn)
         for deeds, price in self._deeds_in_arrays(turn):
             used[deeds.at, deeds.agents] += price
@@ -308,10 +309,24 @@ def _lengths_in_arrays(turn: ArrayTurn, ends: IntArray) -> FloatArray:
     """Return how long moves are, (games, agents), each edge added to those before it."""
     if turn.paths is None:
         return _edges_in_arrays(turn, turn.node, ends)
+    legs = turn.paths.legs
+    if legs is not None:
+        total = np.zeros(ends.shape)
+        for number in range(legs.edge.shape[-1]):  # one leg after the other, as they are summed up for one agent
+            edge, begin, end = legs.edge[..., number], legs.begin[..., number], legs.end[..., number]
+            total += np.where(edge >= 0, np.abs(end - begin) * turn.streets.columns.lengths[edge], 0.0)
+        return total
     nodes, total = turn.paths.nodes, np.zeros(ends.shape)
     for number in range(nodes.shape[-1] - 1):
         total += _edges_in_arrays(turn, nodes[..., number], nodes[..., number + 1])
     return total
+
+
+def _goes(turn: ArrayTurn, edges: IntArray) -> BoolArray:
+    """Return which agents cover something, given the edges that they go to the end of."""
+    legs = None if turn.paths is None else turn.paths.legs
+    goes: BoolArray = (edges > 0) | (False if legs is None else (legs.begin != legs.end).any(axis=-1))
+    return goes
 
 
 def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:

@@ -24,7 +24,7 @@ from gamms.strategies.knowledge import (
     mates_in_sight,
     move_to,
     move_to_agent,
-    moves_to,
+    moves_to_agents,
     nearest_seen,
     no_actions,
     node_of,
@@ -65,7 +65,8 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
 
 
 def _chase_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    return moves_to(view, nearest_seen(view, view.enemies()), fallback)
+    seen = view.enemies()
+    return moves_to_agents(view, seen, nearest_seen(view, seen), fallback)
 
 
 @shown_as_called
@@ -155,7 +156,7 @@ def guard(ctx: IContext, node: NodeId, radius: float) -> Strategy:
             step = step_towards(ctx, state, target, "guard", is_near)
             state["action"] = here if step is None else step
 
-    offer_form(strategy, _guard_in_arrays, post, reach, looks=True)
+    offer_form(strategy, _guard_in_arrays, post, reach, looks=True, fits="edges")
     return strategy
 
 
@@ -276,7 +277,7 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         else:
             state["action"] = max(_out_of_reach(ctx, state, enemies), key=lead)
 
-    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True, one_edge=True)
+    offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True, fits="edge")
     return strategy
 
 

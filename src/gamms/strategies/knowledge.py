@@ -18,12 +18,14 @@ from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.sight import Seen
+from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
+    FITS,
     IS_BLIND,
     IS_LEGAL,
     MAY_SKIP,
-    ONE_EDGE,
     PORTABLE,
+    SPEEDS,
     ArrayStrategy,
     ArrayView,
 )
@@ -366,7 +368,7 @@ def offer_form(
     parts: Iterable[object] = (),
     looks: bool = False,
     may_skip: bool | None = None,
-    one_edge: bool = False,
+    fits: str = "metres",
     portable: Callable[..., Any] | None = None,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
@@ -378,7 +380,7 @@ def offer_form(
         parts: the strategies that it calls.
         looks: whether it asks what sensors show, besides its parts.
         may_skip: whether it may set no action; None: where one of its parts may.
-        one_edge: whether it is for agents without speeds.
+        fits: up to which speeds of agents: those of "edge" (none), "edges" or "metres".
         portable: the form for other array libraries, called alike; None: there is none. Its actions are legal.
     """
     forms = [getattr(part, "array_form", None) for part in parts]
@@ -388,7 +390,7 @@ def offer_form(
     setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
-    setattr(made, ONE_EDGE, one_edge or any(getattr(one, ONE_EDGE, False) for one in forms))
+    setattr(made, FITS, min((fits, *(getattr(one, FITS, SPEEDS[-1]) for one in forms)), key=SPEEDS.index))
     others = [getattr(one, PORTABLE, None) for one in forms]
     if portable is not None and None not in others:
         setattr(made, PORTABLE, partial(portable, *values, *others))
@@ -420,6 +422,69 @@ def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy) -> Int
     if len(going[0]):
         actions[going] = view.towards(targets[going], going)
     return asked(view, actions, fallback, actions < 0)
+
+
+def moves_to_agents(view: ArrayView, seen: Seen, targets: IntArray, fallback: ArrayStrategy) -> IntArray:
+    """Return what `move_to_agent` does: go to the first of the agents seen on the target, and along its edge.
+
+    Args:
+        view: of the agents.
+        seen: by them.
+        targets: rows of nodes (games, agents), -1: none.
+        fallback: decides where there is none, or no path.
+    """
+    by = view.movement
+    if not isinstance(by, ByMetres):
+        return moves_to(view, targets, fallback)
+    pairs = np.flatnonzero(seen.nodes == targets[seen.at, seen.viewers])
+    _, first = np.unique(seen.at[pairs] * targets.shape[1] + seen.viewers[pairs], return_index=True)
+    pairs = pairs[first]
+    its = view.games[seen.at[pairs]], seen.others[pairs]
+    on = by.edge[its] >= 0
+    pairs, its = pairs[on], (its[0][on], its[1][on])
+    which = seen.at[pairs], seen.viewers[pairs]
+    actions = no_actions(view)
+    nodes = targets.copy()
+    nodes[which] = -1
+    going = np.nonzero(view.mask & (nodes >= 0))
+    actions[going] = view.towards(nodes[going], going)
+    actions[which] = _actions_to_places(view, by, which, its)
+    return asked(view, actions, fallback, actions < 0)
+
+
+def _actions_to_places(
+    view: ArrayView, by: ByMetres, which: tuple[IntArray, IntArray], its: tuple[IntArray, IntArray]
+) -> IntArray:
+    """Return the actions that lead agents of a view to others that are on edges; -1: no path."""
+    columns, streets, me = view.streets.columns, view.streets, view.numbers(which)
+    edge, own, here = by.edge[its], by.edge[me], view.node[which]
+    source, end, length, gone = columns.sources[edge], columns.targets[edge], columns.lengths[edge], by.offsets(its)
+    behind, ahead, offset = columns.sources[own], columns.targets[own], by.offsets(me)
+    is_same, is_opposite = (behind == source) & (ahead == end), (behind == end) & (ahead == source)
+    meets = (own >= 0) & (is_same | is_opposite)  # both are on one street
+    passed = np.where(behind == source, offset, length - offset)
+    returns = streets.action_to(end, source)
+    best = np.full((4, len(edge)), np.inf)  # metres; ids of where the way begins, and of where it comes to the edge
+    entries = np.zeros(len(edge), np.int64)
+    for start, begun, is_here in ((here, offset, True), (ahead, columns.lengths[own] - offset, False)):
+        for first, last, rest, action in (
+            (source, end, gone, streets.action_to(source, end)),
+            (end, source, length - gone, returns),
+        ):
+            may = (action >= 0) & (is_here | (own >= 0))
+            far = np.where(may, begun + view.routes().distances(start, first) + rest, np.inf)
+            option = np.stack((far, *(streets.ids(rows).astype(np.float64) for rows in (start, first, last))))
+            differs = option != best
+            at = differs.argmax(axis=0)
+            columns_of = np.arange(len(edge))
+            is_better = differs.any(axis=0) & (option[at, columns_of] < best[at, columns_of])
+            best[:, is_better] = option[:, is_better]
+            entries[is_better] = by.along(streets.offsets[first] + action, np.full(len(edge), is_here))[is_better]
+    actions = np.where(best[0] < np.inf, entries, -1)
+    some = np.flatnonzero(meets)
+    there = which[0][some], which[1][some]
+    actions[some] = view.towards(np.where(passed < gone, end, source)[some], there)
+    return actions
 
 
 def remembered(view: ArrayView, key: str, **first: int) -> dict[str, IntArray]:

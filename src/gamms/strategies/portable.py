@@ -27,6 +27,16 @@ def full(view: DeviceView, number: int) -> Tensor:
     return view.xp.full(view.node.shape, number, dtype=view.xp.int64, device=view.library.device)
 
 
+def stayed(view: DeviceView) -> Tensor:
+    """Return what `stay` does."""
+    return view.xp.zeros_like(view.node)
+
+
+def walked(view: DeviceView) -> Tensor:
+    """Return what `random_walk` does."""
+    return view.draw.below(view.counts)
+
+
 def asked(view: DeviceView, actions: Tensor, form: Form, which: Tensor) -> Tensor:
     """Return the actions with those of a form for some agents, (games, agents)."""
     some = view.only(which)

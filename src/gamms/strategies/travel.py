@@ -70,16 +70,23 @@ def random_walk(state: State | AerialState) -> None:
 
 
 def _stay_in_arrays(view: ArrayView) -> IntArray:
-    actions: IntArray = view.xp.zeros_like(view.node)
-    return actions
+    return np.full(view.node.shape, view.movement.idle)
 
 
 def _walk_in_arrays(view: ArrayView) -> IntArray:
-    return view.draw.below(view.counts)
+    on_edge = view.edge >= 0
+    if not on_edge.any():
+        return view.draw.below(view.counts)
+    which, off = np.nonzero(on_edge), np.nonzero(~on_edge)
+    actions, counts = np.zeros(on_edge.shape, np.int64), np.ones(on_edge.shape, np.int64)
+    counts[off] = view.movement.counts(view.movement.choices(view.node[off], view.numbers(off)))
+    actions[off] = view.only(~on_edge).draw.below(counts)[off]
+    actions[which] = view.towards(view.streets.columns.targets[view.edge[which]], which)
+    return actions
 
 
-offer_form(stay, _stay_in_arrays, portable=_stay_in_arrays)
-offer_form(random_walk, _walk_in_arrays, portable=_walk_in_arrays)
+offer_form(stay, _stay_in_arrays, portable=portable.stayed)
+offer_form(random_walk, _walk_in_arrays, portable=portable.walked)
 
 
 @shown_as_called
@@ -377,7 +384,7 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], one_edge=True, portable=portable.unblocked)
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], fits="edge", portable=portable.unblocked)
     return unblock
 
 

@@ -10,11 +10,12 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import form_of
-from gamms.game.batch.movement import Movement, movement_of, why_not_moved
-from gamms.game.batch.sight import why_not_seen
+from gamms.game.batch.movement import Movement
+from gamms.game.batch.sight import sees_all_nodes, why_not_seen
 from gamms.game.batch.state import GameArrays
+from gamms.game.batch.travel import movement_of, why_not_moved
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, TurnPart
-from gamms.game.batch.view import IS_BLIND, MAY_SKIP, ONE_EDGE, ArrayStrategy, ArrayView
+from gamms.game.batch.view import FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayStrategy, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
 from gamms.game.settings import PHASES as RULE_PHASES
@@ -25,6 +26,8 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing import IAgent
+
+_BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games by metres
 
 
 class Group(NamedTuple):
@@ -137,6 +140,7 @@ class ArrayEngine:
     def _play_part(self, turn: ArrayTurn, actions: IntArray, deeds: list[ArrayDeeds], part: TurnPart | None) -> None:
         """Let some agents do and move at once what they have decided; None: all."""
         moves = self.state.movement.moves(turn.node, actions, turn.games)
+        turn.note_illegal(moves.illegal)
         turn.paths, in_conflict = moves.paths, np.zeros(moves.ends.shape, np.bool_)
         if self._checks or deeds or self._rules["deeds"]:
             turn.begin_part(moves, deeds)
@@ -148,7 +152,8 @@ class ArrayEngine:
                 self._call(named, form, turn)
             moves = turn.left_of(moves)
         if self._conflicts is not None:
-            in_conflict = self._conflicts(turn, moves.ends) & moves.goes
+            turn.start_places, ends, turn.num_places = self.state.movement.ends(moves)
+            in_conflict = self._conflicts(turn, ends) & moves.goes
             self.state.counts["blocked"][turn.games] += in_conflict
         turn.move(moves.without(in_conflict), in_conflict, part)
 
@@ -248,7 +253,9 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     """Return the first part of a game that has no array form, in words; None: it can be played in arrays."""
     settings = game.settings()
     conflicts, motion = settings["conflicts"], why_not_moved(game)
-    has_speeds = any(agent.speed is not None for agent in game.agents)
+    speeds = SPEEDS[any(agent.speed is not None for agent in game.agents)]
+    by_metres = settings["speed_unit"] != "edges"
+    speeds = SPEEDS[-1] if by_metres else speeds
     reasons = [
         (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
@@ -267,19 +274,32 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     reasons += [
         (getattr(form_of(one), MAY_SKIP, False), f"{as_code(one)}, which may set no action") for _, one in deciders
     ]
-    reasons += [
-        (has_speeds and getattr(form_of(one), ONE_EDGE, False), f"{as_code(one)}, with speeds") for _, one in deciders
-    ]
+    reasons += [(not _fits(one, speeds), f"{as_code(one)}, with speeds in {speeds}") for _, one in deciders]
     reasons += [
         (why is not None, why or "")
         for agent, one in deciders
         if one is not None and not getattr(form_of(one), IS_BLIND, False)
         for why in (why_not_seen(agent, name) for name in getattr(agent, "sensors", ()))
     ]
+    reasons += [
+        (by_metres and not sees_all_nodes(sensor, agent), f"the sensor {name!r} of agent {agent.name!r}, from edges")
+        for agent, one in deciders
+        if one is not None and not getattr(form_of(one), IS_BLIND, False)
+        for name, sensor in getattr(agent, "sensors", {}).items()
+    ]
     reasons += [(_rule_lacks_form(one), f"the rule {one.name!r}") for one in game.rules]
+    reasons += [
+        (by_metres and getattr(one.rule, _BY_EDGES, False), f"the rule {one.name!r}, in a game by metres")
+        for one in game.rules
+    ]
     if conflicts is not None:
         reasons.append((form_of(conflicts) is None, f"the conflicts {as_code(conflicts)}"))
     return next((reason for is_there, reason in reasons if is_there), None)
+
+
+def _fits(decider: object, speeds: str) -> bool:
+    """Whether the array form of a strategy or a plan is for such speeds."""
+    return SPEEDS.index(getattr(form_of(decider), FITS, speeds)) >= SPEEDS.index(speeds)
 
 
 def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:

@@ -9,9 +9,10 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
+from gamms.game.batch.movement import Places
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Lookout, Seen, lookouts
-from gamms.game.batch.state import Arrays, GameArrays, Places
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import ArrayView, ViewDraws

@@ -2,22 +2,52 @@
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
 from collections.abc import Sequence
-from math import isfinite
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.order import SLACK, edges_within
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.typing import AgentType
 
+STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
 _MOST_KNOWN = 1 << 25  # legal nodes that are kept
+
+
+class Places(NamedTuple):
+    """Where agents are that may be on edges; arrays begin with the games and the agents."""
+
+    edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
+    offset_m: FloatArray  # (games, agents)  metres along it
+    xy: FloatArray  # (games, agents, 2)  map units
+
+
+class Legs(NamedTuple):
+    """What agents cover of edges in a turn, one part after the other, (games, agents, most); see `typing.game.Leg`.
+
+    Attributes:
+        edge: rows of edges; -1: there is no such leg.
+        begin, end: shares of the edge.
+        since, until: of the turn.
+    """
+
+    edge: IntArray
+    begin: FloatArray
+    end: FloatArray
+    since: FloatArray
+    until: FloatArray
+
+
+class Illegal(NamedTuple):
+    """An action that could not be done: the game of the turn, the number of the agent, and why not."""
+
+    at: int
+    agent: int
+    message: str
 
 
 class Paths(NamedTuple):
@@ -30,6 +60,8 @@ class Paths(NamedTuple):
         stays: (games, agents) who is on the first node from 0 to 1.
         waits: (games, agents) who is on the first node until the second time, and leaves it then.
         rests: (games, agents) who is on the last node from when it is reached to 1.
+        legs: in games by metres.
+        edge: in games by metres, (games, agents): the row of the edge that an agent is on at the end; -1: on its node.
     """
 
     nodes: IntArray
@@ -38,10 +70,31 @@ class Paths(NamedTuple):
     stays: BoolArray
     waits: BoolArray
     rests: BoolArray
+    legs: Legs | None = None
+    edge: IntArray | None = None
+
+    @property
+    def arrives(self) -> BoolArray:
+        """At which times agents come to another node, or leave the one where they have waited; the first is none."""
+        steps = np.arange(self.nodes.shape[-1])
+        comes = np.concatenate((self.waits[..., None], self.nodes[..., 1:] != self.nodes[..., :-1]), axis=-1)
+        comes[..., 1:2] |= self.waits[..., None]
+        comes[..., 0] = False
+        found: BoolArray = comes & (steps < self.lengths[..., None])
+        return found
+
+    @property
+    def edges(self) -> IntArray:
+        """How many edges agents go to the end of, (games, agents)."""
+        found: IntArray = (self.nodes[..., 1:] != self.nodes[..., :-1]).sum(axis=-1)
+        return found
 
     def of(self, games: IntArray) -> "Paths":
         """Return those of some games."""
-        columns: list[Any] = [column[games] for column in self]
+        columns: list[Any] = [column[games] for column in self[:6]]
+        if self.legs is not None and self.edge is not None:
+            legs: list[Any] = [column[games] for column in self.legs]
+            columns += [Legs(*legs), self.edge[games]]
         return Paths(*columns)
 
     def between(self, number: int, parts: int) -> "Paths":
@@ -60,7 +113,7 @@ class Paths(NamedTuple):
         """Return these paths, but of some agents others."""
         most = max(self.nodes.shape[-1], others.nodes.shape[-1])
         own, new = (one._padded(most) for one in (self, others))
-        for column, values in zip(own, new, strict=True):
+        for column, values in zip(own[:6], new[:6], strict=True):
             column[:, agents] = values[:, agents]
         return own
 
@@ -68,7 +121,7 @@ class Paths(NamedTuple):
         """Return copies with so many nodes."""
         more = [(0, 0), (0, 0), (0, most - self.nodes.shape[-1])]
         columns: list[Any] = [np.pad(self.nodes, more, "edge"), np.pad(self.times, more, constant_values=np.inf)]
-        columns += [column.copy() for column in self[2:]]
+        columns += [column.copy() for column in self[2:6]]
         return Paths(*columns)
 
     def staying(self, which: BoolArray, node: IntArray) -> "Paths":
@@ -76,7 +129,8 @@ class Paths(NamedTuple):
         nodes, times = np.where(which[..., None], node[..., None], self.nodes), self.times.copy()
         times[which, 0], times[which, 1:] = 0.0, np.inf
         lengths = np.where(which, 1, self.lengths)
-        return Paths(nodes, times, lengths, self.stays | which, self.waits & ~which, self.rests | which)
+        stays, waits, rests = self.stays | which, self.waits & ~which, self.rests | which
+        return self._replace(nodes=nodes, times=times, lengths=lengths, stays=stays, waits=waits, rests=rests)
 
     def without_starts(self, which: BoolArray) -> "Paths":
         """Return these paths, but of some agents, (games, agents), without their first nodes."""
@@ -104,7 +158,9 @@ class Moves(NamedTuple):
         starts, ends: rows of nodes.
         goes: which agents do not just stay.
         paths: how they go; None: along one edge, or none.
-        progress: what is left of the turn at the end of a path; see the movement that made it.
+        progress: where agents are on edges at the end; see the movement that made it.
+        before: the same at the beginning; of those that stay.
+        illegal: actions that could not be done.
     """
 
     starts: IntArray
@@ -112,6 +168,8 @@ class Moves(NamedTuple):
     goes: BoolArray
     paths: Paths | None = None
     progress: tuple[Any, ...] = ()
+    before: tuple[Any, ...] = ()
+    illegal: tuple[Illegal, ...] = ()
 
     def without(self, stopped: BoolArray) -> "Moves":
         """Return the moves of which some are not made."""
@@ -120,8 +178,25 @@ class Moves(NamedTuple):
         ends, goes, paths = np.where(stopped, self.starts, self.ends), self.goes & ~stopped, self.paths
         if paths is not None:
             paths = paths.staying(stopped, self.starts)
-        progress = tuple(np.where(stopped, 0, column) for column in self.progress)
-        return Moves(self.starts, ends, goes, paths, progress)
+            if paths.legs is not None:
+                paths = self._standing(paths, paths.legs, stopped)
+        columns = zip(self.before, self.progress, strict=True)
+        progress = tuple(np.where(stopped, before, after) for before, after in columns)
+        return self._replace(ends=ends, goes=goes, paths=paths, progress=progress)
+
+    def _standing(self, paths: Paths, legs: Legs, stopped: BoolArray) -> Paths:
+        """Return paths of which some are those of agents that stand where they were when the turn began."""
+        edge, share = self.before
+        on_edge = edge >= 0
+        stands = [np.where(on_edge, values, 0.0) for values in (share, share, 0.0, 1.0)]
+        columns: list[Any] = [np.where(stopped[..., None], -1, legs.edge)]
+        columns += [np.where(stopped[..., None], 0.0, column) for column in legs[1:]]
+        if legs.edge.shape[-1]:
+            for column, values in zip(columns, (edge, *stands), strict=True):
+                column[..., 0] = np.where(stopped, values, column[..., 0])
+        ends_on: IntArray = np.where(stopped, edge, -1 if paths.edge is None else paths.edge)
+        stays, rests = paths.stays & ~(stopped & on_edge), paths.rests & ~(stopped & on_edge)
+        return paths._replace(legs=Legs(*columns), edge=ends_on, stays=stays, rests=rests)
 
     def as_paths(self) -> Paths:
         """Return the paths, those along one edge or none too."""
@@ -151,6 +226,9 @@ class Movement:
 
     def __init__(self, streets: Streets) -> None:
         self.streets = streets
+        self.edge = self.street = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
+        self.share = np.zeros((0, 0))
+        self.is_ahead: BoolArray = np.zeros(0, np.bool_)
         self._tables: dict[str | None, RouteTable] = {}
 
     def begin(self, shape: tuple[int, int]) -> None:
@@ -163,9 +241,22 @@ class Movement:
         """Let agents that are out of the game be where they count as being."""
         self.clear(games, agents)
 
-    def choices(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
-        """Return the numbers of the choices of agents that are on these nodes, (games, agents)."""
+    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the numbers of the choices of agents that are on these nodes.
+
+        Args:
+            node: rows.
+            which: the games and the agents, by their numbers in the batch and in the roster, that broadcast with them.
+        """
         return node
+
+    def ends(self, moves: Moves) -> tuple[IntArray, IntArray, int]:
+        """Return the places where moves begin and end, and how many there are; the first are the nodes."""
+        return moves.starts, moves.ends, len(self.streets.counts)
+
+    def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
+        """Return where agents are whose last nodes these are."""
+        return Places(np.full((*node.shape, 3), -1), np.zeros(node.shape), self.streets.columns.xy[node])
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
@@ -188,14 +279,14 @@ class Movement:
         return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
 
     def towards(
-        self, node: IntArray, targets: IntArray, agents: IntArray, allowed: BoolArray | None = None
+        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
     ) -> IntArray:
         """Return the actions that lead agents from nodes towards others, as strategies go a step; -1: no path.
 
         Args:
             node: rows, where they are.
             targets: rows, of the same shape.
-            agents: numbers in the roster, of a shape that broadcasts.
+            which: the games and the agents, by their numbers in the batch and in the roster, of the same shape.
             allowed: (nodes,) which may be entered; None: all.
         """
         return self.routes("length").actions(node, targets, allowed)
@@ -235,7 +326,7 @@ class Anywhere(Movement):
         return found
 
     def towards(
-        self, node: IntArray, targets: IntArray, agents: IntArray, allowed: BoolArray | None = None
+        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
     ) -> IntArray:
         """Return the actions that lead to nodes, which are all legal."""
         return self.action_to(node, targets)
@@ -282,11 +373,11 @@ class ByEdges(Movement):
 
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
-    def choices(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
-        """Return the numbers of the choices of agents that are on these nodes, (games, agents)."""
-        rows = np.ix_(games, agents)
-        speed, begun = self._speeds[agents], self.begun[rows]
-        more = np.floor(edges_within(speed + self.covered[rows])) - np.floor(edges_within(speed))
+    def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return the numbers of the choices of agents that are on these nodes."""
+        agents = which[1]
+        speed, begun = self._speeds[agents], self.begun[which]
+        more = np.floor(edges_within(speed + self.covered[which])) - np.floor(edges_within(speed))
         kind = self._kind_of[agents] * _REACHES + np.where(begun > 0, more, 0).astype(np.int64)
         keys = kind * len(self.streets.targets) + self.streets.offsets[node] + begun
         found: IntArray = self._number[keys]
@@ -354,11 +445,10 @@ class ByEdges(Movement):
     # -- moves ----------------------------------------------------------------------------------------------------
 
     def towards(
-        self, node: IntArray, targets: IntArray, agents: IntArray, allowed: BoolArray | None = None
+        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
     ) -> IntArray:
         """Return the actions that lead agents from nodes towards others; -1: no path."""
-        agents = np.broadcast_to(agents, node.shape)
-        has_speed = self._is_paced[agents]
+        has_speed = self._is_paced[which[1]]
         found, table = np.full(node.shape, -1), self.routes("length")
         found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
         here, ends = node[has_speed], targets[has_speed]
@@ -371,7 +461,7 @@ class ByEdges(Movement):
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
         """Return where actions lead, of all agents of some games."""
         agents = np.arange(node.shape[1])
-        choices = self.choices(node, games, agents)
+        choices = self.choices(node, (games[:, None], agents))
         is_aim = actions >= AIMS
         targets = np.where(is_aim, actions % AIMS, self.nodes(choices, np.where(is_aim, 0, actions)))
         goes = np.nonzero(targets != node)
@@ -435,7 +525,7 @@ class ByEdges(Movement):
         is_moving = (lengths > 1) | (begun > 0)
         stays = lengths == 1
         paths = Paths(nodes, times, lengths, stays, np.zeros_like(stays), np.ones_like(stays))
-        return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered))
+        return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered), (0, 0.0))
 
     def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:
         """Note what is left of moves for the next turn, of some agents; None: of all."""
@@ -467,26 +557,3 @@ class _Way:
         self.here, self.targets, self.limit, self.is_paced = here, targets, limit, is_paced
         self.edges, self.ahead = np.zeros(len(here), np.int64), np.full(len(here), -1)
         self.nodes, self.share = here[:, None], np.zeros(len(here))
-
-
-def movement_of(game: PlayedGame) -> Movement:
-    """Return how the agents of a game go."""
-    settings, graph = game.settings(), game.ctx.graph
-    streets = Streets(graph.columns(), graph.routes)
-    speeds = [agent.speed for agent in Roster.of(game.agents).agents]
-    if settings["legal"] == "any":
-        return Anywhere(streets)
-    return Movement(streets) if speeds.count(None) == len(speeds) else ByEdges(streets, speeds)
-
-
-def why_not_moved(game: PlayedGame) -> str | None:
-    """Return what has no array form of how agents move, in words; None: all has."""
-    settings = game.settings()
-    if settings["speed_unit"] != "edges":
-        return f"speed_unit={settings['speed_unit']!r}"
-    for agent in game.agents:
-        if agent.type is AgentType.AERIAL:
-            return f"agent {agent.name!r}, which flies"
-        if agent.speed is not None and not isfinite(agent.speed):
-            return f"agent {agent.name!r}, whose speed is infinite"
-    return None

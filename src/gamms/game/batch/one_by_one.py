@@ -8,8 +8,8 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.movement import Movement
-from gamms.game.batch.state import GameArrays, Places
+from gamms.game.batch.movement import Movement, Places
+from gamms.game.batch.state import GameArrays
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -110,6 +110,14 @@ def why_not_seen(agent: IAgent, name: str) -> str | None:
     form = getattr(sensor, "in_arrays", None)
     look = "is of a class of its own" if form is None else form(agent.name)
     return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {look}" if isinstance(look, str) else None
+
+
+def sees_all_nodes(sensor: Any, agent: IAgent) -> bool:
+    """Whether a sensor shows no agents, or shows them wherever they are, so that only their nodes count."""
+    if sensor.type not in SHOWING_AGENTS:
+        return True
+    look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else None
+    return isinstance(look, AgentLook) and look.radius == np.inf and look.cone is None and look.hides is None
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:

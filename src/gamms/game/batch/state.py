@@ -9,7 +9,7 @@ import numpy as np
 from gamms import kernels
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
-from gamms.game.batch.movement import Movement, Paths
+from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -74,14 +74,6 @@ class EventLog:
             self._of_game[game] = []
         for unread in self._unread.values():
             unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
-
-
-class Places(NamedTuple):
-    """Where agents are that may be on edges; arrays begin with the games and the agents."""
-
-    edge: IntArray  # (games, agents, 3)  ids of the nodes that it leads from and to, and its own; -1 on a node
-    offset_m: FloatArray  # (games, agents)  metres along it
-    xy: FloatArray  # (games, agents, 2)  map units
 
 
 class LastMoves(NamedTuple):

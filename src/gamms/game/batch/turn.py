@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.deeds import ArrayDeeds, joined
-from gamms.game.batch.movement import Moves, Paths
+from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
 from gamms.game.batch.state import Arrays, Emitted, GameArrays
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
@@ -65,6 +65,8 @@ class MovesOfTurn:
         ends: where they went, conflicts included.
         took_part: which of them were alive then.
         paths: how they go there; None: along one edge at most. `visits` says where they were.
+        start_places, num_places: for conflicts: where moves begin, and how many places there are: nodes, and in games
+            by metres the edges behind them.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
     """
@@ -80,6 +82,7 @@ class MovesOfTurn:
         self.starts = self.ends = self.node
         self.took_part = self.alive
         self.paths: Paths | None = None
+        self.start_places, self.num_places = self.node, len(self.streets.counts)
         self._played: Paths | None = None  # of the parts of the turn that have moved
         self._earlier = self.starts, self.ends  # of these parts
         self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
@@ -205,6 +208,16 @@ class MovesOfTurn:
             setattr(part, name, [deeds._replace(at=number[deeds.at]) for deeds in kept])
         return part
 
+    def note_illegal(self, illegal: Sequence[Illegal]) -> None:
+        """Note which actions could not be done."""
+        for at, agent, message in sorted(illegal):
+            game = int(self.games[at])
+            if not self.alive[at, agent]:
+                continue
+            self._state.counts["illegal"][game, agent] += 1
+            error = {"agent": self.roster.names[agent], "kind": "illegal", "message": message}
+            self._state.errors[game].append({"turn": int(self.turn[at]), **error})
+
     def end_moves(self) -> None:
         """Let the turn be played: what follows are its rules."""
         self.alive, self.turn, self.paths = self.alive.copy(), self.turn + 1, self._played
@@ -220,7 +233,14 @@ class MovesOfTurn:
     def is_there_by_move(self) -> BoolArray:
         """Which agents are where their moves have led them, rather than put there since: (games, agents)."""
         by_move: BoolArray = self.took_part & (self.node == self.ends)
+        if self.paths is not None and self.paths.edge is not None:
+            by_move &= self._state.movement.edge[self.games] == self.paths.edge
         return by_move
+
+    @property
+    def movement(self) -> Movement:
+        """How the agents go."""
+        return self._state.movement
 
     def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
         """Return at which nodes agents were in the turn; those that were put elsewhere are there at the end of it.
@@ -231,7 +251,10 @@ class MovesOfTurn:
         """
         is_of_nodes, paths = which.ndim == 1, self.paths
         if paths is None or not passing:
-            at, agents = np.nonzero(self.alive & (which[self.node] if is_of_nodes else which))
+            counts = self.alive & (which[self.node] if is_of_nodes else which)
+            if paths is not None and paths.edge is not None:
+                counts &= self._state.movement.edge[self.games] < 0
+            at, agents = np.nonzero(counts)
             node = self.node[at, agents]
             begin = np.ones(len(at))
             if passing:
@@ -248,7 +271,8 @@ class MovesOfTurn:
         is_last = (number == lengths[at, agents] - 1) & (paths.rests[at, agents] | ~has_moved)
         end = np.where(is_last, 1.0, begin)
         waiting = np.flatnonzero((number == 0) & (lengths[at, agents] > 1))
-        end[waiting] = paths.times[at[waiting], agents[waiting], 1]
+        if len(waiting):
+            end[waiting] = paths.times[at[waiting], agents[waiting], 1]
         return Visits(at, agents, nodes[at, agents, number], begin, end)
 
     @property

@@ -11,10 +11,10 @@ from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
-from gamms.game.batch.movement import AIMS
+from gamms.game.batch.movement import STOP, Places
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import Seen, lookouts, names_of, seen
-from gamms.game.batch.state import Arrays, GameArrays, Places
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.random_streams import ArrayDraws
@@ -28,7 +28,8 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
-ONE_EDGE = "one_edge"  # an attribute of forms of strategies that differ where agents have speeds
+FITS = "fits"  # an attribute of forms: up to which speeds they are those of strategies, of `SPEEDS`
+SPEEDS = ("edge", "edges", "metres")
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
 IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
 MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
@@ -131,7 +132,7 @@ class ArrayView(Mapping[str, Any]):
     def choices(self) -> IntArray:
         """What is legal for each agent, by the numbers of `movement`."""
         if "all" not in self._known:
-            self._known["all"] = self.movement.choices(self.node, self.games, self.agents)
+            self._known["all"] = self.movement.choices(self.node, self.numbers(np.s_[:, :]))
         return self._known["all"]
 
     @property
@@ -147,6 +148,8 @@ class ArrayView(Mapping[str, Any]):
 
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
+        if len(self.movement.edge):
+            return self.movement.places(self.node, self.numbers(np.s_[:, :]))
         known, rows = self._state.places, np.ix_(self.games, self.agents)
         if known is None:
             shape = self.node.shape
@@ -174,8 +177,18 @@ class ArrayView(Mapping[str, Any]):
         Returns:
             -1 where no path leads there.
         """
-        agents = np.broadcast_to(self.agents, self.node.shape)[which]
-        return self.movement.towards(self.node[which], targets, agents, allowed)
+        return self.movement.towards(self.node[which], targets, self.numbers(which), allowed)
+
+    def numbers(self, which: Any) -> tuple[IntArray, IntArray]:
+        """Return the numbers of games in the batch and of agents in the roster, of some agents of the view."""
+        shape = self.node.shape
+        return np.broadcast_to(self.games[:, None], shape)[which], np.broadcast_to(self.agents, shape)[which]
+
+    @property
+    def edge(self) -> IntArray:
+        """The rows of the edges that agents are on, in games by metres, (games, agents); -1: they are on nodes."""
+        known = self.movement.edge
+        return known[np.ix_(self.games, self.agents)] if len(known) else np.full(self.node.shape, -1)
 
     def only(self, asked: BoolArray) -> "ArrayView":
         """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.
@@ -346,8 +359,8 @@ class ArrayView(Mapping[str, Any]):
                 f"{by}: there is one action for each game and agent, an array {self.node.shape}, "
                 f"not one of the shape {actions.shape}."
             )
-        chosen = np.where(self.mask, actions, 0)
-        leads_on = (chosen >= AIMS) & may_aim
+        chosen = np.where(self.mask, actions, self.movement.idle)
+        leads_on = (chosen >= STOP) & (may_aim | ~self.mask)
         if leads_on.all():
             return chosen
         is_wrong = (chosen < 0) | ((chosen >= self.counts) & ~leads_on)
