@@ -11,6 +11,7 @@ from heapq import heappop, heappush
 from typing import NamedTuple
 
 import batches
+import parts
 import seeing
 from pictures import film, first_frame, zoom
 from worlds import ST, Spent, context, fill, grid, paper_strategy
@@ -629,6 +630,8 @@ CASES = [
     Case("targeted: AGENT_RANGE among 100,000 agents, in a batch", "pair", seeing.crowd),
     Case("targeted: tag(euclid=5) of 100,000 agents in a batch", "agent-step", seeing.tags),
     Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),
+    Case("scenario: 1,024 games with an order of play in a batch", "agent-step", parts.in_order),
+    Case("scenario: 1,024 games with deeds in a batch", "agent-step", parts.with_deeds),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
     Case("scenario: film Helsinki, 1280 x 720", "frame", film),
     Case("scenario: window, first of 100,000 edges", "frame", first_frame),

@@ -1,0 +1,66 @@
+"""Parts of games in batches of 1,024, each against the same games one after the other by `reset` and `run`."""
+
+WALK = {"count": 5, "strategy": "gamms.strategies:random_walk"}
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+DEEDS = {"scan": {"node": "node"}, "mark": {"size": "number"}}
+PRICED = [
+    {"rule": "resource", "with": {"name": "fuel", "start": 9, "per_deed": {"scan": 1, "mark": 0.5}, "recharge": {0: 3}}},
+    {"rule": "cooldown", "with": {"deed": "scan", "turns": 2}},
+]
+
+
+def act(view):
+    """Walk at random, and do two things now and then."""
+    actions = view.draw.below(view.counts)
+    view.do("scan", view.draw.random() < 0.3, node=view.streets.step(view.node, actions))
+    view.do("mark", view.draw.random() < 0.2, size=view.draw.random())
+    return actions
+
+
+def act_alone(state):
+    """Do the same as an agent alone."""
+    legal, draw, done = state["legal"], state["draw"], {}
+    node = legal[draw.below(len(legal))]
+    if draw.random() < 0.3:
+        done["scan"] = {"node": node}
+    if draw.random() < 0.2:
+        done["mark"] = {"size": draw.random()}
+    state["action"] = {"node_id": node, "do": done} if done else node
+
+
+def batch_of(rules, settings, strategies=None, games=1024, turns=50, **more):
+    """Games of 5 against 5 on a grid of 20 x 20 in a batch, and the same one by one."""
+    from gamms.scenario import Scenario
+
+    given = {"map": {"grid": {"width": 20, "height": 20}}, "teams": {"red": WALK, "blue": WALK}, **more}
+    scenario = Scenario(rules=rules, settings=settings, max_turns=turns, **given)
+    batch, alone = scenario.batch(games, strategies=strategies), scenario.build(seed=0, strategies=strategies)
+    if batch.slow is not None:
+        raise RuntimeError(f"This batch is played one by one, because of {batch.slow}.")
+
+    def ours():
+        batch.reset()
+        while not batch.is_over.all():
+            batch.step()
+        return games * 10 * turns
+
+    def floor(few=4):
+        for seed in range(few):
+            alone.game.reset(seed=seed)
+            alone.game.run()
+        return few * 10 * turns
+
+    return ours, floor
+
+
+def in_order():
+    """Teams that move one after the other and tag."""
+    return batch_of([TAG], {"order": [["red"], ["blue"]]})
+
+
+def with_deeds():
+    """Agents that do two kinds of deeds, with a price and a cooldown."""
+    import gamms
+
+    gamms.array_strategy(of=act_alone)(act)
+    return batch_of(PRICED, {"deeds": DEEDS}, {"red": act_alone, "blue": act_alone})

@@ -1,0 +1,420 @@
+"""Messages of many games at once: what array strategies send, who hears it, and what is under way."""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.columns import Roster
+from gamms.game.batch.routes import RouteTable
+from gamms.game.channels import Channel, Jammer, matching, receivers_of
+from gamms.ir.chances import as_chances, chances_at
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.packing import to_bytes
+from gamms.kernels.draws import BitArray
+from gamms.plain import to_plain, why_not_plain
+from gamms.text import shown
+
+_HEARD, _OVERHEARD, _LOST, _JAMMED = 1, 2, 3, 4  # what becomes of a message for an agent; 0: nothing
+
+
+class Outbox(NamedTuple):
+    """Messages that agents send together by one channel; arrays (messages,).
+
+    Attributes:
+        channel: its name.
+        at: the games, by their numbers in the batch.
+        senders: numbers in the roster.
+        to: of each an agent, a team, or None.
+        bodies: of each.
+        order: of several messages of one agent in a turn, that with the smaller number comes first.
+    """
+
+    channel: str
+    at: IntArray
+    senders: IntArray
+    to: np.ndarray[Any, Any]
+    bodies: list[Any]
+    order: int
+
+
+class Heard(NamedTuple):
+    """The messages that agents of a view have in their inboxes, by game, then by agent, then as they were sent.
+
+    Attributes:
+        at: (messages,) the game in the view.
+        hearers: (messages,) the agent of the view.
+        senders: (messages,) numbers in the roster.
+        bodies: (messages,) as they were sent; they must not be changed.
+        turns: (messages,) how many turns were played when they were sent.
+        overheard: (messages,) whether they were for others.
+    """
+
+    at: IntArray
+    hearers: IntArray
+    senders: IntArray
+    bodies: list[Any]
+    turns: IntArray
+    overheard: BoolArray
+
+
+class _Sent(NamedTuple):
+    """Messages of one channel and turn, (messages,), and what became of them, (messages, agents)."""
+
+    channel: str
+    at: IntArray
+    turns: IntArray  # numbers of the turns, from 1
+    senders: IntArray
+    to: np.ndarray[Any, Any]
+    bodies: list[Any]
+    place: IntArray  # of several messages of a game and turn, that with the smaller number comes first
+    outcome: IntArray
+    arrival: IntArray
+
+    def those(self, which: BoolArray) -> "_Sent":
+        bodies = [body for body, is_in in zip(self.bodies, which.tolist(), strict=True) if is_in]
+        columns = {name: getattr(self, name)[which] for name in self._fields if name not in ("channel", "bodies")}
+        return self._replace(bodies=bodies, **columns)
+
+
+class Scene(NamedTuple):
+    """The games in which messages are sent: where agents are when all have moved.
+
+    Attributes:
+        games: (games,) numbers in the batch.
+        turns: (games,) how many turns were played before this one.
+        node, alive: (games, agents)
+        purposes: returns the hash of the seeds and a purpose, of all games of the batch.
+        hops: how many edges it is between rows of nodes.
+    """
+
+    games: IntArray
+    turns: IntArray
+    node: IntArray
+    alive: BoolArray
+    purposes: Callable[..., BitArray]
+    hops: Callable[[], RouteTable]
+
+
+class Radio:
+    """The channels of a game, and what was sent by them in all games of a batch.
+
+    Args:
+        channels: by name.
+        roster: of every game.
+        xyz: (nodes, 3) where nodes are.
+        part_of: (agents,) in which part of a turn agents move.
+        num_games: of the batch.
+    """
+
+    def __init__(
+        self, channels: Mapping[str, Channel], roster: Roster, xyz: FloatArray, part_of: IntArray, num_games: int
+    ) -> None:
+        self.channels, self._roster, self._xyz, self._part_of = channels, roster, xyz, part_of
+        self._teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
+        self._pair_keys: BitArray | None = None
+        self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
+        self._pending: list[list[_Sent]] = []
+        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+
+    # -- sending ------------------------------------------------------------------------------------------------
+
+    def checked(
+        self, channel: str, where: BoolArray, games: IntArray, agents: IntArray, to: object, body: object, order: int
+    ) -> Outbox:
+        """Return what agents send, checked.
+
+        Args:
+            channel: its name.
+            where: (games, agents) which agents send.
+            games: (games,) numbers in the batch.
+            agents: (agents,) numbers in the roster.
+            to: an agent, a team or None for all messages, or an array (games, agents) of numbers in the roster.
+            body: a plain value for all, or an array whose first axes are games and agents.
+            order: the place among the messages of the same agents.
+
+        Raises:
+            UnknownName (KeyError): there is no such channel, agent or team.
+            BadType, BadValue: the body is not plain, or a team may not use the channel.
+        """
+        if channel not in self.channels:
+            raise UnknownName("channel", channel, self.channels)
+        at, which = np.nonzero(where)
+        senders, team_of = agents[which], self._roster.team_of
+        for number in np.unique(team_of[senders]).tolist():
+            if not self.channels[channel].is_for(self._roster.teams[number]):
+                raise BadValue(f"Channel {channel!r} is not for team {shown(self._roster.teams[number])}.")
+        receivers = np.empty(len(at), object)
+        if isinstance(to, np.ndarray):
+            receivers[:] = [self._roster.names[number] for number in np.broadcast_to(to, where.shape)[at, which]]
+        else:
+            if to is not None and not receivers_of(_as_key(to), self._teams):
+                raise UnknownName("agent or team", to, [*self._teams, *self._roster.teams])
+            receivers[:] = [to] * len(at)
+        bodies = body[at, which].tolist() if isinstance(body, np.ndarray) else [body] * len(at)
+        for one in bodies if isinstance(body, np.ndarray) and body.dtype == object else [body] * (len(at) > 0):
+            if not isinstance(one, np.ndarray) and (flaw := why_not_plain(one)):
+                raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts: body{flaw}.")
+        return Outbox(channel, games[at], senders, receivers, bodies, order)
+
+    def send(self, scene: Scene, outboxes: Sequence[Outbox]) -> None:
+        """Work out who hears what is sent in these games; what dead agents send is dropped."""
+        number = np.full(len(self._of_game), -1)
+        number[scene.games] = np.arange(len(scene.games))
+        sent: list[_Sent] = []
+        for name in self.channels:
+            boxes = [box for box in outboxes if box.channel == name]
+            if not boxes:
+                continue
+            at, senders, to = (np.concatenate([getattr(box, key) for box in boxes]) for key in ("at", "senders", "to"))
+            order = np.concatenate([np.full(len(box.at), box.order) for box in boxes])
+            bodies = [body for box in boxes for body in box.bodies]
+            at = number[at]
+            those = np.flatnonzero((at >= 0) & scene.alive[at, senders])
+            those = those[np.lexsort((order[those], senders[those], at[those]))]
+            if len(those):
+                at, senders, order = at[those], senders[those], order[those]
+                wave = _Waves(self, self.channels[name], scene, at, senders, to[those])
+                place = (self._part_of[senders] * len(self._roster.names) + senders) * (1 + order.max()) + order
+                chosen = [bodies[row] for row in those.tolist()]
+                turns = scene.turns[at] + 1
+                outcome, arrival = wave.outcomes(turns)
+                games = scene.games[at]
+                sent.append(_Sent(name, games, turns, senders, to[those], chosen, place, outcome, arrival))
+        places = {place: rank for rank, place in enumerate(sorted({(*key,) for one in sent for key in _keys(one)}))}
+        sent = [one._replace(place=np.array([places[(*key,)] for key in _keys(one)], np.int64)) for one in sent]
+        self._pending.append(sent)
+        for one in sent:
+            last = int((one.arrival - one.turns[:, None]).max(initial=0))
+            self._under_way.append((last, one))
+
+    def end_turn(self) -> None:
+        """Forget what has arrived everywhere."""
+        self._under_way = [(left - 1, sent) for left, sent in self._under_way if left > 0]
+
+    def heard(
+        self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray
+    ) -> Heard:
+        """Return what agents hear by a channel in the turn that comes; see `Heard`.
+
+        Raises:
+            UnknownName (KeyError): there is no such channel.
+        """
+        if channel not in self.channels:
+            raise UnknownName("channel", channel, self.channels)
+        number = np.full(len(self._of_game), -1)
+        number[games] = np.arange(len(games))
+        found: list[list[Any]] = []
+        for _, sent in self._under_way:
+            if sent.channel != channel:
+                continue
+            at = number[sent.at]
+            arrives = (sent.outcome == _HEARD) | (sent.outcome == _OVERHEARD)
+            arrives &= (sent.arrival == np.where(at >= 0, turns[at] + 1, -1)[:, None]) & (at >= 0)[:, None]
+            rows, columns = np.nonzero(arrives[:, agents] & asked[at])
+            overheard = sent.outcome[rows, agents[columns]] == _OVERHEARD
+            bodies = [sent.bodies[row] for row in rows.tolist()]
+            columns_of = at[rows], columns, sent.turns[rows], sent.place[rows], overheard, sent.senders[rows], bodies
+            found.append(list(columns_of))
+        if not found:
+            none = np.zeros(0, np.int64)
+            return Heard(none, none, none, [], none, none > 0)
+        at, hearers, since, place, overheard, senders = (np.concatenate([one[i] for one in found]) for i in range(6))
+        bodies = [body for one in found for body in one[6]]
+        order = np.lexsort((overheard, place, since, hearers, at))
+        ordered = [bodies[row] for row in order.tolist()]
+        return Heard(at[order], hearers[order], senders[order], ordered, since[order] - 1, overheard[order])
+
+    # -- who is meant and where ---------------------------------------------------------------------------------
+
+    def meant(self, to: Hashable) -> BoolArray:
+        """Return which agents a message is for, (agents,)."""
+        named = receivers_of(to, self._teams)
+        return np.array([name in named for name in self._roster.names], np.bool_)
+
+    def matching(self, named: Sequence[Any]) -> BoolArray:
+        """Return which agents, or whose teams, are named, (agents,)."""
+        return np.array(matching(named, self._roster.names, self._teams.values()), np.bool_)
+
+    def places(self, node: IntArray) -> FloatArray:
+        """Return where nodes are, with one axis more."""
+        found: FloatArray = self._xyz[node]
+        return found
+
+    def keys(self, *, relay: bool) -> BitArray:
+        """Return what draws for a transmitter and a hearer start from, (agents, agents) or (1, agents)."""
+        if not relay:
+            return self._roster.keys[None]
+        if self._pair_keys is None:
+            keys = self._roster.keys
+            self._pair_keys = np.stack([kernels.draw_bits_many(int(key), keys, 0) for key in keys])
+        return self._pair_keys
+
+    def purposes(self, scene: Scene, channel: str, at: IntArray, senders: IntArray) -> BitArray:
+        """Return the hashes of the seed, the channel and the sender of messages, (messages,)."""
+        found = np.zeros(len(at), np.uint64)
+        for sender in np.unique(senders).tolist():
+            of_one = senders == sender
+            found[of_one] = scene.purposes("channel", channel, self._roster.names[sender])[scene.games[at[of_one]]]
+        return found
+
+    def jammed(self, jammer: Jammer, scene: Scene, xyz: FloatArray, node_row: Callable[[int], int]) -> BoolArray:
+        """Return which agents a jammer silences, (games, agents)."""
+        if jammer.at is None:
+            is_team = jammer.team is not None
+            named = [
+                (self._teams[name] == jammer.team if is_team else name == jammer.agent) for name in self._roster.names
+            ]
+            found = np.zeros(scene.node.shape, np.bool_)
+            for number in np.flatnonzero(named).tolist():
+                found |= (_distances(xyz, xyz[:, number, None]) <= jammer.radius_m) & scene.alive[:, number, None]
+            return found
+        at = (*jammer.at, 0.0) if isinstance(jammer.at, tuple) else (*self._xyz[node_row(jammer.at)][:2], 0.0)
+        return np.asarray(_distances(xyz, np.array(at)) <= jammer.radius_m)
+
+    node_row: Callable[[int], int]
+
+    # -- the log ------------------------------------------------------------------------------------------------
+
+    def of(self, game: int) -> list[dict[str, Any]]:
+        """Return the messages of a game, in their order, as `ctx.game.messages` has them."""
+        for sent in self._pending:
+            rows = [row for one in sent for row in self._written(one)]
+            for number, _, entry in sorted(rows, key=lambda row: row[:2]):
+                self._of_game[number].append(entry)
+        self._pending.clear()
+        return self._of_game[game]
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the messages of some games."""
+        self.of(0)
+        for game in games.tolist():
+            self._of_game[game] = []
+        self._under_way = [(left, sent.those(~np.isin(sent.at, games))) for left, sent in self._under_way]
+
+    def _written(self, sent: _Sent) -> list[tuple[int, int, dict[str, Any]]]:
+        """Return game, place and the entry of the log of each message."""
+        names, rows = self._roster.names, []
+        for i, body in enumerate(map(to_plain, sent.bodies)):
+            of = [np.flatnonzero(sent.outcome[i] == kind).tolist() for kind in (_HEARD, _OVERHEARD, _LOST, _JAMMED)]
+            timed = [{names[agent]: int(sent.arrival[i, agent]) for agent in agents} for agents in of[:2]]
+            entry = {
+                "turn": int(sent.turns[i]),
+                "channel": sent.channel,
+                "sender": names[sent.senders[i]],
+                "to": to_plain(sent.to[i]),
+                "body": body,
+                "size": len(to_bytes(body, "The body of a message")),
+                "heard": timed[0],
+                "overheard": timed[1],
+                "lost": [names[agent] for agent in of[2]],
+                "jammed": [names[agent] for agent in of[3]],
+            }
+            rows.append((int(sent.at[i]), int(sent.place[i]), entry))
+        return rows
+
+
+class _Waves:
+    """How messages of one channel spread, from agent to agent."""
+
+    def __init__(
+        self, radio: Radio, channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Any
+    ) -> None:
+        self._radio, self._channel, self._scene = radio, channel, scene
+        self._at, self._senders = at, senders
+        self._xyz = radio.places(scene.node)
+        self._may_use = np.array([channel.is_for(team) for team in radio._teams.values()], np.bool_)
+        self._is_jammed = np.zeros(scene.node.shape, np.bool_)
+        for jammer in channel.jammers:
+            self._is_jammed |= radio.jammed(jammer, scene, self._xyz, radio.node_row)
+        kinds = {one: radio.meant(one) & self._may_use for one in set(to.tolist())}
+        self._is_meant = np.stack([kinds[one] for one in to.tolist()]) & scene.alive[at]
+        self._is_meant[np.arange(len(at)), senders] = False
+        self._losses = as_chances(channel.loss, "loss") if channel.loss else None
+        self._purposes = radio.purposes(scene, channel.name, at, senders)
+        pairs = at * len(self._may_use) + senders  # ascending: the messages of a sender follow each other
+        starts = np.searchsorted(pairs, pairs)
+        self._k = np.arange(len(pairs)) - starts
+
+    def outcomes(self, turns: IntArray) -> tuple[IntArray, IntArray]:
+        """Return what becomes of the messages, and when they arrive, (messages, agents)."""
+        channel, jammed = self._channel, self._is_jammed[self._at]
+        overhears = self._radio.matching(channel.eavesdroppers)
+        can_hear = ~jammed & self._scene.alive[self._at]
+        can_hear[np.arange(len(self._at)), self._senders] = False
+        if not channel.relay:
+            can_hear &= self._is_meant | overhears
+        wave, in_reach = self._spread(can_hear)
+        heard, missed = wave > 0, in_reach & self._is_meant
+        outcome = np.select(
+            [heard & self._is_meant, heard & overhears & ~self._is_meant, missed & ~jammed, missed & jammed],
+            [_HEARD, _OVERHEARD, _LOST, _JAMMED],
+        )
+        return outcome, np.where(heard, turns[:, None] + wave * channel.delay_turns, 0)
+
+    def _spread(self, can_hear: BoolArray) -> tuple[IntArray, BoolArray]:
+        """Return by how many transmissions messages come to agents, 0 for not at all, and whom they might reach."""
+        channel, scene = self._channel, self._scene
+        wave, in_reach = np.zeros(can_hear.shape, np.int64), np.zeros(can_hear.shape, np.bool_)
+        relays = self._may_use if channel.relay is True else self._radio.matching(channel.relay or ())
+        keys = self._radio.keys(relay=bool(channel.relay))
+        rows, transmitters, number = np.arange(len(wave)), self._senders, 1
+        while len(rows):
+            reaches, far = self._reached(rows, transmitters)
+            np.logical_or.at(in_reach, rows, reaches)
+            which, gets = np.nonzero(reaches & (can_hear & (wave == 0))[rows])
+            of = rows[which]
+            if self._losses is not None:
+                names = keys[transmitters[which] if channel.relay else 0, gets]
+                later = kernels.later_key_rows(
+                    kernels.first_key_rows(self._purposes[of], names), scene.turns[self._at[of]]
+                )
+                draws = kernels.fraction_many(kernels.bits_at_rows(later, self._k[of]))
+                comes = draws >= chances_at(far[which, gets], self._losses)
+                of, gets = of[comes], gets[comes]
+            is_new = np.zeros(wave.shape, np.bool_)
+            is_new[of, gets] = True
+            wave[is_new] = number
+            rows, transmitters = np.nonzero(is_new & relays if channel.relay else is_new & False)
+            number += 1
+        return wave, in_reach
+
+    def _reached(self, rows: IntArray, transmitters: IntArray) -> tuple[BoolArray, FloatArray]:
+        """Return which agents transmitters of messages reach, and how far they are, (transmitters, agents)."""
+        channel, scene, at = self._channel, self._scene, self._at[rows]
+        far = _distances(self._xyz[at], self._xyz[at, transmitters][:, None])
+        reaches = scene.alive[at] & (far <= (np.inf if channel.range_m is None else channel.range_m))
+        if channel.hops is not None:
+            edges = scene.hops().distances(scene.node[at, transmitters][:, None], scene.node[at])
+            reaches &= edges <= channel.hops
+        reaches[np.arange(len(rows)), transmitters] = False
+        return reaches, far
+
+
+def _as_key(to: object) -> Hashable:
+    if not isinstance(to, Hashable):
+        raise BadType(f"The receiver of a message is an agent, a team or None, not {shown(to)}.")
+    return to
+
+
+def _keys(sent: _Sent) -> list[tuple[int]]:
+    return [(place,) for place in sent.place.tolist()]
+
+
+def _distances(xyz: FloatArray, place: FloatArray) -> FloatArray:
+    ways = xyz - place
+    distances: FloatArray = np.sqrt((ways * ways).sum(axis=-1))
+    return distances
+
+
+def why_not_sent(channels: Mapping[str, Channel]) -> str | None:
+    """Return what has no array form of channels, in words; None: all has."""
+    for name, channel in channels.items():
+        if channel.line_of_sight:
+            return f"channel {name!r}, which needs a line of sight"
+        if channel.max_bytes_per_turn is not None:
+            return f"channel {name!r}, which bounds what is sent in a turn"
+    return None
