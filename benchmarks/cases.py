@@ -632,6 +632,7 @@ CASES = [
     Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),
     Case("scenario: 1,024 games with an order of play in a batch", "agent-step", parts.in_order),
     Case("scenario: 1,024 games with deeds in a batch", "agent-step", parts.with_deeds),
+    Case("scenario: 1,024 games with messages in a batch", "agent-step", parts.with_messages),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
     Case("scenario: film Helsinki, 1280 x 720", "frame", film),
     Case("scenario: window, first of 100,000 edges", "frame", first_frame),

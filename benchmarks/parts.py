@@ -4,7 +4,10 @@ WALK = {"count": 5, "strategy": "gamms.strategies:random_walk"}
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 DEEDS = {"scan": {"node": "node"}, "mark": {"size": "number"}}
 PRICED = [
-    {"rule": "resource", "with": {"name": "fuel", "start": 9, "per_deed": {"scan": 1, "mark": 0.5}, "recharge": {0: 3}}},
+    {
+        "rule": "resource",
+        "with": {"name": "fuel", "start": 9, "per_deed": {"scan": 1, "mark": 0.5}, "recharge": {0: 3}},
+    },
     {"rule": "cooldown", "with": {"deed": "scan", "turns": 2}},
 ]
 
@@ -26,6 +29,20 @@ def act_alone(state):
     if draw.random() < 0.2:
         done["mark"] = {"size": draw.random()}
     state["action"] = {"node_id": node, "do": done} if done else node
+
+
+def talk(view):
+    """Walk at random, and call all now and then."""
+    view.heard("radio")
+    view.send("radio", view.draw.random() < 0.2, view["curr_pos"])
+    return view.draw.below(view.counts)
+
+
+def talk_alone(state):
+    """Do the same as an agent alone."""
+    if state["draw"].random() < 0.2:
+        state["outbox"].append({"channel": "radio", "to": None, "body": state["curr_pos"]})
+    state["action"] = state["legal"][state["draw"].below(len(state["legal"]))]
 
 
 def batch_of(rules, settings, strategies=None, games=1024, turns=50, **more):
@@ -64,3 +81,12 @@ def with_deeds():
 
     gamms.array_strategy(of=act_alone)(act)
     return batch_of(PRICED, {"deeds": DEEDS}, {"red": act_alone, "blue": act_alone})
+
+
+def with_messages():
+    """Agents that call all others now and then, of which some do not hear it."""
+    import gamms
+
+    gamms.array_strategy(of=talk_alone)(talk)
+    radio = {"radio": {"range_m": 60.0, "loss": 0.2}}
+    return batch_of([], {}, {"red": talk_alone, "blue": talk_alone}, channels=radio)

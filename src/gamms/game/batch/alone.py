@@ -8,7 +8,8 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.arguments import as_context
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.forms import F, form_declared
@@ -62,6 +63,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
             view = _ViewOfOne(ctx, state)
             node = state["legal"][int(view.checked(form(view), name)[0, 0])]
             done = view.plain_deeds()
+            state.get("outbox", []).extend(view.plain_outbox())
             state["action"] = {"node_id": node, "do": done} if done else node
 
         made: Any = update_wrapper(strategy, form)
@@ -100,8 +102,13 @@ class _ViewOfOne(ArrayView):
         game.kept = state["memory"].setdefault(_KEPT, {})
         super().__init__(game, np.zeros(1, np.int64), np.array([number]))
         self.draw = _DrawsOfOne(state["draw"])
-        self._sensed, self.deeds = state["sensor"], []
-        check = partial(checked_value, ctx=cast("HostContext", ctx))
+        self._sensed, self._inbox, self.deeds, self.outboxes = state["sensor"], state.get("inbox", ()), [], []
+        host = cast("HostContext", ctx)
+        known, columns, none = host.game.channels, streets.columns, np.zeros(len(roster.names), np.int64)
+        if known:
+            xyz = np.column_stack((columns.xy, np.zeros(len(columns.xy))))
+            game.radio = Radio(known, roster, columns.node_ids, xyz, none, 1)
+        check = partial(checked_value, ctx=host)
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
         legal = streets.ids(streets.legal[node][: int(self.counts[0, 0])])
         if legal.tolist() != list(state["legal"]):
@@ -109,6 +116,22 @@ class _ViewOfOne(ArrayView):
                 f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
                 "no speed, and leave ctx.game.legal as it is."
             )
+
+    def plain_outbox(self) -> list[dict[str, Any]]:
+        """Return what the agent sends, as `state["outbox"]` has it."""
+        sent = [box for box in self.outboxes or () if len(box.at)]
+        return [{"channel": box.channel, "to": box.to[0], "body": box.bodies[0]} for box in sent]
+
+    def heard(self, channel: str) -> Heard:
+        """Return what is in `state["inbox"]`."""
+        if self._state.radio is None or channel not in self._state.radio.channels:
+            raise UnknownName("channel", channel, () if self._state.radio is None else self._state.radio.channels)
+        inbox = [message for message in self._inbox if message["channel"] == channel]
+        none = np.zeros(len(inbox), np.int64)
+        senders = np.array([self.roster.names.index(message["sender"]) for message in inbox], np.int64)
+        turns = np.array([message["turn"] for message in inbox], np.int64)
+        overheard = np.array([message["overheard"] for message in inbox], np.bool_)
+        return Heard(none, none, senders, [message["body"] for message in inbox], turns, overheard)
 
     def plain_deeds(self) -> dict[str, dict[str, Any]]:
         """Return what the agent does besides moving, as `state["action"]` has it."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.game.batch.channels import Outbox, Radio, Scene, why_not_sent
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import form_of
@@ -16,6 +17,7 @@ from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import movement_of, why_not_moved
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, TurnPart
 from gamms.game.batch.view import FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayStrategy, ArrayView
+from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
 from gamms.game.settings import PHASES as RULE_PHASES
@@ -64,6 +66,9 @@ class ArrayEngine:
         self.state.deeds = DeclaredDeeds(
             settings["deeds"], partial(checked_value, ctx=game.ctx), roster, movement.streets, len(seeds)
         )
+        if settings["channels"]:
+            self.state.radio = self._made_radio(settings["channels"])
+        self._outboxes: list[Outbox] = []  # of this turn
         self._rules = {
             phase: [(one, form_of(one.rule)) for one in game.rules if one.phase == phase] for phase in RULE_PHASES
         }
@@ -73,6 +78,15 @@ class ArrayEngine:
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return GameArrays(roster, movement, seeds, start)
+
+    def _made_radio(self, channels: Mapping[str, Channel]) -> Radio:
+        state, graph = self.state, self._game.ctx.graph.graph
+        columns, part_of = state.streets.columns, np.zeros(len(state.roster.names), np.int64)
+        for number, members in enumerate(self._parts):
+            part_of[np.s_[:] if members is None else members] = number
+        ground = graph.ground(columns.node_ids)
+        z = np.zeros(len(columns.node_ids)) if ground is None else ground.z
+        return Radio(channels, state.roster, columns.node_ids, np.column_stack((columns.xy, z)), part_of, len(state))
 
     def _publish_facts(self, facts: Mapping[str, Any]) -> None:
         self.state.facts.update(facts)
@@ -109,7 +123,7 @@ class ArrayEngine:
         turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
         if not len(turn.games):
             return
-        state.last_deeds = []
+        state.last_deeds, self._outboxes = [], []
         actions, is_given = self._given(turn, given)
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
@@ -117,17 +131,25 @@ class ArrayEngine:
                 self._finish(turn.of(~is_going))
                 turn, actions = turn.of(is_going), actions[is_going]
                 if not len(turn.games):
-                    return
+                    break
             wanted, is_decided = actions, is_given
             if members is not None:
                 moves = np.isin(np.arange(len(is_given)), members)
                 wanted, is_decided = np.where(moves, actions, state.movement.idle), is_given | ~moves
             part = None if members is None else TurnPart(number, len(self._parts), members)
             self._play_part(turn, *self._decided(turn, wanted, is_decided), part)
-        self._finish(turn)
+        if len(turn.games):
+            self._finish(turn)
+        if state.radio is not None:
+            state.radio.end_turn()
 
     def _finish(self, turn: ArrayTurn) -> None:
-        """Apply the rules of a turn in which all have moved."""
+        """Send what is to be sent in a turn in which all have moved, and apply its rules."""
+        state = self.state
+        if self._outboxes and state.radio is not None:
+            hops = partial(state.movement.routes, None)
+            scene = Scene(turn.games, turn.turn, turn.node, turn.alive, state.purposes, hops)
+            state.radio.send(scene, self._outboxes)
         turn.end_moves()
         if self._rules["before"]:
             turn.keep_moves()
@@ -184,10 +206,11 @@ class ArrayEngine:
             agents = group.agents[~is_decided[group.agents]]
             if len(agents):
                 view = ArrayView(self.state, turn.games, agents)
-                view.deeds = []
+                view.deeds, view.outboxes = [], []
                 try:
                     actions[:, agents] = view.checked(group.form(view), group.name, may_aim=True)
                     deeds += view.deeds
+                    self._outboxes += view.outboxes
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch.")
                     raise
@@ -242,6 +265,7 @@ class ArrayEngine:
             agents=agents,
             errors=[dict(error) for error in state.errors[game]],
             deeds=[dict(deed) for deed in state.deeds.of(game)],
+            messages=[] if state.radio is None else [dict(one) for one in state.radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],
             provenance=template.provenance,
@@ -259,7 +283,8 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     reasons = [
         (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
-        (bool(settings["channels"]), "channels"),
+        (bool(settings["channels"]) and settings["speed_unit"] != "edges", "channels of agents on edges"),
+        (why_not_sent(settings["channels"]) is not None, why_not_sent(settings["channels"]) or ""),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
         (settings["max_turns"] == 0, "a game of no turns"),

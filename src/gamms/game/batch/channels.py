@@ -18,6 +18,7 @@ from gamms.kernels.draws import BitArray
 from gamms.plain import to_plain, why_not_plain
 from gamms.text import shown
 
+_MOST_AT_ONCE = 1 << 20  # messages of one agent in a turn
 _HEARD, _OVERHEARD, _LOST, _JAMMED = 1, 2, 3, 4  # what becomes of a message for an agent; 0: nothing
 
 
@@ -105,15 +106,22 @@ class Radio:
     Args:
         channels: by name.
         roster: of every game.
-        xyz: (nodes, 3) where nodes are.
+        ids: (nodes,) of the nodes.
+        xyz: (nodes, 3) where they are.
         part_of: (agents,) in which part of a turn agents move.
         num_games: of the batch.
     """
 
     def __init__(
-        self, channels: Mapping[str, Channel], roster: Roster, xyz: FloatArray, part_of: IntArray, num_games: int
+        self,
+        channels: Mapping[str, Channel],
+        roster: Roster,
+        ids: IntArray,
+        xyz: FloatArray,
+        part_of: IntArray,
+        num_games: int,
     ) -> None:
-        self.channels, self._roster, self._xyz, self._part_of = channels, roster, xyz, part_of
+        self.channels, self._roster, self._ids, self._xyz, self._part_of = channels, roster, ids, xyz, part_of
         self._teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
         self._pair_keys: BitArray | None = None
         self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
@@ -178,14 +186,12 @@ class Radio:
             if len(those):
                 at, senders, order = at[those], senders[those], order[those]
                 wave = _Waves(self, self.channels[name], scene, at, senders, to[those])
-                place = (self._part_of[senders] * len(self._roster.names) + senders) * (1 + order.max()) + order
+                place = (self._part_of[senders] * len(self._roster.names) + senders) * _MOST_AT_ONCE + order
                 chosen = [bodies[row] for row in those.tolist()]
                 turns = scene.turns[at] + 1
                 outcome, arrival = wave.outcomes(turns)
                 games = scene.games[at]
                 sent.append(_Sent(name, games, turns, senders, to[those], chosen, place, outcome, arrival))
-        places = {place: rank for rank, place in enumerate(sorted({(*key,) for one in sent for key in _keys(one)}))}
-        sent = [one._replace(place=np.array([places[(*key,)] for key in _keys(one)], np.int64)) for one in sent]
         self._pending.append(sent)
         for one in sent:
             last = int((one.arrival - one.turns[:, None]).max(initial=0))
@@ -195,9 +201,7 @@ class Radio:
         """Forget what has arrived everywhere."""
         self._under_way = [(left - 1, sent) for left, sent in self._under_way if left > 0]
 
-    def heard(
-        self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray
-    ) -> Heard:
+    def heard(self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray) -> Heard:
         """Return what agents hear by a channel in the turn that comes; see `Heard`.
 
         Raises:
@@ -235,6 +239,11 @@ class Radio:
         named = receivers_of(to, self._teams)
         return np.array([name in named for name in self._roster.names], np.bool_)
 
+    @property
+    def teams(self) -> list[Any]:
+        """The teams of the agents."""
+        return list(self._teams.values())
+
     def matching(self, named: Sequence[Any]) -> BoolArray:
         """Return which agents, or whose teams, are named, (agents,)."""
         return np.array(matching(named, self._roster.names, self._teams.values()), np.bool_)
@@ -261,7 +270,7 @@ class Radio:
             found[of_one] = scene.purposes("channel", channel, self._roster.names[sender])[scene.games[at[of_one]]]
         return found
 
-    def jammed(self, jammer: Jammer, scene: Scene, xyz: FloatArray, node_row: Callable[[int], int]) -> BoolArray:
+    def jammed(self, jammer: Jammer, scene: Scene, xyz: FloatArray) -> BoolArray:
         """Return which agents a jammer silences, (games, agents)."""
         if jammer.at is None:
             is_team = jammer.team is not None
@@ -272,10 +281,12 @@ class Radio:
             for number in np.flatnonzero(named).tolist():
                 found |= (_distances(xyz, xyz[:, number, None]) <= jammer.radius_m) & scene.alive[:, number, None]
             return found
-        at = (*jammer.at, 0.0) if isinstance(jammer.at, tuple) else (*self._xyz[node_row(jammer.at)][:2], 0.0)
-        return np.asarray(_distances(xyz, np.array(at)) <= jammer.radius_m)
-
-    node_row: Callable[[int], int]
+        at = jammer.at
+        places = [at] if isinstance(at, tuple) else self._xyz[self._ids == at, :2].tolist()
+        found = np.zeros(scene.node.shape, np.bool_)
+        for x, y in places:
+            found |= _distances(xyz, np.array((x, y, 0.0))) <= jammer.radius_m
+        return found
 
     # -- the log ------------------------------------------------------------------------------------------------
 
@@ -320,16 +331,14 @@ class Radio:
 class _Waves:
     """How messages of one channel spread, from agent to agent."""
 
-    def __init__(
-        self, radio: Radio, channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Any
-    ) -> None:
+    def __init__(self, radio: Radio, channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Any) -> None:
         self._radio, self._channel, self._scene = radio, channel, scene
         self._at, self._senders = at, senders
         self._xyz = radio.places(scene.node)
-        self._may_use = np.array([channel.is_for(team) for team in radio._teams.values()], np.bool_)
+        self._may_use = np.array([channel.is_for(team) for team in radio.teams], np.bool_)
         self._is_jammed = np.zeros(scene.node.shape, np.bool_)
         for jammer in channel.jammers:
-            self._is_jammed |= radio.jammed(jammer, scene, self._xyz, radio.node_row)
+            self._is_jammed |= radio.jammed(jammer, scene, self._xyz)
         kinds = {one: radio.meant(one) & self._may_use for one in set(to.tolist())}
         self._is_meant = np.stack([kinds[one] for one in to.tolist()]) & scene.alive[at]
         self._is_meant[np.arange(len(at)), senders] = False
@@ -398,10 +407,6 @@ def _as_key(to: object) -> Hashable:
     if not isinstance(to, Hashable):
         raise BadType(f"The receiver of a message is an agent, a team or None, not {shown(to)}.")
     return to
-
-
-def _keys(sent: _Sent) -> list[tuple[int]]:
-    return [(place,) for place in sent.place.tolist()]
 
 
 def _distances(xyz: FloatArray, place: FloatArray) -> FloatArray:

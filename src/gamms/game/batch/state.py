@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.movement import Movement, Paths, Places
@@ -103,6 +104,7 @@ class GameArrays:
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
         errors: of each game, in order.
         deeds: what agents may do besides moving, and did.
+        radio: by what agents send messages, and what was sent; None: by nothing.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
@@ -131,6 +133,7 @@ class GameArrays:
         self._has_fractions: set[Hashable] = set()  # keys of scores to which numbers were added that are no integers
         self.counts = {name: np.zeros(shape, np.int64) for name in ("moves", "blocked", "illegal")}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
+        self.radio: Radio | None = None
         self.deeds = DeclaredDeeds({}, None, roster, movement.streets, games)
         self.over: list[dict[str, Any] | None] = [None] * games
         self.is_going = np.ones(games, np.bool_)
@@ -159,6 +162,8 @@ class GameArrays:
         self.last_moves.took_part[games] = self.last_moves.dropped[games] = False
         self.last_deeds = [deeds.those(~np.isin(deeds.at, games)) for deeds in self.last_deeds]
         self.deeds.forget(games)
+        if self.radio is not None:
+            self.radio.forget(games)
         for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
             numbers[games] = 0
         for key, make in self._makers.items():

@@ -9,6 +9,7 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Places
@@ -99,12 +100,14 @@ class ArrayView(Mapping[str, Any]):
         movement: how the agents go.
         turn: (games,) how many turns were played.
         draw: random numbers, one for each agent.
-        deeds: what the agents do besides moving, in order; None where no one asks.
+        deeds: what the agents do besides moving, in order; None where they are not asked.
+        outboxes: what they send, likewise.
         streets: the graph.
         roster: the agents of every game.
     """
 
     deeds: list[ArrayDeeds] | None = None
+    outboxes: list[Outbox] | None = None
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state, self.games, self.agents = state, games, agents
@@ -229,6 +232,37 @@ class ArrayView(Mapping[str, Any]):
             if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
                 raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
         self.deeds.append(self._state.deeds.checked(deed, fields, chosen, self.agents, self.node, len(self.deeds)))
+
+    def send(self, channel: str, where: Any, body: object, to: object = None) -> None:
+        """Let agents send a message each by a channel, as `state["outbox"]` does; in the order of the calls.
+
+        Args:
+            channel: its name.
+            where: (games, agents) which agents send; those that are not in the mask do not.
+            body: a plain value for all, or an array whose first axes are games and agents.
+            to: an agent, a team, or None for all on the channel; or an array (games, agents) of numbers in the roster.
+
+        Raises:
+            UnknownName (KeyError): there is no such channel, agent or team.
+            BadType, BadValue: a team may not use the channel, a body is not plain, or no strategy is asked.
+        """
+        radio = self._state.radio
+        if self.outboxes is None or radio is None:
+            why = "there are no channels" if radio is None else "it is for strategies that are asked"
+            raise BadValue(f"view.send cannot be used: {why}.")
+        chosen = np.broadcast_to(np.asarray(where, np.bool_), self.node.shape) & self.mask
+        number = len(self.outboxes)
+        self.outboxes.append(radio.checked(channel, chosen, self.games, self.agents, to, body, number))
+
+    def heard(self, channel: str) -> Heard:
+        """Return what is in the inboxes of the agents in the mask that came by a channel.
+
+        Raises:
+            UnknownName (KeyError): there is no such channel.
+        """
+        if self._state.radio is None:
+            raise UnknownName("channel", channel, ())
+        return self._state.radio.heard(channel, self.games, self.turn, self.agents, self.mask)
 
     def seen(self, *names: str) -> Seen:
         """Return which agents the sensors show, of kinds that show agents, to those in the mask; no agent sees itself.
