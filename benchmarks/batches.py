@@ -71,26 +71,64 @@ def one_by_one(is_fresh, metres=5.0, turns=200):
             kept.game.run()
         return 1
 
-    keys = ("name", "team", "legal", "draw", "rng", "memory", "team_memory", "facts")
-    near = kept.graph.graph.neighborhoods
     begun = [agent.current_node_id for agent in kept.agent.create_iter()]
+    return ours, bare_game(kept.graph.graph.neighborhoods, begun, walk, turns)
 
-    def floor():
-        at = list(begun)
-        for turn in range(turns):
-            states = []
-            for node in at:
-                state = dict.fromkeys(keys) | {
-                    "curr_pos": node,
-                    "turn": turn,
-                    "sensor": {"near": (0, list(near[node]))},
-                }
-                walk(state)
-                states.append(state)
-            at = [state["action"] for state in states]
+
+def of_scenario(is_fresh, turns=200):
+    """The games of `of_helsinki` one by one, each with a seed of its own, against bare Python likewise.
+
+    Args:
+        is_fresh: whether each is `scenario.play(seed)`; else one context is `reset(seed)`.
+        turns: of a game.
+    """
+    from gamms.scenario import Scenario
+
+    scenario = Scenario(map={"helsinki": {}}, teams=TEAMS, rules=TAG)
+    alone, seeds, choice = scenario.build(seed=0), iter(range(10**9)), random.Random(1).choice
+
+    def ours():
+        if is_fresh:
+            scenario.play(seed=next(seeds))
+        else:
+            alone.game.reset(seed=next(seeds))
+            alone.game.run()
         return 1
 
-    return ours, floor
+    def walk(state):
+        state["action"] = choice(state["legal"])
+
+    begun = [agent.current_node_id for agent in alone.agent.create_iter()]
+    return ours, bare_game(alone.graph.graph.neighborhoods, begun, walk, turns)
+
+
+def bare_game(near, begun, walk, turns):
+    """Play a game by a loop that builds states of ten keys, and asks a strategy."""
+    draw, rng, facts, memories = object(), object(), {}, [{} for _ in begun]
+    names = [f"red_{i}" for i in range(len(begun))]
+
+    def play():
+        at, before = list(begun), list(begun)
+        for turn in range(turns):
+            for i, node in enumerate(at):
+                ways = near[node]
+                state = {
+                    "curr_pos": node,
+                    "sensor": {"near": (0, list(ways))},
+                    "name": names[i],
+                    "team": "red",
+                    "turn": turn,
+                    "legal": ways,
+                    "draw": draw,
+                    "rng": rng,
+                    "memory": memories[i],
+                    "facts": facts,
+                }
+                walk(state)
+                before[i], at[i] = node, state["action"]
+        return 1
+
+    return play
 
 
 def walks(agents=102_400, side=300, turns=10):

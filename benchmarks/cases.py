@@ -222,31 +222,10 @@ def turns_of(agents, side):
                 ctx.game.step()
             return count * agents
 
-        near = [ctx.graph.graph.neighborhoods[node] for node in range(side * side)]
-        here, before, sensors = list(starts), list(starts), [f"s_{i}" for i in range(agents)]
-        draw, rng, facts = object(), object(), {}
-        memories = [{} for _ in range(agents)]
+        play = batches.bare_game(ctx.graph.graph.neighborhoods, starts, strategy, count)
 
         def floor():
-            for turn in range(count):
-                for i in range(agents):
-                    node = here[i]
-                    ways = near[node]
-                    state = {
-                        "curr_pos": node,
-                        "sensor": {sensors[i]: (ST.NEIGHBOR, list(ways))},
-                        "name": names[i],
-                        "team": None,
-                        "turn": turn,
-                        "legal": ways,
-                        "draw": draw,
-                        "rng": rng,
-                        "memory": memories[i],
-                        "facts": facts,
-                    }
-                    strategy(state)
-                    before[i] = node
-                    here[i] = state["action"]
+            play()
             return count * agents
 
         return ours, floor
@@ -624,6 +603,8 @@ CASES = [
     Case("scenario: messages of 100 agents to all", "delivery", messages(100)),
     Case("scenario: a game of 5 against 5 after a reset", "game", lambda: batches.one_by_one(is_fresh=False)),
     Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True)),
+    Case("scenario: 5 against 5 by reset(seed)", "game", lambda: batches.of_scenario(is_fresh=False)),
+    Case("scenario: 5 against 5 by play(seed)", "game", lambda: batches.of_scenario(is_fresh=True)),
     Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki),
     Case("scenario: 4,096 games of two pursuers, vectors in a batch", "agent-step", seeing.pursuit),
     Case("scenario: 64 agents with views of 5 nodes in a batch", "agent-step", seeing.views),
