@@ -2,12 +2,20 @@
 
 import numpy as np
 import pytest
-from batch_scenes import scene
+from batch_scenes import plain, scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch import sight
+from gamms.strategies import chase, flee
 
 FIELD = {"fov": 2.0, "orientation": (0.6, 0.8)}
+
+
+def halved(distances):
+    """A probability that falls with the distance."""
+    return np.exp2(-distances / 20.0)
 
 
 def agents_seen(games, number, viewer, sensor):
@@ -31,6 +39,9 @@ def agents_seen(games, number, viewer, sensor):
         ("AGENT_RANGE", {"sensor_range": 25.0, "at": 12}),
         ("AGENT_RANGE", {"sensor_range": 25.0, "at": (13.0, 22.0), "detection": 0.6}),
         ("AGENT_RANGE", {"sensor_range": 40.0, "detection": [(0.0, 1.0), (30.0, 0.2)]}),
+        ("AGENT_RANGE", {"sensor_range": 40.0, "detection": halved}),
+        ("AGENT_RANGE", {"sensor_range": 40.0, "position_noise_m": 9.0}),
+        ("AGENT_RANGE", {"sensor_range": 25.0, "at": 12, "position_noise_m": 7.0, "detection": 0.7}),
         ("AGENT_ARC", {"sensor_range": 30.0, "at": 12, **FIELD}),
         ("OCCLUDED_AGENT", {"sensor_range": 35.0}),
         ("OCCLUDED_AGENT", {"sensor_range": 35.0, "at": 7, "team": ["red"], **FIELD}),
@@ -85,7 +96,7 @@ def test_dead_agents_see_none_and_are_not_seen():
             assert (view.seen().mask == expected).all()
 
 
-@pytest.mark.parametrize("keywords", [{"position_noise_m": 1.0}, {"delay_turns": 1}, {"detection": np.sqrt}])
+@pytest.mark.parametrize("keywords", [{"false_alarm_rate": 1.0}, {"delay_turns": 1}])
 def test_a_sensor_that_has_no_array_form_is_named(keywords):
     with scene().build(seed=1) as ctx:
         ctx.agent.get_agent("red_1").register_sensor("eye", ctx.sensor.create_sensor("e", "AGENT_RANGE", **keywords))
@@ -93,6 +104,21 @@ def test_a_sensor_that_has_no_array_form_is_named(keywords):
             assert games.slow is None  # random walks see nothing
             with pytest.raises(BadValue, match="sensor 'eye' of agent 'red_1', which has"):
                 games.observe("red").seen()
+
+
+@pytest.mark.parametrize("keywords", [{"at": 12, "detection": 0.5}, {"detection": 0.5}, {"position_noise_m": 9.0}])
+def test_agents_that_share_a_sensor_draw_as_alone(keywords):
+    with scene(max_turns=8).build(seed=1) as ctx:
+        eye = ctx.sensor.create_sensor("eye", "AGENT_RANGE", sensor_range=35.0, **keywords)
+        for agent in ctx.agent.agents.values():
+            agent.register_sensor("eye", eye)
+            agent.register_strategy(chase(ctx))
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            assert ("draws at a fixed place for several agents" in (games.slow or "")) is ("at" in keywords)
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_what_is_seen_does_not_depend_on_how_many_pairs_are_compared_at_once(monkeypatch):
@@ -118,3 +144,42 @@ def test_a_mask_that_takes_too_much_memory_is_refused():
     none = np.zeros(0, np.int64)
     with pytest.raises(TooLarge, match="Use the pairs"):
         _ = sight.Seen((3000, 300, 302), none, none, none, none).mask
+
+
+kinds = st.sampled_from(["AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT"])
+sensors = st.fixed_dictionaries(
+    {"sensor_range": st.sampled_from([0.0, 14.2, 25.0])},
+    optional={
+        "at": st.sampled_from([7, (13.0, 22.0)]),
+        "team": st.sampled_from(["red", ["blue", "red"]]),
+        "exclude": st.just("blue"),
+        "detection": st.sampled_from([0.5, halved]),
+        "position_noise_m": st.sampled_from([4.0, 12.0]),
+    },
+)
+
+
+@settings(max_examples=12, deadline=None, derandomize=True)
+@given(
+    carried=st.lists(st.tuples(kinds, sensors), min_size=2, max_size=4),
+    strategies=st.lists(st.sampled_from([chase, flee]), min_size=2, max_size=2),
+    seeds=st.lists(st.integers(0, 2**40), min_size=1, max_size=2),
+    few=st.sampled_from([1, 128]),
+)
+def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, seeds, few):
+    with scene(max_turns=5).build(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sight, "_FEW", few)
+        ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
+        for i, (name, agent) in enumerate(ctx.agent.agents.items()):
+            for number in {i % len(carried), i * i % len(carried)}:
+                kind, keywords = carried[number]
+                field = FIELD if kind == "AGENT_ARC" and "at" in keywords else {}
+                eye = ctx.sensor.create_sensor(f"{name}/{number}", kind, **keywords, **field)
+                agent.register_sensor(f"eye {number}", eye)
+            agent.register_strategy(strategies[agent.team == "red"](ctx))
+        with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            for number, seed in enumerate(seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())

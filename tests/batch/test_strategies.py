@@ -109,7 +109,7 @@ def test_what_strategies_remember_is_forgotten_when_their_game_is_reset():
 
 
 def test_strategies_are_blind_or_need_sensors_with_array_forms():
-    noisy = hunted(sight={"position_noise_m": 5.0})
+    noisy = hunted(sight={"false_alarm_rate": 1.0})
     with noisy.build(seed=1) as ctx:
         agent = ctx.agent.get_agent("red_1")
         agent.register_strategy(first(goto(ctx, 3, otherwise=None), patrol(ctx, [1, 2])))
@@ -117,7 +117,7 @@ def test_strategies_are_blind_or_need_sensors_with_array_forms():
             assert games.slow is None
         agent.register_strategy(mix(0.5, stay, chase(ctx)))
         with ctx.game.batch(2) as games:
-            assert games.slow == "the sensor 'near' of agent 'red_1', which has position noise, false alarms or a delay"
+            assert games.slow == "the sensor 'near' of agent 'red_1', which has false alarms or a delay"
             games.run()
 
 

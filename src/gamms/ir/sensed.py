@@ -59,6 +59,9 @@ class AgentLook(NamedTuple):
         draws: the names of the sensor and of its owner, which what is drawn follows from; None: nothing is drawn.
         height: of its sight lines above the ground; None: obstacles hide nothing.
         hides: returns which nodes (ids of nodes,) obstacles hide from a node, or from `place`.
+        chance: returns probabilities of noticing agents at distances, (agents,); None: `chances` says them.
+        noise: the standard deviation of the error of a reported place along each axis, map units; 0.0: no error.
+        nearest: returns the ids of the nodes that are nearest to places x and y.
     """
 
     radius: float
@@ -70,6 +73,9 @@ class AgentLook(NamedTuple):
     draws: tuple[str, str] | None
     height: float | None
     hides: "Callable[[int, IntArray], np.ndarray[Any, np.dtype[np.bool_]]] | None"
+    chance: "Callable[[FloatArray], FloatArray] | None" = None
+    noise: float = 0.0
+    nearest: "Callable[[FloatArray, FloatArray], IntArray] | None" = None
 
 
 class NodeLook(NamedTuple):

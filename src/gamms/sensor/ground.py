@@ -1,6 +1,6 @@
 """The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from math import inf, pi
 from typing import Any, cast
 
@@ -20,9 +20,9 @@ from gamms.sensor.detection import DetectingSensor, teams_in
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
 from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, is_unhidden, memory_of, nodes_ahead
-from gamms.typing import IContext
+from gamms.typing import IAgent, IContext
 from gamms.typing.graph_engine import NodeColumns, Surroundings
-from gamms.typing.sensor_engine import SensorType
+from gamms.typing.sensor_engine import ISensor, SensorType
 
 ALL_AROUND: Heading = (0.0, 0.0)
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
@@ -357,14 +357,18 @@ class AgentSensor(DetectingSensor, GroundSensor):
         notice, detection = self._notice, None if self._notice is None else self._notice.detection
         reasons = {
             "is of a class of its own": not self._is_ours,
-            "has position noise, false alarms or a delay": notice is not None and notice.has_errors,
-            "has a function of detection": callable(detection),
+            "has false alarms or a delay": notice is not None and bool(notice.false_alarm_rate or notice.delay_turns),
             "turns with its agent": self.fov != FULL_CIRCLE and self._at is None,
+            "draws at a fixed place for several agents": notice is not None
+            and notice.needs_look
+            and self._at is not None
+            and sum(self in _sensors_of(agent) for agent in self.ctx.agent.agents.values()) > 1,
         }
         for reason, is_there in reasons.items():
             if is_there:
                 return reason
-        chances = None if detection is None else as_chances(detection, "detection")
+        chances = None if detection is None or callable(detection) else as_chances(detection, "detection")
+        draws = notice is not None and notice.needs_look
         return AgentLook(
             self.range,
             None if self._at is None else coordinates(self.ctx, self._at),
@@ -372,9 +376,12 @@ class AgentSensor(DetectingSensor, GroundSensor):
             None if notice is None or notice.team is None else tuple(teams_in(notice.team)),
             () if notice is None or notice.exclude is None else tuple(teams_in(notice.exclude)),
             None if chances is None else tuple((far, chance) for far, chance in chances.tolist()),
-            None if chances is None else (self.sensor_id, owner if self._at is None else ""),
+            (self.sensor_id, owner if self._at is None else "") if draws else None,
             self._observer_height if self._is_occluded else None,
             self._hidden_from if self._is_occluded else None,
+            detection if callable(detection) else None,
+            0.0 if notice is None else notice.position_noise_m or 0.0,
+            self.ctx.graph.graph.nearest_node,
         )
 
     def _hidden_from(self, node_id: int, others: IntArray) -> BoolArray:
@@ -464,6 +471,10 @@ class OccludedAgentSensor(OccludedSensor, AgentSensor):
     """The same, without the agents that obstacles hide."""
 
     __slots__ = ()
+
+
+def _sensors_of(agent: IAgent) -> Collection[ISensor]:
+    return getattr(agent, "sensors", {}).values()
 
 
 def _selected(rows: list[int], is_kept: "np.ndarray[Any, np.dtype[np.bool_]]") -> list[int]:

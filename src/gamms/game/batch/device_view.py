@@ -327,7 +327,7 @@ class DeviceView(ArrayView):
         dy = streets.y[node][:, None, :] - streets.y[self.node][:, :, None]
         squares = dx * dx + dy * dy
         found = xp.zeros(squares.shape, dtype=xp.bool, device=self.library.device)
-        for look, columns, _, others, _ in looks:
+        for look, columns, _, others, *_ in looks:
             who = np.zeros((len(self.agents), len(self.roster.names)), np.bool_)
             who[np.ix_(columns, others)] = True
             who &= self.agents[:, None] != np.arange(len(self.roster.names))
@@ -340,6 +340,7 @@ def is_portable(one: Lookout) -> bool:
     """Whether what sensors show can be worked out on a device, with the same result to the bit."""
     look = one.look
     plain = look.place is None and look.cone is None and look.hides is None and look.chances is None
+    plain = plain and look.chance is None and not look.noise
     return plain and (look.radius == np.inf or 1e-150 < look.radius < 1e150)
 
 

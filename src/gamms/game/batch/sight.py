@@ -16,6 +16,7 @@ from gamms.ir.chances import chances_at
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
+from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.sensor_engine import SensorType
@@ -81,6 +82,7 @@ class Lookout(NamedTuple):
         carriers: (carriers,) numbers in the roster.
         others: (others,) numbers in the roster, ascending.
         draws: (carriers,) the names that what is drawn follows from; see `AgentLook`.
+        order: (carriers,) which of the sensors of its agent each is, from 0.
     """
 
     look: AgentLook
@@ -88,6 +90,7 @@ class Lookout(NamedTuple):
     carriers: IntArray
     others: IntArray
     draws: list[tuple[str, str] | None]
+    order: IntArray
 
 
 def looks_of(agent: IAgent, names: Sequence[str]) -> list[AgentLook]:
@@ -100,6 +103,13 @@ def looks_of(agent: IAgent, names: Sequence[str]) -> list[AgentLook]:
                 raise BadValue(f"{why[0].upper()}{why[1:]}, and so has no array form.")
             found.append(carried[name].in_arrays(agent.name))
     return found
+
+
+def reports_elsewhere(agent: IAgent) -> bool:
+    """Whether sensors of an agent may show others on nodes where these are not."""
+    sensors = [one for one in getattr(agent, "sensors", {}).values() if one.type in SHOWING_AGENTS]
+    looks = [sensor.in_arrays(agent.name) for sensor in sensors if hasattr(sensor, "in_arrays")]
+    return any(isinstance(look, AgentLook) and look.noise > 0.0 for look in looks)
 
 
 def why_not_seen(agent: IAgent, name: str) -> str | None:
@@ -117,7 +127,9 @@ def sees_all_nodes(sensor: Any, agent: IAgent) -> bool:
     if sensor.type not in SHOWING_AGENTS:
         return True
     look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else None
-    return isinstance(look, AgentLook) and look.radius == np.inf and look.cone is None and look.hides is None
+    if not isinstance(look, AgentLook) or look.chances is not None or look.chance is not None or look.noise:
+        return False
+    return look.radius == np.inf and look.cone is None and look.hides is None
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
@@ -137,19 +149,19 @@ def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str]) -> list[Lo
     unknown = [name for name in names if name not in names_of(agents, numbers)]
     if unknown:
         raise UnknownName("sensor that shows agents", unknown[0], names_of(agents, numbers))
-    found: dict[tuple[AgentLook, int], tuple[AgentLook, list[int], list[tuple[str, str] | None]]] = {}
+    found: dict[tuple[AgentLook, int], tuple[AgentLook, list[tuple[int, int]], list[tuple[str, str] | None]]] = {}
     for column, number in enumerate(numbers.tolist()):
         carried = Counter[AgentLook]()  # an agent may carry several that look alike
-        for look in looks_of(agents[number], names):
-            key = look._replace(hides=None, draws=None)
+        for order, look in enumerate(looks_of(agents[number], names)):
+            key = look._replace(hides=None, draws=None, nearest=None)
             _, columns, draws = found.setdefault((key, carried[key]), (look, [], []))
-            columns.append(column)
+            columns.append((column, order))
             draws.append(look.draws)
             carried[key] += 1
     made = []
     for look, listed, draws in found.values():
-        among = np.array(listed)
-        made.append(Lookout(look, among, numbers[among], _shown(roster, look), draws))
+        among, ranks = np.array(listed).T
+        made.append(Lookout(look, among, numbers[among], _shown(roster, look), draws, ranks))
     return made
 
 
@@ -178,18 +190,22 @@ def seen(
         looks: their sensors.
         with_own: whether sensors at fixed places show the agents that carry them.
     """
-    world, roster, found = _World(state, games), len(state.roster.names), list[IntArray]()
+    world, roster, found = _World(state, games), len(state.roster.names), list[tuple[IntArray, ...]]()
     for lookout in looks:
         if len(lookout.columns) and len(lookout.others):
             for at, carriers, others in _pairs(world, lookout, asked, with_own=with_own):
                 looking = at * len(agents) + lookout.columns[carriers]
-                found.append(looking * roster + lookout.others[others])
-    keys = np.concatenate(found) if found else np.zeros(0, np.int64)
-    if len(looks) > 1:
-        keys = np.unique(keys)
+                nodes = _reported(world, lookout, (at, carriers, others))
+                found.append((looking * roster + lookout.others[others], nodes, lookout.order[carriers]))
+    none = np.zeros(0, np.int64)
+    keys, nodes, order = (np.concatenate(parts) for parts in zip((none, none, none), *found, strict=True))
+    if len(looks) > 1:  # of what several sensors show, the last one counts
+        by_key = np.lexsort((order, keys))
+        kept = by_key[np.append(np.diff(keys[by_key]) != 0, True)[: len(keys)]]
+        keys, nodes = keys[kept], nodes[kept]
     looking, shown_agents = _split(keys, roster)
     at, viewers = _split(looking, len(agents))
-    return Seen((len(games), len(agents), roster), at, viewers, shown_agents, world.node[at, shown_agents])
+    return Seen((len(games), len(agents), roster), at, viewers, shown_agents, nodes)
 
 
 def _split(numbers: IntArray, size: int) -> tuple[IntArray, IntArray]:
@@ -328,16 +344,42 @@ class _KnownSights:
 
 def _noticed(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
     """Return which pairs are such that the one notices the other; None: all."""
-    look, state, (at, carriers, others) = lookout.look, world.state, pairs
-    if look.chances is None or not len(at):
+    look = lookout.look
+    if (look.chances is None and look.chance is None) or not len(pairs[0]):
         return None
-    games = world.games[at]
-    used, which = np.unique(carriers, return_inverse=True)
-    keys = np.array([state.purposes("detection", *(lookout.draws[i] or ())) for i in used.tolist()])
-    names = state.roster.keys[lookout.others[others]]
-    drawn = kernels.fraction_many(kernels.draw_bits_rows(keys[which, games], names, state.turn[games]))
-    is_noticed: BoolArray = drawn < chances_at(np.hypot(*_offsets(world, lookout, pairs)), np.array(look.chances))
+    far = np.hypot(*_offsets(world, lookout, pairs))
+    if look.chance is None:
+        chances = chances_at(far, np.array(look.chances))
+    else:
+        chances = np.asarray(look.chance(far), np.float64)
+        if chances.shape != far.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
+            raise BadValue(
+                f"The function of detection must give a probability from 0 to 1 for each of {len(far)} distances, not "
+                f"{shown(chances)}."
+            )
+    is_noticed: BoolArray = kernels.fraction_many(_drawn(world, lookout, pairs, "detection")) < chances
     return is_noticed
+
+
+def _drawn(world: _World, lookout: Lookout, pairs: Pairs, purpose: str, *which: str) -> BitArray:
+    """Return 64 random bits for each pair, as `Look.bits` draws them."""
+    state, (at, carriers, others) = world.state, pairs
+    games = world.games[at]
+    used, number = np.unique(carriers, return_inverse=True)
+    keys = np.array([state.purposes(purpose, *(lookout.draws[i] or ()), *which) for i in used.tolist()])
+    names = state.roster.keys[lookout.others[others]]
+    return kernels.draw_bits_rows(keys[number, games], names, state.turn[games])
+
+
+def _reported(world: _World, lookout: Lookout, pairs: Pairs) -> IntArray:
+    """Return the rows of the nodes where agents are reported, (pairs,)."""
+    look, streets = lookout.look, world.state.streets
+    nodes: IntArray = world.node[pairs[0], lookout.others[pairs[2]]]
+    if not look.noise or look.nearest is None or not len(nodes):
+        return nodes
+    errors = (kernels.normals(_drawn(world, lookout, pairs, "position noise", axis).tolist()) for axis in "xy")
+    x, y = (axis[nodes] + look.noise * error for axis, error in zip(streets.axes, errors, strict=True))
+    return streets.rows(look.nearest(x, y))
 
 
 def _within(dx: FloatArray, dy: FloatArray, radius: float) -> BoolArray:
