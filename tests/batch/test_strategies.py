@@ -68,7 +68,7 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["first"], "blue": MADE["random_waypoints"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
     with scenario.batch(1, strategies={"red": MADE["unblock"]}) as games:
-        assert games.slow == "unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds"
+        assert games.slow == "unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges"
 
 
 def test_actions_of_agents_with_speeds_are_numbers_of_all_nodes_in_reach():

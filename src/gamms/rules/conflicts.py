@@ -146,8 +146,10 @@ class Conflicts:
         """Return the capacities of all nodes, and in games by metres of all edges behind them."""
         graph, on_edges = turn.streets.columns, self._of_edges
         of_nodes = limits.rows(graph.node_ids, graph.node_attributes)
-        of_edges = np.full(turn.num_places - len(of_nodes), UNLIMITED)
-        if len(of_edges) and on_edges is not None:
+        if turn.places is None:
+            return of_nodes
+        of_edges = np.full(len(graph.edge_ids), UNLIMITED)
+        if on_edges is not None:
             of_edges = on_edges.rows(graph.edge_ids, graph.edge_attributes)
         return np.concatenate((of_nodes, of_edges))
 

@@ -55,9 +55,11 @@ class MovesInArrays:
     """
 
     def __init__(self, turn: ArrayTurn, ends: IntArray, rank: ArrayResolver, *, per_team: bool) -> None:
-        self.turn, self.rank, self._nodes = turn, rank, turn.num_places
+        edges = 0 if turn.places is None else len(turn.streets.columns.edge_ids)
+        self.turn, self.rank, self._nodes = turn, rank, len(turn.streets.counts) + edges
         of_team = turn.roster.team_of * self._nodes if per_team else 0
-        self.starts, self.ends, self.stays = turn.start_places + of_team, ends + of_team, np.zeros(ends.shape, np.bool_)
+        starts = turn.node if turn.places is None else turn.places
+        self.starts, self.ends, self.stays = starts + of_team, ends + of_team, np.zeros(ends.shape, np.bool_)
 
     def stop_swaps(self) -> None:
         """Let agents stay so that no two exchange nodes."""

@@ -174,7 +174,7 @@ class ArrayEngine:
                 self._call(named, form, turn)
             moves = turn.left_of(moves)
         if self._conflicts is not None:
-            turn.start_places, ends, turn.num_places = self.state.movement.ends(moves)
+            turn.places, ends = self.state.movement.ends(moves)
             in_conflict = self._conflicts(turn, ends) & moves.goes
             self.state.counts["blocked"][turn.games] += in_conflict
         turn.move(moves.without(in_conflict), in_conflict, part)

@@ -250,9 +250,9 @@ class Movement:
         """
         return node
 
-    def ends(self, moves: Moves) -> tuple[IntArray, IntArray, int]:
-        """Return the places where moves begin and end, and how many there are; the first are the nodes."""
-        return moves.starts, moves.ends, len(self.streets.counts)
+    def ends(self, moves: Moves) -> tuple[IntArray | None, IntArray]:
+        """Return the places where moves begin and end, as conflicts compare them; None: at the nodes of the agents."""
+        return None, moves.ends
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
         """Return where agents are whose last nodes these are."""

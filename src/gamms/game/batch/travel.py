@@ -111,12 +111,12 @@ class ByMetres(Movement):
         """Note where on edges agents are."""
         self.edge[games], self.share[games] = moves.progress
 
-    def ends(self, moves: Moves) -> tuple[IntArray, IntArray, int]:
-        """Return the places where moves begin and end, nodes and then edges, and how many there are."""
+    def ends(self, moves: Moves) -> tuple[IntArray | None, IntArray]:
+        """Return the places where moves begin and end: nodes, and behind them edges."""
         nodes = len(self.streets.counts)
         pairs = (moves.starts, moves.before[0]), (moves.ends, moves.progress[0])
         starts, ends = (np.where(edge >= 0, nodes + edge, node) for node, edge in pairs)
-        return starts, ends, nodes + len(self.back)
+        return starts, ends
 
     def takes(self, edges: IntArray, share: Any, speed: Any) -> FloatArray:
         """Return how many turns a share of some edges takes at speeds."""

@@ -65,13 +65,13 @@ class MovesOfTurn:
         ends: where they went, conflicts included.
         took_part: which of them were alive then.
         paths: how they go there; None: along one edge at most. `visits` says where they were.
-        start_places, num_places: for conflicts: where moves begin, and how many places there are: nodes, and in games
-            by metres the edges behind them.
+        places: in games by metres, where moves begin, for conflicts: nodes and behind them edges; None: on `node`.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
     """
 
     _dropped: BoolArray | np.bool = np.False_  # agents that went out before they could move
+    places: IntArray | None = None
     _is_moving = False  # whether agents have decided and not moved
 
     def __init__(self, state: GameArrays, games: IntArray) -> None:
@@ -82,7 +82,6 @@ class MovesOfTurn:
         self.starts = self.ends = self.node
         self.took_part = self.alive
         self.paths: Paths | None = None
-        self.start_places, self.num_places = self.node, len(self.streets.counts)
         self._played: Paths | None = None  # of the parts of the turn that have moved
         self._earlier = self.starts, self.ends  # of these parts
         self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
