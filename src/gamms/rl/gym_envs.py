@@ -125,7 +125,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         """
         was_alive = self.learners.alive
         played = self.learners.step(np.asarray(actions).reshape(self.num_games, self.num_agents))
-        has_ended = self.learners.games.is_over
+        has_ended = self.learners.is_over
         found, infos = observed(self.learners), {}
         if has_ended.any():
             which = np.repeat(has_ended, self.num_agents)

@@ -78,6 +78,9 @@ class Learners:
         teams: that learn.
         names: of the agents, team by team, each in the order of their names.
         num_actions: how many actions there are at most; action 0 stays.
+        masks: (games, agents, actions) which actions are legal: of dead agents and in games that are over to stay.
+        alive: (games, agents) which agents take part.
+        is_over: (games,) which games have ended.
 
     Raises:
         UnknownName (KeyError): there is no such team.
@@ -124,10 +127,10 @@ class Learners:
         else:
             self.teams = self.games.observe_agent(agent)["team"]
         self._agent = agent
+        self.num_actions = int(self._views()[0].streets.counts.max(initial=1))
         self._remember()
         self._sizes = [len(view.agents) for view in self._now]
         self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
-        self.num_actions = int(self._now[0].streets.counts.max(initial=1))
         with scenario.build(seed=self.games.seeds[0]) as ctx:
             flying = [one.name for one in ctx.game.agents if one.name in self.names and hasattr(one, "position")]
             if flying:
@@ -156,18 +159,6 @@ class Learners:
 
     # -- playing ------------------------------------------------------------------------------------------------
 
-    @property
-    def masks(self) -> BoolArray:
-        """Which actions are legal, (games, agents, actions): of dead agents and in games that are over to stay."""
-        found = np.concatenate([_legal(view, self.num_actions) for view in self._now], axis=1)
-        found[self.games.is_over, :, 1:] = False
-        return found
-
-    @property
-    def alive(self) -> BoolArray:
-        """Which agents take part, (games, agents)."""
-        return np.concatenate([view.mask for view in self._now], axis=1)
-
     def observe(self) -> Any:
         """Return what all agents observe, (games, agents, …)."""
         values = [self._checked(np.asarray(self._observation(view)), view, "observation") for view in self._now]
@@ -179,7 +170,7 @@ class Learners:
         Args:
             actions: (games, agents); an action that is not legal stays.
         """
-        was_over, was_alive, before, scores = self.games.is_over, self.alive, self._now, self._scores
+        was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
         chosen = np.asarray(actions)
         legal = np.take_along_axis(self.masks, np.clip(chosen, 0, self.num_actions - 1)[..., None], axis=2)[..., 0]
         chosen = np.where(legal & (chosen >= 0) & (chosen < self.num_actions), chosen, 0)
@@ -199,7 +190,7 @@ class Learners:
             else:
                 column[...] = self._checked(np.asarray(self._reward(turn)), turn.after, "reward")
         plays = was_alive & ~was_over[:, None]
-        has_ended = self.games.terminated[:, None] | (~self.alive & ~self.games.is_over[:, None])
+        has_ended = self.games.terminated[:, None] | (~self.alive & ~self.is_over[:, None])
         return Played(
             np.where(plays, rewards, 0.0),
             plays & has_ended,
@@ -235,11 +226,17 @@ class Learners:
 
     # -- inside -------------------------------------------------------------------------------------------------
 
+    def _views(self) -> list[ArrayView]:
+        games, agent = self.games, self._agent
+        return [games.observe_agent(agent)] if agent is not None else [games.observe(team) for team in self.teams]
+
     def _remember(self) -> None:
         """Look at the games as they are now."""
-        games, agent = self.games, self._agent
-        self._now = [games.observe(team) for team in self.teams] if agent is None else [games.observe_agent(agent)]
-        self._scores = games.scores
+        self._now, self._scores, self.is_over = self._views(), self.games.scores, self.games.is_over
+        self.alive: BoolArray = np.concatenate([view.mask for view in self._now], axis=1)
+        counts = np.where(self.alive, np.concatenate([view.counts for view in self._now], axis=1), 1)
+        counts[self.is_over] = 1
+        self.masks: BoolArray = np.arange(self.num_actions) < counts[..., None]
 
     def _by_team(self, of_all: Any) -> list[Any]:
         """Return the columns of each team, views of an array (games, agents)."""
@@ -286,12 +283,6 @@ def default_observation(view: ArrayView) -> Float32Array:
 
 
 default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # an attribute that other observations may have
-
-
-def _legal(view: ArrayView, num_actions: int) -> BoolArray:
-    counts = np.where(view.mask, view.counts, 1)
-    found: BoolArray = np.arange(num_actions) < counts[..., None]
-    return found
 
 
 def _gives_scores(rule: object) -> bool:

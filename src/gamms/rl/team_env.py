@@ -85,7 +85,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         rewards = {name: float(played.rewards[0, self._number[name]]) for name in asked}
         terminated = {name: bool(played.terminated[0, self._number[name]]) for name in asked}
         truncated = {name: bool(played.truncated[0, self._number[name]]) for name in asked}
-        is_over = bool(self._learners.games.is_over[0])
+        is_over = bool(self._learners.is_over[0])
         alive = self._learners.alive[0]
         self.agents = [] if is_over else [name for name in self.possible_agents if alive[self._number[name]]]
         return observations, rewards, terminated, truncated, infos
