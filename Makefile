@@ -12,10 +12,10 @@ demo: $(VENV)/.demo
 test: $(VENV)/.dev
 	$(BIN)/python -m pytest -q -n 2 --dist worksteal
 
-# Batches in arrays of PyTorch, and of the strict library of the array API: on the CPU.
+# Batches in arrays of PyTorch, and of the strict library of the array API, and learning with PyTorch: on the CPU.
 test-torch: $(VENV)/.dev
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch]' array-api-strict
-	$(BIN)/python -m pytest -q tests/batch/test_array_libraries.py
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch,train]' array-api-strict
+	$(BIN)/python -m pytest -q tests/batch/test_array_libraries.py tests/rl
 
 check: $(VENV)/.dev
 	$(BIN)/ruff format --check .

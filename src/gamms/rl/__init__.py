@@ -4,6 +4,7 @@
 
 `learners.py` has the agents that learn in the games of a batch, as arrays; read it first. Of them are made
 `team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games);
+`sb3.py` is for Stable-Baselines3,
 `environments.py` has the functions that users call, `ids.py` the names that `gymnasium.make` knows. A client of
 scenarios and batches: May import: `scenario` and below. To add an observation or a reward write a function of arrays:
 see docs/learning.md.
@@ -11,7 +12,7 @@ see docs/learning.md.
 
 from importlib.util import find_spec
 
-from gamms.rl.environments import parallel_env, single_agent_env, vector_env
+from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, vector_env
 from gamms.rl.learners import Learners, Observation, Reward, Turn, default_observation
 
 __all__ = [
@@ -21,6 +22,7 @@ __all__ = [
     "Turn",
     "default_observation",
     "parallel_env",
+    "sb3_env",
     "single_agent_env",
     "vector_env",
 ]

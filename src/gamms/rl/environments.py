@@ -10,6 +10,7 @@ from gamms.scenario import Scenario
 
 if TYPE_CHECKING:
     from gamms.rl.gym_envs import AgentEnv, GamesEnv
+    from gamms.rl.sb3 import SlotsEnv
     from gamms.rl.team_env import TeamEnv
 
 
@@ -141,3 +142,22 @@ def vector_env(
         scenario, num_games, teams=teams, agent=agent, others=others, observation=observation, reward=reward, seed=seed
     )
     return GamesEnv(learners, scenario.spec.name)
+
+
+def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv":
+    """Return many games of a scenario as a `VecEnv` of Stable-Baselines3, with a slot for each game and learning agent.
+
+    Args:
+        scenario: see `parallel_env`.
+        num_games: how many.
+        options: see `vector_env`.
+
+    Raises:
+        MissingExtra (ImportError): Stable-Baselines3 is not installed.
+        UnknownName, BadType, BadValue, TooLarge: see `vector_env`.
+    """
+    try:
+        from gamms.rl.sb3 import SlotsEnv
+    except ImportError:
+        raise MissingExtra("An environment of Stable-Baselines3", "train") from None
+    return SlotsEnv(vector_env(scenario, num_games=num_games, **options))

@@ -1,0 +1,80 @@
+"""The games of many as a `VecEnv` of Stable-Baselines3."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from stable_baselines3.common.vec_env import VecEnv
+
+from gamms.errors import UnknownName
+from gamms.rl.gym_envs import GamesEnv
+
+_METHODS = ("action_masks",)
+
+
+class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
+    """The slots of many games for Stable-Baselines3 and sb3-contrib; made by `gamms.rl.sb3_env`.
+
+    `sb3_contrib.MaskablePPO` finds which actions are legal. An episode of a slot ends when its agent is out or its game
+    is over.
+
+    Args:
+        games: that are played.
+    """
+
+    def __init__(self, games: GamesEnv) -> None:
+        self._games, self._actions = games, np.zeros(games.num_envs, np.int64)
+        self._seed: int | None = None
+        super().__init__(games.num_envs, games.single_observation_space, games.single_action_space)
+
+    def reset(self) -> dict[str, Any]:
+        """Begin all games."""
+        observed, _ = self._games.reset(seed=self._seed)
+        self._seed = None
+        return dict(observed)
+
+    def seed(self, seed: int | None = None) -> Sequence[int | None]:
+        """Let the games begin with this seed at the next `reset`."""
+        self._seed = seed
+        return [seed] * self.num_envs
+
+    def step_async(self, actions: np.ndarray[Any, Any]) -> None:
+        """Take the actions of the next turn."""
+        self._actions = actions
+
+    def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
+        """Play it."""
+        observed, rewards, terminated, truncated, infos = self._games.step(self._actions)
+        ends = terminated | truncated
+        of_slots: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        for slot in np.flatnonzero(~infos["valid"]).tolist():
+            of_slots[slot]["valid"] = False
+        for slot in np.flatnonzero(ends).tolist():
+            last = infos["final_obs"] if "final_obs" in infos and infos["_final_obs"][slot] else observed
+            of_slots[slot]["terminal_observation"] = {key: column[slot] for key, column in last.items()}
+            of_slots[slot]["TimeLimit.truncated"] = bool(truncated[slot] and not terminated[slot])
+        return dict(observed), rewards.astype(np.float32), ends, of_slots
+
+    def close(self) -> None:
+        """End the games."""
+        self._games.close()
+
+    def env_method(self, method_name: str, *_: Any, indices: Any = None, **__: Any) -> list[Any]:
+        """Return what a method gives for each slot: `action_masks`."""
+        if method_name not in _METHODS:
+            raise UnknownName("method of the slots", method_name, _METHODS)
+        masks = self._games.action_masks()
+        return [masks[slot] for slot in self._get_indices(indices)]
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute for each slot."""
+        value = self.env_method if attr_name in _METHODS else getattr(self._games, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:  # noqa: ARG002 - the signature of SB3
+        """Set an attribute of all games."""
+        setattr(self._games, attr_name, value)
+
+    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:  # noqa: ARG002 - the signature of SB3
+        """Return that no slot is wrapped."""
+        return [False for _ in self._get_indices(indices)]
