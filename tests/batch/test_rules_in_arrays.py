@@ -106,6 +106,32 @@ def test_members_of_one_team_may_tag_each_other(same_as_one_by_one):
     same_as_one_by_one(scene([tag], red=12, side=9, max_turns=6), SEEDS[:2])
 
 
+@pytest.mark.parametrize("given", [{}, {"hops": 2, "score": 1.5}, {"teams": ["red"], "score": 1}])
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+def test_nodes_are_discovered_as_in_games_that_are_played_alone(given, order, same_as_one_by_one):
+    looks = {
+        "near": {"type": "RANGE", "sensor_range": 12.0},
+        "watch": {"type": "AGENT_RANGE", "sensor_range": 9.0},
+        "tower": {"type": "AGENT_RANGE", "at": 7, "sensor_range": 11.0},
+    }
+    walkers = {"count": 3, "strategy": "gamms.strategies:random_walk"}
+    teams = {"red": {**walkers, "sensors": ["near", "tower"]}, "blue": {**walkers, "sensors": ["watch"]}}
+    nodes = {"nodes": {3: "flag", 12: "decoy", 20: None, 24: [1]}}
+    rules = [rule("discover", **nodes, **given), OUT, rule("payoff", table={"discover": {"team": 2}})]
+    scenario = scene(rules, sensors=looks, teams=teams, settings={"order": order})
+    same_as_one_by_one(scenario, SEEDS)
+    with scenario.batch(2) as games:
+        games.step()
+        assert games.observe("red")["facts"]["discovered"]["red"].shape == (2, 4)
+
+
+def test_what_sensors_show_that_have_no_array_form_is_discovered_one_by_one():
+    looks = {"near": {"type": "AGENT_ARC", "sensor_range": 12.0, "fov": 1.0}}
+    teams = {"red": {"count": 1, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]}}
+    with scene([rule("discover", nodes=[3])], sensors=looks, teams=teams).batch(1) as games:
+        assert "the sensor 'near'" in games.slow
+
+
 @pytest.mark.parametrize("flags", [{"red": 6, "blue": 18}, {"red": 6, "blue": 6}, {"green": 12, "red": 3}])
 @pytest.mark.parametrize(
     "given", [{}, {"territory": OWNERS, "goal": 2, "score": 0.5}, {"passing": False, "goal": None}]

@@ -18,7 +18,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of
 from gamms.text import shown, shown_as_called
-from gamms.typing import AgentType, NodeId, Rule
+from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import TEAMS, Team
 from gamms.visual.drawers.rules import GOALS, as_text, render_goals
 
@@ -57,6 +57,8 @@ class Hooks(TypedDict, total=False):
     """Whether that form is not for games by metres."""
     array_trigger: Callable[[DeviceTurn], Tensor] | None
     """Says for arrays of any library in which games there may be something to do, (games,); None: in all."""
+    why_not_in_arrays: Callable[[Sequence[IAgent]], str | None]
+    """Returns what of these agents the array form cannot deal with, in words; None: nothing."""
     prepare_arrays: Callable[[GameArrays], object]
     """Called when a batch begins: publishes facts in the form that they have in arrays."""
     check: Callable[[Context], object]

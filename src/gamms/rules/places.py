@@ -1,6 +1,6 @@
 """What teams do on nodes: hold them for some turns, and discover them with their sensors."""
 
-from collections.abc import Hashable, Iterable, Mapping
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from typing import Annotated, Any, NamedTuple
 
 import numpy as np
@@ -8,9 +8,10 @@ import numpy as np
 from gamms.arguments import as_count, as_flag, as_float, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadType, NotOffered
-from gamms.game.batch.state import Arrays
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain, why_not_plain
 from gamms.rules.contacts import nodes_within
 from gamms.rules.endings import Rank, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
@@ -208,7 +209,15 @@ def discover(
 
     named = sorted(game.teams or (), key=str)
     return with_hooks(
-        discover, prepare=game.prepare, drawer=render_discovered, teams=named, rank=Rank.PLACES, key=game.key
+        discover,
+        prepare=game.prepare,
+        drawer=render_discovered,
+        teams=named,
+        rank=Rank.PLACES,
+        key=game.key,
+        array_form=game.play_in_arrays,
+        prepare_arrays=game.prepare_arrays,
+        why_not_in_arrays=_why_not_looked,
     )
 
 
@@ -245,28 +254,107 @@ class _Discovery(NamedTuple):
             if new:
                 ctx.game.publish(to=team, **{self.key: {node: to_plain(self.what[node]) for node in by[team]}})
 
+    def prepare_arrays(self, state: GameArrays) -> None:
+        """Publish what teams have discovered in many games: team -> (games, nodes), the nodes in their order."""
+        roster, by = state.roster, self._kept(state.keep, len(state.roster.teams))
+        state.facts[self.key] = {team: by[:, number] for number, team in enumerate(roster.teams) if team is not None}
+
+    def play_in_arrays(self, turn: ArrayTurn) -> None:
+        """Let all agents of many games look."""
+        roster, hidden = turn.roster, turn.streets.rows(list(self.what))
+        kept = self._kept(turn.keep, len(roster.teams))
+        by = kept[turn.games]
+        before: BoolArray = np.asarray(by.any(axis=1))
+        looks = turn.alive & roster.plays_for(self.teams) & ~roster.plays_for([None])
+        views = turn.shared(("discover", self.key), lambda: _Views(turn, hidden))
+        in_view = np.asarray(views.seen(turn.node, looks))
+        if self.hops >= 1:
+            edges = turn.routes(None).distances(turn.node[..., None], hidden)
+            in_view |= np.isfinite(edges) & (edges <= self.hops)
+        in_view |= turn.node[..., None] == hidden
+        at, agents, nodes = np.nonzero(in_view & looks[..., None] & ~by[:, roster.team_of])
+        pairs = (at * len(roster.teams) + roster.team_of[agents]) * len(hidden) + nodes
+        those = np.sort(np.unique(pairs, return_index=True)[1])  # of the members of a team the first by name
+        at, agents, nodes = at[those], agents[those], nodes[those]
+        teams, are_first = roster.team_of[agents], ~before[at, nodes]
+        kept[turn.games[at], teams, nodes] = True
+        values = {"team": [roster.teams[number] for number in teams.tolist()], "first": are_first.tolist()}
+        turn.emit("discover", at, agents={"agent": agents}, nodes={"node": hidden[nodes]}, values=values)
+        if self.score:
+            turn.add_scores(at[are_first], agents[are_first], self.score)
+
+    def _kept(self, keep: Callable[[Hashable, Callable[[int], Arrays]], Arrays], teams: int) -> BoolArray:
+        """Return which teams have discovered which nodes in all games, (games, teams, nodes)."""
+        shape = teams, len(self.what)
+        found: BoolArray = keep(("discover", self.key), lambda games: {"by": np.zeros((games, *shape), np.bool_)})["by"]
+        return found
+
     def _found_by(self, ctx: Context) -> dict[Any, list[int]]:
         start = {"nodes": as_text(np.array(list(self.what), np.int64)), "by": {}}
         found: dict[Any, list[int]] = state_of(ctx, DISCOVERED, self.key, start)["by"]
         return found
 
 
+class _Views:
+    """Which of some nodes the sensors of agents show from each node, found when an agent is first there."""
+
+    def __init__(self, turn: ArrayTurn, hidden: IntArray) -> None:
+        self._roster, self._streets = turn.roster, turn.streets
+        self._ids, self._xy = turn.streets.ids(hidden), turn.streets.columns.xy[hidden]
+        self._number = np.full((len(turn.roster.names), len(turn.streets.counts)), -1)
+        self._seen = np.zeros((0, len(hidden)), np.bool_)
+
+    def seen(self, node: IntArray, looks: BoolArray) -> BoolArray:
+        """Return which nodes agents that look have in view, (games, agents, nodes)."""
+        agents = np.broadcast_to(np.arange(node.shape[1]), node.shape)
+        new = np.flatnonzero(looks & (self._number[agents, node] < 0))
+        pairs = np.unique(agents.ravel()[new] * self._number.shape[1] + node.ravel()[new])
+        if len(pairs):
+            carriers, rows = np.divmod(pairs, self._number.shape[1])
+            ids = self._streets.ids(rows).tolist()
+            fresh = [
+                _shown(self._roster.agents[agent], here, self._ids, self._xy)
+                for agent, here in zip(carriers.tolist(), ids, strict=True)
+            ]
+            self._number[carriers, rows] = len(self._seen) + np.arange(len(pairs))
+            self._seen = np.concatenate((self._seen, np.stack(fresh)))
+        return np.asarray(self._seen[self._number[agents, node]] & looks[..., None])
+
+
+def _why_not_looked(agents: Iterable[IAgent]) -> str | None:
+    """Return in words why what agents have in view has no array form; None: it has."""
+    for agent in agents:
+        for name, sensor in getattr(agent, "sensors", {}).items():
+            of_agents, of_nodes = getattr(sensor, "in_arrays", None), getattr(sensor, "nodes_in_arrays", None)
+            look = "is of a class of its own" if of_agents is None else of_agents(agent.name)
+            look = look if of_nodes is None else of_nodes()
+            if isinstance(look, str):
+                return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {look}"
+    return None
+
+
+def _shown(agent: IAgent, here: int, ids: IntArray, places: FloatArray) -> BoolArray:
+    """Return which nodes, at these places, the sensors of an agent show from a node."""
+    is_seen = np.zeros(len(ids), np.bool_)
+    for sensor in agent.sensors.values():
+        try:
+            is_seen |= np.isin(ids, sensor.coverage(here, agent.name).node_ids)
+        except NotOffered:  # it is no sensor of agents
+            try:
+                seen = sensor.view_from(here, agent.name).nodes
+            except NotOffered:
+                continue
+            is_seen |= (places[:, None] == seen[None]).all(axis=2).any(axis=1)
+    return is_seen
+
+
 def _in_view(ctx: Context, agent: IAgent, nodes: list[int], hops: float) -> list[int]:
     """Return which of these nodes an agent has in view, or so many edges ahead."""
     if not nodes:
         return []
-    here, name, ids = agent.current_node_id, agent.name, np.array(nodes, np.int64)
+    here, ids = agent.current_node_id, np.array(nodes, np.int64)
     around = () if agent.type is AgentType.AERIAL else nodes_within(ctx.graph.graph, here, hops)
     is_seen = np.array([node in around for node in nodes])
-    places: FloatArray = ctx.graph.graph.positions(nodes)
-    for sensor in agent.sensors.values():
-        try:
-            is_seen |= np.isin(ids, sensor.coverage(here, name).node_ids)
-        except NotOffered:  # it is no sensor of agents
-            try:
-                seen = sensor.view_from(here, name).nodes
-            except NotOffered:
-                continue
-            is_seen |= (places[:, None] == seen[None]).all(axis=2).any(axis=1)
+    is_seen |= _shown(agent, here, ids, ctx.graph.graph.positions(nodes))
     seen_ids: list[int] = ids[is_seen].tolist()
     return seen_ids

@@ -313,6 +313,8 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         for name, sensor in getattr(agent, "sensors", {}).items()
     ]
     reasons += [(_rule_lacks_form(one), f"the rule {one.name!r}") for one in game.rules]
+    needs = [one.rule.why_not_in_arrays(game.agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
+    reasons += [(why is not None, why or "") for why in needs]
     reasons += [
         (by_metres and getattr(one.rule, _BY_EDGES, False), f"the rule {one.name!r}, in a game by metres")
         for one in game.rules

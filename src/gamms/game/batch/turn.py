@@ -9,6 +9,7 @@ import numpy as np
 from gamms import kernels
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
+from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.state import Arrays, Emitted, GameArrays
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
@@ -411,6 +412,10 @@ class ArrayTurn(MovesOfTurn):
             known[key] = make()
         found: T = known[key]
         return found
+
+    def routes(self, weight: str | None = "length") -> RouteTable:
+        """Return how far it is between rows of nodes; `weight` as for `graph.distance`."""
+        return self._state.movement.routes(weight)
 
     @property
     def facts(self) -> Mapping[str, Any]:
