@@ -41,6 +41,7 @@ _GAP_PX, _DOTS_PX = 3.0, 5.0  # between a label and its dot; other dots
 _APART_PX = 2.0  # other labels, and dots that touch its own
 _COMES_PX = 6.0  # what is free around a label that was left out in the frame before
 _DIAGONAL, _CELL_PX = 0.5**0.5, 48.0
+_MOST_COUNTED = 5000  # agents, of which those that stand on one place are counted
 _MOST_MARKS = 200  # commands of flags, goals and the like of which names are kept clear
 _MOST_AUTO, _AUTO_PX = 30, 10_000.0  # so many names are easy to read, if each has so many pixels of the page
 
@@ -112,7 +113,8 @@ class Labels:
         """
         heights, named, agents = dict(_heights(ctx)), _named(ctx, choice, page), ctx.agent.agents
         words, self.are_shown = dict[int, str](), bool(named)
-        if named or heights or drawing_of(ctx).has_stacks:
+        # Among very many agents no count could be read.
+        if named or heights or (drawing_of(ctx).has_stacks and len(agents) <= _MOST_COUNTED):
             looks = [look for look in looks_of(artists) if look.current_position is not None and look.name in agents]
             dots = dots_of(looks, camera, fine, heights.keys())
             words = dict(_words(looks, dots, heights, named))
