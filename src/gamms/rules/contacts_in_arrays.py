@@ -63,21 +63,31 @@ def may_meet(us: Hashable, them: Hashable, nearness: Nearness, turn: DeviceTurn)
     Nearness counts on one node, or in a straight line.
     """
     ours, theirs = (np.flatnonzero(turn.roster.plays_for([team])) for team in (us, them))
-    node, other = turn.of(turn.node, ours), turn.of(turn.node, theirs)
+    xp, nodes = turn.xp, len(turn.streets.columns.node_ids)
     if nearness.unit is None:
-        near = node[:, :, None] == other[:, None, :]
+        near = _equal(turn, turn.node, turn.node, (ours, theirs))
     else:
+        node, other = turn.of(turn.node, ours), turn.of(turn.node, theirs)
         x, y = turn.streets.x, turn.streets.y
         dx, dy = x[node][:, :, None] - x[other][:, None, :], y[node][:, :, None] - y[other][:, None, :]
         near = dx * dx + dy * dy <= nearness.limit * nearness.limit
+        near = near & turn.of(turn.alive, ours)[:, :, None] & turn.of(turn.alive, theirs)[:, None, :]
     if nearness.crossing:
-        starts, ends = turn.of(turn.starts, ours), turn.of(turn.ends, ours)
-        crossed = starts[:, :, None] == turn.of(turn.ends, theirs)[:, None, :]
-        crossed = crossed & (ends[:, :, None] == turn.of(turn.starts, theirs)[:, None, :])
-        near = near | (crossed & (starts != ends)[:, :, None])
-    near = near & turn.of(turn.alive, ours)[:, :, None] & turn.of(turn.alive, theirs)[:, None, :]
-    is_other = turn.put(ours[:, None] != theirs)
-    return turn.any_of([turn.xp.any(near & is_other, axis=2)])
+        is_moving, nowhere = turn.starts != turn.ends, nodes * nodes
+        ways, back = turn.starts * nodes + turn.ends, turn.ends * nodes + turn.starts
+        ways, back = xp.where(is_moving, ways, nowhere), xp.where(is_moving, back, nowhere + 1)
+        near = near | _equal(turn, ways, back, (ours, theirs))
+    is_other = ours[:, None] != theirs
+    if not is_other.all():
+        near = near & turn.put(is_other)
+    return xp.any(xp.reshape(near, (near.shape[0], -1)), axis=1)
+
+
+def _equal(turn: DeviceTurn, keys: Tensor, others: Tensor, sides: tuple[IntArray, IntArray]) -> Tensor:
+    """Return which living agents of two sides have equal keys, none negative, (games, agents, agents)."""
+    xp, (ours, theirs) = turn.xp, sides
+    left, right = turn.of(xp.where(turn.alive, keys, -1), ours), turn.of(xp.where(turn.alive, others, -2), theirs)
+    return left[:, :, None] == right[:, None, :]
 
 
 _Met = tuple[IntArray, IntArray, IntArray, FloatArray, FloatArray, BoolArray, IntArray, IntArray]

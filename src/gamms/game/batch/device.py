@@ -130,9 +130,9 @@ class DeviceGames(GameArrays):
     def rows(self, games: IntArray, names: Sequence[str]) -> list[np.ndarray[Any, Any]]:
         """Read columns of some games, all at once."""
         xp, every = self.library.xp, len(games) == len(self)
-        columns = xp.stack([xp.astype(self.there[name], xp.int64) for name in names])
-        some = columns if every else xp.take(columns, self.library.put(games), axis=1)
-        return list(self.library.get(some))
+        which = None if every else self.library.put(games)
+        columns = [self.there[name] if every else xp.take(self.there[name], which, axis=0) for name in names]
+        return list(self.library.get(xp.stack([xp.astype(column, xp.int64) for column in columns])))
 
     def write(self, games: IntArray, **columns: np.ndarray[Any, Any]) -> None:
         """Write rows of columns, (games, agents), of some games."""

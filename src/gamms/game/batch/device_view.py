@@ -268,8 +268,8 @@ class DeviceView(ArrayView):
                 the number of a legal node.
         """
         chosen = self.as_actions(given, by)
+        self.library.num_reads += 1
         if bool(self.is_wrong(chosen)):
-            self.library.num_reads += 1
             host = self.on_host()
             host.mask = self.library.get(self.mask)
             host.checked(self.library.get(chosen), by)
