@@ -13,7 +13,6 @@ import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine, Group
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
@@ -55,7 +54,6 @@ class DeviceGames(GameArrays):
         self._is_old = False  # whether the device knows more than the host
         super().__init__(roster, movement, seeds, start)
         self.streets_there = DeviceStreets(movement.streets, library)
-        self.seeds_there: IntArray = np.array(seeds)
         self.upload()
 
     def upload(self) -> None:
@@ -65,7 +63,7 @@ class DeviceGames(GameArrays):
             zip(_COLUMNS, map(put, (self._node, *self.last_moves[:2], self._alive, self.last_moves[2])), strict=True)
         )
         self.there |= {"moves": put(self.counts["moves"]), "keys": put(as_signed(self.draw_keys()))}
-        self.turn_there, self.seeds_there = put(self.turn), np.array(self.seeds)
+        self.turn_there = put(self.turn)
         self._is_old = False
 
     def download(self) -> None:
@@ -153,23 +151,20 @@ class HostTurn(ArrayTurn):
     _state: DeviceGames
 
     def __init__(self, state: DeviceGames, games: IntArray, *, before_moves: bool = False) -> None:
-        self._state, self.games, self._before_moves = state, games, before_moves
-        self.roster, self.streets = state.roster, state.streets
-        self.paths = self._played = None
-        self._deeds, self._done, self._refused = [], [], {}
-        self._deeds, self._refused = list[ArrayDeeds](), dict[tuple[int, int, str], set[str]]()
-        self.turn, self.seeds = state.turn[games], state.seeds_there[games]
+        self._before_moves = before_moves
         self._before: tuple[IntArray, BoolArray] | None = None
+        super().__init__(state, games)
+
+    def _find_agents(self) -> None:
+        """Leave them where they are until they are asked for."""
 
     def __getattr__(self, name: str) -> Any:
-        if name not in _COLUMNS:
+        if name not in {*_COLUMNS, "_earlier"}:
             raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        self.node, self.starts, self.ends, alive, took_part = self._state.rows(self.games, _COLUMNS)
-        self.alive, self.took_part = alive != 0, took_part != 0
-        self.node = self.node.copy()
-        if self._before_moves:
-            self.starts = self.ends = self.node
-            self.took_part = self.alive
+        node, starts, ends, alive, took_part = self._state.rows(self.games, _COLUMNS)
+        self._place_agents(node.copy(), alive != 0)
+        if not self._before_moves:
+            self.starts, self.ends, self.took_part = starts, ends, took_part != 0
         self._before = self.node.copy(), self.alive.copy()
         return self.__dict__[name]
 

@@ -147,6 +147,7 @@ class GameArrays:
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None
+        self._seeds: IntArray | None = None  # as an array
 
     def __len__(self) -> int:
         return len(self.seeds)
@@ -171,7 +172,7 @@ class GameArrays:
                 self.kept[key][name][games] = column
         for purpose, keys in self._purposes.items():
             keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
-        self._draw_keys = None
+        self._draw_keys = self._seeds = None
         self.now.clear()
         self.events.forget(games)
 
@@ -190,6 +191,12 @@ class GameArrays:
             keys = np.array([kernels.purpose_key(seed, *purpose) for seed in self.seeds], np.uint64)
             self._purposes[purpose] = keys
         return keys
+
+    def seeds_of(self, games: IntArray) -> IntArray:
+        """Return the seeds of some games."""
+        if self._seeds is None:
+            self._seeds = np.array(self.seeds)
+        return self._seeds[games]
 
     def draw_keys(self) -> BitArray:
         """Return the keys of what agents draw, (games, agents); see `kernels.first_key_rows`."""

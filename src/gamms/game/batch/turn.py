@@ -78,16 +78,22 @@ class MovesOfTurn:
     def __init__(self, state: GameArrays, games: IntArray) -> None:
         self._state, self.games = state, games
         self.roster, self.streets = state.roster, state.streets
-        self.turn, self.seeds = state.turn[games], np.array(state.seeds)[games]
-        self.node, self.alive = state.node[games], state.alive[games]
-        self.starts = self.ends = self.node
-        self.took_part = self.alive
+        self.turn, self.seeds = state.turn[games], state.seeds_of(games)
         self.paths: Paths | None = None
         self._played: Paths | None = None  # of the parts of the turn that have moved
-        self._earlier = self.starts, self.ends  # of these parts
         self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
         self._done: list[ArrayDeeds] = []  # of the parts before
         self._refused: dict[tuple[int, int, str], set[str]] = {}
+        self._find_agents()
+
+    def _find_agents(self) -> None:
+        """Take where the agents are."""
+        self._place_agents(self._state.node[self.games], self._state.alive[self.games])
+
+    def _place_agents(self, node: IntArray, alive: BoolArray) -> None:
+        self.node, self.alive = self.starts, self.took_part = node, alive
+        self.ends = node
+        self._earlier = node, node  # starts and ends of the parts of the turn that have moved
 
     # -- how the engine plays it --------------------------------------------------------------------------------
 
