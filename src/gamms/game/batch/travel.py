@@ -60,6 +60,7 @@ class ByMetres(Movement):
     """
 
     idle = STOP
+    _arrays: tuple[IntArray, ...]
 
     def __init__(self, graph: IGraph, streets: Streets, speeds: Sequence[float | None], terms: TravelTerms) -> None:
         super().__init__(streets)
@@ -154,16 +155,26 @@ class ByMetres(Movement):
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
-        return np.asarray(self._count)[choices]
+        found: IntArray = self._columns()[1][choices]
+        return found
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        found: IntArray = np.asarray(self._flat)[np.asarray(self._first)[choices] + actions]
+        first, _, flat = self._columns()
+        found: IntArray = flat[first[choices] + actions]
         return found
+
+    def _columns(self) -> tuple[IntArray, ...]:
+        """Return where the nodes of each choice begin, how many there are, and all these nodes."""
+        if len(self._arrays[0]) != len(self._first):
+            columns = self._first, self._count, self._flat
+            self._arrays = tuple(np.array(column, np.int64) for column in columns)
+        return self._arrays
 
     def _forget(self) -> None:
         self._number = np.full(len(self._kinds) * len(self.streets.counts), -1)
         self._first, self._count, self._flat = list[int](), list[int](), list[int]()
+        self._arrays = (np.zeros(0, np.int64),) * 3
 
     def _add(self, nodes: Sequence[int]) -> int:
         different = list(dict.fromkeys(nodes))
@@ -484,6 +495,7 @@ def why_not_moved(game: PlayedGame) -> str | None:
         (by_metres and settings["decide"] == "arrival", "decide='arrival'"),
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
         (by_metres and bool(settings["deeds"]), "deeds in a game by metres"),
+        (by_metres and bool(settings["channels"]), "channels in a game by metres"),
         (by_metres and len(settings["order"] or ()) > 1, "an order of play in a game by metres"),
     ]
     for agent in game.agents:

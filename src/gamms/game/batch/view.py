@@ -397,7 +397,7 @@ class ArrayView(Mapping[str, Any]):
         leads_on = (chosen >= STOP) & (may_aim | ~self.mask)
         if leads_on.all():
             return chosen
-        is_wrong = (chosen < 0) | ((chosen >= self.counts) & ~leads_on)
+        is_wrong = (chosen < 0) | (chosen >= self._counts_of(leads_on))
         if is_wrong.any():
             game, agent = np.argwhere(is_wrong)[0]
             raise BadValue(
@@ -406,6 +406,15 @@ class ArrayView(Mapping[str, Any]):
                 f"{self.counts[game, agent]}, numbered from 0."
             )
         return chosen
+
+    def _counts_of(self, leads_on: BoolArray) -> IntArray:
+        """Return how many numbers of actions are legal; of agents that lead on, any number."""
+        if not leads_on.any():
+            return self.counts
+        which = np.nonzero(~leads_on)
+        found = np.full(self.node.shape, np.iinfo(np.int64).max)
+        found[which] = self.movement.counts(self.movement.choices(self.node[which], self.numbers(which)))
+        return found
 
     def _names(self) -> tuple[str, ...]:
         return tuple(self.roster.names[number] for number in self.agents.tolist())
