@@ -612,6 +612,8 @@ CASES = [
     Case("targeted: tag(euclid=5) of 100,000 agents in a batch", "agent-step", seeing.tags),
     Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),
     Case("scenario: 1,024 games with an order of play in a batch", "agent-step", parts.in_order),
+    Case("scenario: 1,024 games with speeds in edges in a batch", "agent-step", parts.by_edges),
+    Case("scenario: 1,024 games by metres in a batch", "agent-step", parts.by_metres),
     Case("scenario: 1,024 games with deeds in a batch", "agent-step", parts.with_deeds),
     Case("scenario: 1,024 games with messages in a batch", "agent-step", parts.with_messages),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),

@@ -75,6 +75,17 @@ def in_order():
     return batch_of([TAG], {"order": [["red"], ["blue"]]})
 
 
+def by_edges():
+    """Agents that go two edges a turn at random, and tag."""
+    return batch_of([TAG], {}, teams={key: {**WALK, "speed": 2} for key in ("red", "blue")})
+
+
+def by_metres():
+    """Agents that travel by metres to places drawn at random, and tag where they meet on edges."""
+    goes = {**WALK, "strategy": "gamms.strategies:random_waypoints", "speed": 7.0}
+    return batch_of([TAG], {"speed_unit": "metres"}, teams={"red": goes, "blue": goes})
+
+
 def with_deeds():
     """Agents that do two kinds of deeds, with a price and a cooldown."""
     import gamms
