@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 import gamms
 from gamms.ir.draw import DrawSpace
 from gamms.visual import Artist
-from gamms.visual.artist import ArtistGroup
+from gamms.visual.artist import ArtistGroup, drawn_looks, looks_of
 from gamms.visual.backends.raster import painted
 from gamms.visual.camera import Camera
+from gamms.visual.default_scene import TOGETHER
 from gamms.visual.drawers import render_agent
 from gamms.visual.drawing import Commands, Disc
 from gamms.visual.shown_turn import Paths
@@ -125,3 +126,70 @@ def test_a_share_of_a_path_is_a_share_of_its_length(lines, share):
         so_far = paths.until(row, share, tuple(place))
         assert so_far[0] == line[0]
         np.testing.assert_allclose(so_far[-1], place, atol=1e-9)
+
+
+@pytest.fixture(scope="module")
+def large():
+    """Two teams of 100 on a grid, after a turn in which some moved, stay stacked, or went out; and a drone."""
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(8, 8))
+        edge = next(ctx.graph.graph.get_edges())
+        ctx.graph.graph.update_edge({"id": edge, "linestring": [(0, 0), (4, 3), (10, 0)]})
+        for team in ("red", "blue"):
+            ctx.agent.create_team(team, [(i * i) % 64 if i < 60 else 9 + i % 2 for i in range(100)])
+        ctx.agent.create_agent("drone", type="aerial", start_node_id=3, speed=2.0, team="air")
+        for team in ("red", "blue"):
+            ctx.game.command(team, lambda view: view.choose(np.arange(len(view.names)) % view.counts), arrays=True)
+        ctx.game.step()
+        ctx.agent.get_agent("red_7").alive = False
+        ctx.visual.drawing.motion.begin_turn()
+        yield ctx
+
+
+def apart(ctx, artists):
+    """The same agents, each with an artist of its own."""
+    found = {}
+    for name, artist in artists.items():
+        for look in artist.data.get("looks", ()):
+            found[look.name] = Artist(ctx, render_agent, artist.get_layer())
+            found[look.name].data = {"agent_data": look}
+        found.setdefault(name, artist)
+    return {name: artist for name, artist in found.items() if name != TOGETHER}
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 1.0])
+@pytest.mark.parametrize("has_default_look", [True, False])
+def test_many_agents_of_the_default_look_are_drawn_as_if_each_had_an_artist(large, share, has_default_look):
+    shown = large.visual.artists.shown()
+    artists = {name: shown[name] for name in (TOGETHER, "drone")}
+    assert "red_1" not in shown
+    singly = apart(large, artists)
+    large.visual.drawing.has_default_look = has_default_look
+    bulk, each = drawn(large, artists, share), drawn(large, singly, share)
+    assert len(bulk) == len(each) > 4 * 199
+    for column in COLUMNS:
+        np.testing.assert_array_equal(getattr(bulk, column), getattr(each, column))
+    names, columns = drawn_looks(artists)
+    by_name = drawn_looks(singly)
+    assert names == by_name[0]
+    assert "red_7" not in names
+    np.testing.assert_array_equal(columns, by_name[1])
+    assert [look.current_position for look in looks_of(artists)] == [look.current_position for look in looks_of(singly)]
+
+
+def test_many_agents_are_drawn_one_by_one_where_one_of_them_was_declared(large):
+    large.visual.set_agent_visual("red_1", color="green")
+    try:
+        shown = large.visual.artists.shown()
+        assert {"red_1", "red_2", "blue_99"} <= shown.keys()
+        assert TOGETHER not in shown
+    finally:
+        large.visual.remove_artist("red_1")
+
+
+def test_an_agent_that_is_deleted_within_a_turn_is_not_drawn_with_the_others(large):
+    artists = large.visual.artists.shown()
+    before = drawn(large, {TOGETHER: artists[TOGETHER]})
+    large.agent.delete_agent("blue_0")
+    assert len(drawn(large, {TOGETHER: artists[TOGETHER]})) == len(before) - 4
+    assert "blue_0" not in drawn_looks(artists)[0]

@@ -66,6 +66,11 @@ class Positions:
         return self._block.node
 
     @property
+    def previous_nodes(self) -> Sequence[int]:
+        """The ids (agents,) of the nodes before their last moves."""
+        return self._block.previous
+
+    @property
     def places(self) -> MutableSequence[Any]:
         """Where the agents are (agents,), as a list or a view of an array of its own.
 

@@ -1,6 +1,6 @@
 """How things look: colours, and the data of the built-in drawers."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from types import MappingProxyType
@@ -11,6 +11,7 @@ import numpy as np
 from gamms.arguments import as_float
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import ColorType, IAgent
 
@@ -242,6 +243,55 @@ class AgentData:
         """Return the values that were declared."""
         filled = {name for name, value in self.defaults.items() if getattr(self, name) == value}
         return {name: value for name, value in self.__dict__.items() if name not in filled}
+
+
+@dataclass
+class AgentLooks:
+    """How many agents look that are drawn together, in columns; all are of one size.
+
+    Iterating gives the `AgentData` of each, which are copies.
+    """
+
+    names: Sequence[str]
+    rows: IntArray  # (agents,) among all agents, while the structure of these is the same
+    structure: int | None  # the `structure_version` of that time
+    colors: Sequence[Rgb]  # the different ones
+    color_rows: IntArray  # (agents,) the colour of each
+    size: float
+    least_px: float
+    positions: FloatArray = field(init=False, compare=False)  # (agents, 2) where they were drawn last; NaN: not at all
+    shifts: FloatArray = field(init=False, compare=False)  # (agents, 2) see `AgentData.shift`
+
+    def __post_init__(self) -> None:
+        self.note(np.zeros(len(self.names), bool))
+
+    def note(
+        self, is_shown: BoolArray, positions: FloatArray | float = np.nan, shifts: FloatArray | float = 0.0
+    ) -> None:
+        """Note where those that are shown were drawn."""
+        self.positions, self.shifts = np.full((len(self.names), 2), np.nan), np.zeros((len(self.names), 2))
+        self.positions[is_shown], self.shifts[is_shown] = positions, shifts
+
+    def drawn(self) -> tuple[list[str], FloatArray]:
+        """Return the names of those that were drawn, and (agents, 6): position, shift, size and least radius."""
+        is_drawn = ~np.isnan(self.positions[:, 0])
+        names = [self.names[row] for row in np.flatnonzero(is_drawn).tolist()]
+        sizes = np.broadcast_to((self.size, self.least_px), (len(names), 2))
+        return names, np.hstack([self.positions[is_drawn], self.shifts[is_drawn], sizes])
+
+    def without(self, hidden: Collection[str]) -> "AgentLooks":
+        """Return those of the other agents."""
+        kept = [row for row, name in enumerate(self.names) if name not in hidden]
+        names = [self.names[row] for row in kept]
+        return AgentLooks(
+            names, self.rows[kept], self.structure, self.colors, self.color_rows[kept], self.size, self.least_px
+        )
+
+    def __iter__(self) -> Iterator[AgentData]:
+        columns = self.color_rows.tolist(), self.positions.tolist(), self.shifts.tolist()
+        for name, row, (x, y), (right, down) in zip(self.names, *columns, strict=True):
+            place = (x, y) if x == x else None  # noqa: PLR0124 - unless it is NaN
+            yield AgentData(name, self.colors[row], self.size, None, place, self.least_px, (right, down))
 
 
 @dataclass

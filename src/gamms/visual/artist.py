@@ -13,11 +13,12 @@ from gamms.arguments import as_int
 from gamms.deciding import Guarded, Protected, phase_of, refused_while_deciding
 from gamms.errors import BadType
 from gamms.ir.draw import DrawCommands
+from gamms.ir.graph import FloatArray
 from gamms.text import shown
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.typing.visualization_engine import Drawer
-from gamms.visual.appearance import AgentData
+from gamms.visual.appearance import AgentData, AgentLooks
 from gamms.visual.constants import Shape
 from gamms.visual.drawers import render_circle, render_rectangle
 from gamms.visual.drawers.agents import render_agent, render_agents
@@ -131,10 +132,31 @@ class Artist(Guarded, IArtist):
 def looks_of(artists: Mapping[str, IArtist]) -> Iterator[AgentData]:
     """Return how agents look, of those that visible artists show."""
     for artist in artists.values():
-        data = getattr(artist, "data", None)
-        look = data.get("agent_data") if isinstance(data, dict) and artist.get_visible() else None
+        look = _look_of(artist)
         if isinstance(look, AgentData):
             yield look
+        elif look is not None:
+            yield from look
+
+
+def drawn_looks(artists: Mapping[str, IArtist]) -> tuple[list[str], FloatArray]:
+    """Return the names of agents that visible artists have drawn, and columns: see `AgentLooks.drawn`."""
+    names, columns = list[str](), [np.empty((0, 6))]
+    for look in map(_look_of, artists.values()):
+        if isinstance(look, AgentLooks):
+            more, found = look.drawn()
+            names += more
+            columns.append(found)
+        elif look is not None and look.current_position is not None:
+            names.append(look.name)
+            columns.append(np.array([(*look.current_position, *look.shift, look.size, look.least_px)], np.float64))
+    return names, np.concatenate(columns)
+
+
+def _look_of(artist: IArtist) -> AgentData | AgentLooks | None:
+    data = getattr(artist, "data", None)
+    look = data.get("agent_data", data.get("looks")) if isinstance(data, dict) and artist.get_visible() else None
+    return look if isinstance(look, AgentData | AgentLooks) else None
 
 
 _Item = tuple[str, IArtist]

@@ -16,10 +16,11 @@ from gamms.ir.graph import GraphColumns
 from gamms.ir.sensed import SensorView
 from gamms.typing import ArtistType, IArtist, IContext
 from gamms.typing.visualization_engine import Drawer
-from gamms.visual.appearance import AgentData, GraphData, Rgb, color_group
+from gamms.visual.appearance import AgentData, AgentLooks, GraphData, Rgb
 from gamms.visual.artist import Artist, data_of, looks_of
 from gamms.visual.constants import Layer
 from gamms.visual.drawers import render_agent, render_graph, render_obstacles, render_sensor
+from gamms.visual.drawers.agents import render_looks
 from gamms.visual.drawers.graph import obstacles_to_draw, render_base_map
 from gamms.visual.drawers.messages import has_messages, render_messages
 from gamms.visual.drawers.rules import (
@@ -52,7 +53,8 @@ from gamms.visual.themes import Theme
 MOST_SENSORS = 20  # more of them would hide what happens
 _MOST_APART = 6  # so many are drawn one by one, each with all that it sees
 _WITHOUT_CARRIER = (110, 114, 120)
-_AGENT_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; of more than so many a smaller one
+_AGENT_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; more than so many are smaller, and drawn together
+TOGETHER = "agents on the ground"  # the name of the artist that draws them
 _VIEWS = (  # the parts of a view, what they are, and their signs
     ("outline", "field of view", "field"),
     ("lines", "edge in view", "line"),
@@ -98,7 +100,7 @@ class DefaultScene:
         Sizes and colours that declared artists do not have are filled in.
         """
         self._renew_map()
-        self._renew_agents()
+        self._renew_agents(declared)
         for look in looks_of(declared):
             if look.name in self._agents:
                 look.fill(data_of(self._agents[look.name])["agent_data"])
@@ -162,18 +164,37 @@ class DefaultScene:
         artist.set_artist_type(ArtistType.STATIC)
         return artist
 
-    def _renew_agents(self) -> None:
-        key = self._ctx.agent.structure_version, self._mark, drawing_of(self._ctx).team_colors
+    def _renew_agents(self, declared: Mapping[str, IArtist]) -> None:
+        agents = self._ctx.agent.agents
+        are_together = len(agents) > _MANY and not any(name in agents for name in declared)
+        key = self._ctx.agent.structure_version, self._mark, drawing_of(self._ctx).team_colors, are_together
         if key == self._agents_key:
             return
-        sides = {agent.name: str(color_group(agent)) for agent in self._ctx.agent.create_iter()}
-        by_side = drawing_of(self._ctx).group_colors()
-        least_px = max(_LEAST_PX, min(_AGENT_PX, _AGENT_PX * (_MANY / max(len(sides), 1)) ** 0.5))
+        positions, by_side = self._ctx.agent.positions, drawing_of(self._ctx).group_colors()
+        names, sides = positions.names, zip(positions.names, positions.teams, strict=True)
+        least_px = max(_LEAST_PX, min(_AGENT_PX, _AGENT_PX * (_MANY / max(len(names), 1)) ** 0.5))
         self._agents_key, self._agents = key, {}
-        self._colors = {name: by_side[side] for name, side in sides.items()}
-        for name, color in self._colors.items():
-            self._agents[name] = disc = Artist(self._ctx, render_agent, Layer.AGENTS)
-            disc.data = {"agent_data": AgentData(name, color, self._mark, least_px=least_px), "_alpha": 1.0}
+        self._colors = {name: by_side[str(name if team is None else team)] for name, team in sides}
+        if are_together:
+            self._agents[TOGETHER] = self._together(least_px)
+        above = set(positions.flyers.tolist()) if are_together else None
+        for row, (name, color) in enumerate(self._colors.items()):
+            if above is None or row in above:
+                self._agents[name] = disc = Artist(self._ctx, render_agent, Layer.AGENTS)
+                disc.data = {"agent_data": AgentData(name, color, self._mark, least_px=least_px), "_alpha": 1.0}
+
+    def _together(self, least_px: float) -> Artist:
+        """Return the artist of all agents on the ground."""
+        positions, colors = self._ctx.agent.positions, list(dict.fromkeys(self._colors.values()))
+        place_of = {color: place for place, color in enumerate(colors)}
+        places = np.array([place_of[color] for color in self._colors.values()], np.int64)
+        rows = np.delete(np.arange(len(places)), positions.flyers)
+        names = [positions.names[row] for row in rows.tolist()]
+        version = self._ctx.agent.structure_version
+        artist = Artist(self._ctx, render_looks, Layer.AGENTS)
+        looks = AgentLooks(names, rows, version, colors, places[rows], self._mark, least_px)
+        artist.data = {"looks": looks, "_alpha": 1.0}
+        return artist
 
     def _sensors(self, declared: Mapping[str, IArtist]) -> dict[str, IArtist]:
         """Return artists of what sensors see at present."""
@@ -256,7 +277,7 @@ def legend_of_sights(given: Iterable[tuple[Rgb, SensorView | None]]) -> Rows | N
 def team_rows(ctx: IContext) -> Rows | None:
     """Return the legend of the teams: colour, name and score; None where there are not two."""
     colors = drawing_of(ctx).group_colors()
-    teams = dict.fromkeys(getattr(agent, "team", None) for agent in ctx.agent.create_iter())
+    teams = dict.fromkeys(ctx.agent.positions.teams)
     scores = {} if ctx.current_game is None else ctx.current_game.scores
     named = [team for team in teams if team is not None]
     if len(named) < 2:

@@ -16,7 +16,7 @@ from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import AnyColor, Color, Rgb, color_group, rgba, team_colors
+from gamms.visual.appearance import AnyColor, Color, Rgb, rgba, team_colors
 from gamms.visual.camera import Viewpoint, moved_circles
 from gamms.visual.shown_turn import Carriers, Motion, TurnEvents
 from gamms.visual.themes import THEMES, Theme
@@ -40,6 +40,20 @@ class Disc(NamedTuple):
     color: AnyColor
     edge: AnyColor
     edge_px: float = 3.0  # half of it is hidden
+
+
+class Spread(NamedTuple):
+    """By how many radii discs on one node are moved before and after a turn."""
+
+    on: IntArray  # (discs,) the node of each, by any number
+    rows: IntArray  # (discs,) the look of each
+    moves: object  # of the turn
+    starts: FloatArray  # (discs, 2)
+    ends: FloatArray  # (discs, 2)
+
+    def is_of(self, on: IntArray, rows: IntArray) -> bool:
+        """Return whether it is that of these discs."""
+        return np.array_equal(self.on, on) and np.array_equal(self.rows, rows)
 
 
 class Commands:
@@ -297,7 +311,7 @@ class Drawing:
         has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
         has_stacks: whether so many agents are on one node that they are counted.
         has_marks: whether something was drawn whose size goes by the `extent`.
-        spread: how agents on one node were moved before and after a turn, and for which nodes, looks and moves.
+        spread: how agents on one node were moved before and after a turn.
         commands: the open list; None: nothing is drawn.
     """
 
@@ -310,7 +324,7 @@ class Drawing:
         self.team_colors: Mapping[str, Rgb] = {}
         self._marks, self.has_marks = 1.0, False
         self.has_default_look = self.has_stacks = False
-        self.spread: tuple[tuple[int, ...], object, FloatArray, FloatArray] | None = None
+        self.spread: Spread | None = None
         self.commands: Commands | None = None
         self._measured: tuple[GraphColumns | None, dict[Any, Any]] = None, {}
 
@@ -485,15 +499,15 @@ class Drawing:
 
     def hidden_agents(self, share: float = 1.0) -> set[str]:
         """Return the names of the agents that are not drawn, after a share of their last moves."""
-        positions, agents = self._ctx.agent.positions, self._ctx.agent.agents
-        out = [agents[positions.names[row]] for row in positions.inactive]
-        return {agent.name for agent in out if not self.is_shown(agent, share)}
+        positions = self._ctx.agent.positions
+        out = {positions.names[row] for row in positions.inactive}
+        return out - self.events.eliminated() if out and as_float(share, "share") < 1.0 else out
 
     def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
         """Return a colour for each group of agents, and for more teams, by text; the same in all pictures of a game."""
-        return team_colors(
-            [*map(color_group, self._ctx.agent.create_iter()), *more], self.team_colors, self.theme.teams
-        )
+        positions = self._ctx.agent.positions
+        groups = (name if team is None else team for name, team in zip(positions.names, positions.teams, strict=True))
+        return team_colors([*groups, *more], self.team_colors, self.theme.teams)
 
     def extent(self) -> float:
         """Return how much of the map pictures show, world units, for marks of one size in all; 0.0 for no map.

@@ -20,8 +20,9 @@ from gamms.visual.appearance import AgentData, color_group
 from gamms.visual.artist import Artist, data_of
 from gamms.visual.camera import inside
 from gamms.visual.constants import Layer
-from gamms.visual.default_scene import MOST_SENSORS, artists_of_sights, sight_radius
+from gamms.visual.default_scene import MOST_SENSORS, TOGETHER, artists_of_sights, sight_radius
 from gamms.visual.drawers import render_input_overlay, render_obstacles
+from gamms.visual.drawers.agents import render_looks
 from gamms.visual.drawers.graph import render_base_map, typical_edge_length
 from gamms.visual.drawers.messages import legend_of_messages, render_messages
 from gamms.visual.drawers.rules import flags_in, render_flags, render_tags, territories_in
@@ -83,6 +84,10 @@ class Fog:
             *(f"sensor_{name}" for name in self._ctx.sensor.sensors),
         }
         kept = {name: artist for name, artist in artists.items() if name not in left_out and self._may_show(artist)}
+        if TOGETHER in artists:
+            data = data_of(artists[TOGETHER])
+            kept[TOGETHER] = together = Artist(self._ctx, render_looks, Layer.AGENTS)
+            together.data = data | {"looks": data["looks"].without(self.hidden)}
         for key in flags:
             kept[key] = shown_flags = Artist(self._ctx, self._draw_flags, Layer.FLAGS)
             shown_flags.data = {"key": key}

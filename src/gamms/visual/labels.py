@@ -19,7 +19,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IArtist, IContext
 from gamms.visual.appearance import AgentData, Rgb, Rgba, inks
-from gamms.visual.artist import ArtistGroup, data_of, looks_of
+from gamms.visual.artist import ArtistGroup, data_of, drawn_looks, looks_of
 from gamms.visual.camera import Camera, on_screen, touching
 from gamms.visual.drawers.agents import RING, RING_PX
 from gamms.visual.drawers.streets import classes_of, in_metres, levels_of, one_way_each, polylines
@@ -167,15 +167,19 @@ def _heights(ctx: IContext) -> Iterator[tuple[str, str]]:
 
 def dots_of(looks: Sequence[AgentData], camera: Camera, fine: float = 1.0, flyers: Iterable[str] = ()) -> Dots:
     """Return the dots of agents that were drawn, in pixels of which the camera has `fine` in one."""
-    scale, above = camera.scale / fine, set(flyers)
-    columns = np.array(
-        [(*(look.current_position or ()), *look.shift, look.size, look.least_px, look.name in above) for look in looks],
-        np.float64,
-    ).reshape(-1, 7)
+    above = set(flyers)
+    columns = [(*(look.current_position or ()), *look.shift, look.size, look.least_px) for look in looks]
+    is_above = np.array([look.name in above for look in looks], bool)
+    return dots_in(np.array(columns, np.float64).reshape(-1, 6), camera, fine, is_above)
+
+
+def dots_in(columns: FloatArray, camera: Camera, fine: float = 1.0, is_above: BoolArray | bool = False) -> Dots:
+    """Return the same of columns (dots, 6), those of `AgentLooks.drawn`; `is_above` says which are in the air."""
+    scale = camera.scale / fine
     radii = np.maximum(columns[:, 4] * scale, columns[:, 5])
     centers = camera.to_screen(columns[:, :2]) / fine + columns[:, 2:4] * radii[:, None]
     rings = np.maximum(RING * columns[:, 4] * scale, RING_PX) + 2.0
-    return Dots(centers, np.where(columns[:, 6] > 0.0, rings, radii + 1.5))
+    return Dots(centers, np.where(is_above, rings, radii + 1.5))
 
 
 def _marks(ctx: IContext, artists: Mapping[str, IArtist], camera: Camera, fine: float) -> tuple[Dots, list[Rectangle]]:
@@ -370,8 +374,7 @@ class StreetNames:
         if scale < _CLOSE or not in_metres(columns):
             self._places, self._known = {}, (None, [])
             return []
-        looks = [look for look in looks_of(artists) if look.current_position is not None]
-        dots = dots_of(looks, camera, fine)
+        dots = dots_in(drawn_looks(artists)[1], camera, fine)
         key = columns, camera, fine, page, tuple(taken), dots.centers.tobytes(), dots.radii.tobytes()
         if key != self._known[0]:  # a window that rests shows many frames alike
             streets = drawing_of(ctx).of_map(_named_streets)

@@ -107,9 +107,10 @@ class Motion:
         self._last: _Turn | None = None
         self._structure: int | None = None  # of the agents whose names are those of the last turn
         self._steps: dict[str, Step] = {}
-        self._now: tuple[float, FloatArray, list[_Point]] | None = None  # where all that moved are after a share
+        self._now: tuple[float, FloatArray] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
+        self._paths: tuple[Sequence[str], Moves, IntArray] | None = None  # of the agents that were asked for last
         self._is_current = True
         self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
 
@@ -171,7 +172,11 @@ class Motion:
 
     def begin_turn(self) -> None:
         """Look up how each agent moved; one whose move is that of the turn before has not moved since."""
-        steps = {agent.name: _step(agent) for agent in self._ctx.agent.create_iter()}
+        positions = self._ctx.agent.positions
+        before, now = positions.previous_places, positions.places
+        for row in positions.on_edges:
+            now[row] = positions.nodes[row]
+        steps: dict[str, Step] = dict(zip(positions.names, zip(before, now, strict=True), strict=True))
         steps |= self._travels(steps)
         moves = self.moves_between(self._steps, steps)
         self.show_end(steps)
@@ -181,6 +186,8 @@ class Motion:
         """Return the moves of the last turn that began or ended on an edge, but for agents that were put elsewhere."""
         last = self._past[-1] if self._past else None
         if last is None or isinstance(last, Moves):
+            return {}
+        if not any(type(place) is Progress for _, places, _ in last for place in places):
             return {}
         (was, now) = (dict(zip(names, places, strict=True)) for names, places, _ in last)
         found = {name: (was.get(name, at), at) for name, at in now.items() if name in steps}
@@ -248,7 +255,8 @@ class Motion:
         """
         row = self.moves.rows.get(as_key(name, "The name of an agent")) if share < 1.0 else None
         if row is not None:
-            return self._moved(share)[1][row]
+            x, y = self._moved(share)[row].tolist()
+            return x, y
         agent = self._ctx.agent.get_agent(name)
         if agent.type == AgentType.AERIAL:
             return cast("IAerialAgent", agent).position[:2]
@@ -258,7 +266,7 @@ class Motion:
         node = self._ctx.graph.graph.get_node(agent.current_node_id)
         return node.x, node.y
 
-    def positions_of(self, agents: Sequence[IAgent], nodes: list[int], share: float) -> FloatArray:
+    def positions_of(self, names: Sequence[str], nodes: IntArray, share: float) -> FloatArray:
         """Return the positions (agents, 2) of agents on the ground, which are on nodes, as `position_of` does.
 
         Raises:
@@ -266,12 +274,20 @@ class Motion:
         """
         positions: FloatArray = self._ctx.graph.graph.positions(nodes)
         on_edges = self.on_edges()
-        for row, agent in enumerate(agents) if on_edges else ():
-            positions[row] = on_edges.get(agent.name, positions[row])
+        for row, name in enumerate(names) if on_edges else ():
+            positions[row] = on_edges.get(name, positions[row])
         if share < 1.0 and self.moves.rows:
-            rows = np.array([self.moves.rows.get(agent.name, -1) for agent in agents])
-            positions[rows >= 0] = self._moved(share)[0][rows[rows >= 0]]
+            rows = self.paths_of(names)
+            positions[rows >= 0] = self._moved(share)[rows[rows >= 0]]
         return positions
+
+    def paths_of(self, names: Sequence[str]) -> IntArray:
+        """Return the rows (agents,) of the paths of agents in the turn that is shown; -1: it did not move."""
+        known = self._paths
+        if known is None or known[0] is not names or known[1] is not self.moves:
+            found = np.array([self.moves.rows.get(name, -1) for name in names], np.int64)
+            known = self._paths = names, self.moves, found
+        return known[2]
 
     def on_edges(self) -> dict[str, _Point]:
         """Return agent -> where it is, of those that are on an edge."""
@@ -283,11 +299,11 @@ class Motion:
             self._on_edges = key, {names[row]: place.xy for row, place in found.items() if place is not None}
         return self._on_edges[1]
 
-    def _moved(self, share: float) -> tuple[FloatArray, list[_Point]]:
+    def _moved(self, share: float) -> FloatArray:
+        """Return where all that moved are, (paths, 2)."""
         if self._now is None or self._now[0] != share:
-            places = self.moves.paths.at(share)
-            self._now = share, places, [(x, y) for x, y in places.tolist()]
-        return self._now[1:]
+            self._now = share, self.moves.paths.at(share)
+        return self._now[1]
 
     def _rows_of(self, steps: list[tuple[int, int]]) -> IntArray:
         """Return the rows (steps, 2) of the nodes of steps; -1 is a node that is gone."""
@@ -318,14 +334,6 @@ class Motion:
         is_taken = columns.targets[edges] == ends[rows[step], 1]
         first = dict(zip(rows[step[is_taken]][::-1].tolist(), edges[is_taken][::-1].tolist(), strict=True))
         return {row: columns.polylines[edge] for row, edge in sorted(first.items()) if edge in columns.polylines}
-
-
-def _step(agent: IAgent) -> Step:
-    """Return the nodes, or positions in the air, of an agent before and after its last move."""
-    if agent.type == AgentType.AERIAL:
-        flyer = cast("IAerialAgent", agent)
-        return flyer.prev_position, flyer.position
-    return agent.prev_node_id, agent.current_node_id
 
 
 def _is_travel(step: Step) -> bool:

@@ -1,18 +1,18 @@
 """Drawers of agents and of plain shapes."""
 
-from collections import Counter
+from collections.abc import Sequence
 from dataclasses import fields
 from functools import lru_cache
-from typing import Any, TypeVar, cast
+from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
-from gamms.visual.appearance import AgentData, AnyColor, Circle, Rectangle, Rgb, rgba
-from gamms.visual.drawing import Disc, Points, drawing_of
+from gamms.visual.appearance import AgentData, AgentLooks, AnyColor, Circle, Rectangle, Rgb, rgba
+from gamms.visual.drawing import Disc, Points, Spread, drawing_of
 
 _Shape = TypeVar("_Shape", Circle, Rectangle)
 
@@ -111,57 +111,106 @@ def render_agents(ctx: IContext, looks: list[AgentData], share: float) -> bool:
     styles: dict[tuple[Any, ...], int] = {}
     rows = [styles.setdefault((look.color, look.size, look.least_px), len(styles)) for look in looks]
     shown = [agents[look.name] for look in looks]
-    nodes = [agent.current_node_id for agent in shown]
-    positions = visual.motion.positions_of(shown, nodes, share)
+    columns = ([agent.current_node_id for agent in shown], [agent.prev_node_id for agent in shown], rows)
     discs = [Disc(size, least_px, color, outline_of(color)) for color, size, least_px in styles]
-    between = visual.motion.on_edges()
-    stands: list[Any] = [one.name if one.name in between else node for one, node in zip(shown, nodes, strict=True)]
-    shifts = _shifts(ctx, shown, stands, rows, share)
-    visual.render_all_discs(positions, discs, np.array(rows, np.int64), shifts)
+    standing = _Standing([agent.name for agent in shown], *(np.array(column, np.int64) for column in columns))
+    positions, shifts = _discs(ctx, standing, discs, share)
     for look, (x, y), (right, down) in zip(looks, positions.tolist(), shifts.tolist(), strict=True):
         look.current_position, look.shift = (x, y), (right, down)
     return True
 
 
-_SPREAD = {2: 0.7, 3: 0.85, 4: 0.95}  # how far discs are moved that stand on one node, in radii; more of them by one
+def render_looks(ctx: IContext, data: dict[str, Any]) -> None:
+    """Draw the agents that `data['looks']`, an AgentLooks, describes, as `render_agent` draws each."""
+    looks: AgentLooks = data["looks"]
+    share, positions = data.get("_alpha", 1.0), ctx.agent.positions
+    rows, is_shown = looks.rows, np.ones(len(looks.names), bool)
+    if looks.structure is None or looks.structure != ctx.agent.structure_version:  # since the turn began
+        numbers = {name: number for number, name in enumerate(positions.names)}
+        rows = np.array([numbers.get(name, -1) for name in looks.names], np.int64)
+        is_shown = rows >= 0
+    hidden = drawing_of(ctx).hidden_agents(share)
+    if hidden:
+        is_shown &= ~np.isin(rows, [row for row in positions.inactive if positions.names[row] in hidden])
+    names, colors = looks.names, looks.color_rows
+    if not is_shown.all():
+        rows, colors = rows[is_shown], colors[is_shown]
+        names = [names[row] for row in np.flatnonzero(is_shown).tolist()]
+    discs = [Disc(looks.size, looks.least_px, color, outline_of(color)) for color in looks.colors]
+    standing = _Standing(names, positions.node_ids[rows], np.array(positions.previous_nodes, np.int64)[rows], colors)
+    looks.note(is_shown, *_discs(ctx, standing, discs, share))
+
+
+class _Standing(NamedTuple):
+    """Agents on the ground, in columns."""
+
+    names: Sequence[str]
+    nodes: IntArray  # (agents,) ids
+    previous: IntArray  # (agents,) ids of the nodes before
+    rows: IntArray  # (agents,) the disc of each
+
+
+def _discs(ctx: IContext, agents: _Standing, discs: list[Disc], share: float) -> tuple[FloatArray, FloatArray]:
+    """Draw agents as discs, and return where, and by how many radii they are moved right and down, (agents, 2)."""
+    visual = drawing_of(ctx)
+    positions = visual.motion.positions_of(agents.names, agents.nodes, share)
+    shifts = _shifts(ctx, agents, share)
+    visual.render_all_discs(positions, discs, agents.rows, shifts)
+    return positions, shifts
+
+
+_SPREAD = np.array([0.0, 0.0, 0.7, 0.85, 0.95, 1.0])  # how far so many discs on one node are moved, in radii
 _MOST_SPREAD = 6  # of more on one node, those of one look are drawn as one
 
 
-def _shifts(ctx: IContext, agents: list[IAgent], nodes: list[Any], rows: list[int], share: float) -> FloatArray:
+def _shifts(ctx: IContext, agents: _Standing, share: float) -> FloatArray:
     """Return by how many radii discs (agents, 2) are moved right and down, so that those on one node can be told apart.
 
     Those of agents that leave or come glide from where they stood to where they will.
     """
-    visual, key = drawing_of(ctx), (*nodes, *rows)
+    visual = drawing_of(ctx)
     if not visual.has_default_look:
         visual.has_stacks = False
-        return np.zeros((len(agents), 2))
-    moved = visual.motion.moves
-    if visual.spread is None or visual.spread[0] != key or visual.spread[1] is not moved:  # else it is the same turn
-        before = [
-            agent.prev_node_id if agent.name in moved.rows else node for agent, node in zip(agents, nodes, strict=True)
-        ]
-        visual.spread = key, moved, _spread(before, rows), _spread(nodes, rows)
-        visual.has_stacks = max(Counter(nodes).values(), default=0) > _MOST_SPREAD
-    *_, starts, ends = visual.spread
-    return ends if share >= 1.0 else (1.0 - share) * starts + share * ends
+        return np.zeros((len(agents.names), 2))
+    moves, between, on, previous = visual.motion.moves, visual.motion.on_edges(), agents.nodes, agents.previous
+    if between:  # each of them stands alone
+        on, previous = np.split(np.unique(np.concatenate([on, previous]), return_inverse=True)[1], 2)
+        alone = np.array([name in between for name in agents.names], bool)
+        on[alone] = 2 * len(on) + np.arange(int(alone.sum()))
+    known = visual.spread
+    if known is None or known.moves is not moves or not known.is_of(on, agents.rows):  # else it is the same turn
+        before = np.where(visual.motion.paths_of(agents.names) >= 0, previous, on)
+        starts, ends = _spread(before, agents.rows), _spread(on, agents.rows)
+        known = visual.spread = Spread(on, agents.rows, moves, starts, ends)
+        visual.has_stacks = int(np.unique(on, return_counts=True)[1].max(initial=0)) > _MOST_SPREAD
+    return known.ends if share >= 1.0 else (1.0 - share) * known.starts + share * known.ends
 
 
-def _spread(nodes: list[Any], rows: list[int]) -> FloatArray:
+def _spread(nodes: IntArray, rows: IntArray) -> FloatArray:
     """Return how agents on nodes, each of the look in a row, are moved around these."""
-    moves, on = np.zeros((len(nodes), 2)), dict[Any, list[int]]()
-    if len(set(nodes)) == len(nodes):
-        return moves
-    for place, node in enumerate(nodes):
-        on.setdefault(node, []).append(place)
-    for places in on.values():
-        slots = places if len(places) <= _MOST_SPREAD else list(dict.fromkeys(rows[place] for place in places))
-        if len(places) > 1 < len(slots):
-            taken = places if slots is places else [rows[place] for place in places]
-            turns = np.array([slots.index(one) for one in taken]) / len(slots)
-            angles = np.pi * (1.0 + 2.0 * turns) - (np.pi / 2 if len(slots) % 2 else 0.0)
-            far = _SPREAD.get(len(slots), 1.0)
-            moves[places] = far * np.column_stack([np.cos(angles), np.sin(angles)])
+    order = np.argsort(nodes, kind="stable")
+    is_first = np.ones(len(nodes), bool)
+    is_first[1:] = nodes[order[1:]] != nodes[order[:-1]]
+    starts, group = np.flatnonzero(is_first), np.cumsum(is_first) - 1
+    slots = np.diff(starts, append=len(nodes))
+    slot, is_many = np.arange(len(nodes)) - starts[group], slots[group] > _MOST_SPREAD
+    if is_many.any():  # one slot for each look, in the order of the first agents that have it
+        looks = int(rows.max()) + 1
+        kinds, first, kind = np.unique(
+            group[is_many] * looks + rows[order[is_many]], return_index=True, return_inverse=True
+        )
+        by_first = np.argsort(first)
+        groups = kinds[by_first] // looks
+        place = np.empty(len(kinds), np.int64)
+        place[by_first] = np.arange(len(kinds)) - np.searchsorted(groups, groups)
+        slot[is_many] = place[kind]
+        slots[np.unique(groups)] = np.unique(groups, return_counts=True)[1]
+    count, moves = slots[group], np.zeros((len(nodes), 2))
+    is_moved = count > 1
+    slot, count = slot[is_moved], count[is_moved]
+    angles = np.pi * (1.0 + 2.0 * (slot / count)) - np.where(count % 2, np.pi / 2, 0.0)
+    far = _SPREAD[np.minimum(count, len(_SPREAD) - 1)]
+    moves[order[is_moved]] = far[:, None] * np.column_stack([np.cos(angles), np.sin(angles)])
     return moves
 
 

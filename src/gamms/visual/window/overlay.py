@@ -11,7 +11,7 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import IArtist, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, color_group, rgba
-from gamms.visual.artist import looks_of
+from gamms.visual.artist import drawn_looks, looks_of
 from gamms.visual.artists import Artists
 from gamms.visual.backends.pygame_backend import Canvas
 from gamms.visual.camera import Point, WindowCamera, nearest_point
@@ -24,7 +24,7 @@ from gamms.visual.labels import (
     Labels,
     StreetNames,
     box_of,
-    dots_of,
+    dots_in,
     name_ink,
     write_labels,
     write_street_names,
@@ -180,12 +180,13 @@ class Overlay(Guarded):
         name = self._pointed_name()
         if name is None:
             return None
-        look = next((look for look in self._placed_looks() if look.name == name), None)
-        if look is None or look.current_position is None:
+        names, columns = drawn_looks(self.shown)
+        if name not in names:
             return None
-        dots = dots_of([look], self._camera.camera())
+        row = names.index(name)
+        dots = dots_in(columns[row : row + 1], self._camera.camera())
         x, y = dots.centers[0].tolist()
-        return facts_about(self._ctx, look.name), (x, y), float(dots.radii[0]) + _BESIDE_PX
+        return facts_about(self._ctx, name), (x, y), float(dots.radii[0]) + _BESIDE_PX
 
     def _pointed_name(self) -> str | None:
         pointer = self.pointer()
@@ -199,11 +200,9 @@ class Overlay(Guarded):
         return name
 
     def _agent_at(self, at: tuple[float, float]) -> str | None:
-        looks = self._placed_looks()
-        if not looks:
-            return None
-        row = nearest_point(dots_of(looks, self._camera.camera()).centers, *at)
-        name = None if row is None else looks[row].name
+        names, columns = drawn_looks(self.shown)
+        row = nearest_point(dots_in(columns, self._camera.camera()).centers, *at)
+        name = None if row is None else names[row]
         return name if name in self._ctx.agent.agents else None
 
     # -- words -----------------------------------------------------------------------------------------------
@@ -328,9 +327,6 @@ class Overlay(Guarded):
             names = self._street_names.placed(view, 1.0, self._ctx, self.shown, page, taken)
             write_street_names(paper, names, name_ink(theme.background))
         write_labels(paper, labels, theme.ink[:3])
-
-    def _placed_looks(self) -> list[AgentData]:
-        return [look for look in looks_of(self.shown) if look.current_position is not None]
 
     # -- keys ----------------------------------------------------------------------------------------------
 
