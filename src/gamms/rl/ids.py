@@ -11,7 +11,7 @@ from gamms.scenario import load
 if TYPE_CHECKING:
     from gamms.rl.gym_envs import AgentEnv, GamesEnv
 
-_DATA = Path(__file__).parent.parent / "data"
+FOLDER = Path(__file__).parent.parent / "data"
 IDS = {
     "gamms/GridTag-v0": "grid_tag.yaml",
     "gamms/HelsinkiPursuit-v0": "helsinki_pursuit.yaml",
@@ -34,9 +34,9 @@ def register() -> None:
 
 def make(file: str, agent: str = _AGENT, **options: Any) -> "AgentEnv":
     """Return the environment of one agent; `options` are those of `single_agent_env`."""
-    return single_agent_env(load(_DATA / file), agent=agent, **options)
+    return single_agent_env(load(FOLDER / file), agent=agent, **options)
 
 
 def make_vec(file: str, num_envs: int, agent: str = _AGENT, **options: Any) -> "GamesEnv":
     """Return so many games; `options` are those of `vector_env`."""
-    return vector_env(load(_DATA / file), num_games=num_envs, agent=agent, **options)
+    return vector_env(load(FOLDER / file), num_games=num_envs, agent=agent, **options)

@@ -1,0 +1,58 @@
+"""Environments to learn in: two pursuers and an evader on Helsinki, of which the pursuers learn."""
+
+import time
+import warnings
+
+import numpy as np
+from worlds import Spent
+
+
+def scenario():
+    """The game of `gamms/HelsinkiPursuit-v0`."""
+    from gamms.rl import ids
+    from gamms.scenario import load
+
+    return load(ids.FOLDER / ids.IDS["gamms/HelsinkiPursuit-v0"])
+
+
+def many_games(games=1024, turns=100):
+    """A vector environment, against the environment of one game."""
+    from gamms import rl
+
+    env, one = rl.vector_env(scenario(), num_games=games, team="red"), rl.parallel_env(scenario(), team="red")
+    env.reset(seed=1)
+    choices = np.random.default_rng(1).integers(4, size=(turns, env.num_envs))
+
+    def ours():
+        for actions in choices:
+            env.step(actions)
+        return turns * env.num_envs
+
+    return ours, lambda: steps_of(one, turns)
+
+
+def one_game(turns=100):
+    """The environment of one game, against `pursuit_v5` of PettingZoo."""
+    from pettingzoo.sisl import pursuit_v5
+
+    from gamms import rl
+
+    env, peer = rl.parallel_env(scenario(), team="red"), pursuit_v5.parallel_env()
+    return lambda: steps_of(env, turns), lambda: steps_of(peer, turns)
+
+
+def steps_of(env, turns):
+    """Play some turns with actions by chance; return what an agent-step took, and resets not counted."""
+    spent, steps, random = 0.0, 0, np.random.default_rng(1)
+    env.reset(seed=1)
+    for _ in range(turns):
+        if not env.agents:
+            env.reset()
+        actions = {name: int(random.integers(4)) for name in env.agents}
+        began = time.process_time()
+        env.step(actions)
+        spent, steps = spent + time.process_time() - began, steps + len(actions)
+    return Spent(spent / steps)
+
+
+warnings.filterwarnings("ignore", category=DeprecationWarning, module="pettingzoo")
