@@ -1,7 +1,7 @@
 """Two pursuers learn to catch an evader: independent PPO with shared weights, on a thousand games at once.
 
     python examples/rl/ppo.py                # trains, then plays 500 games that it has not seen against `chase`
-    python examples/rl/ppo.py --iterations 3 # a short run
+    python examples/rl/ppo.py --record pursuit.ggr && gamms render pursuit.ggr pursuit.mp4
 
 Both pursuers know what either has seen. They choose between legal nodes by a number for each, from what is known about
 it: how far it is from there to the evader, and when the team was there last.
@@ -172,25 +172,30 @@ def learn(policy, optimiser, observations, masks, actions, logs, gains, returns)
     optimiser.step()
 
 
-def evaluate(scenario, policy, games):
-    """Return which of the held-out games are won, of a policy that takes its best actions."""
-    env = rl.Learners(scenario, games, teams=["red"], observation=observe, reward=reward, seed=HELD_OUT)
+def evaluate(scenario, policy, games, file):
+    """Return which of the held-out games are won, of a policy that takes its best actions; record the first."""
+    env = rl.Learners(
+        scenario, games, teams=["red"], observation=observe, reward=reward, seed=HELD_OUT, record=file is not None
+    )
     with env:
         while not env.is_over.all():
             observation, mask = torch.from_numpy(env.observe()).flatten(0, 1), torch.from_numpy(env.masks).flatten(0, 1)
             with torch.no_grad():
                 choice, _ = policy(observation, mask)
             env.step(choice.logits.argmax(dim=1).numpy().reshape(games, -1))
+        if file is not None:
+            env.games.record(0, file)
         return env.games.table()["winner"] == "red"
 
 
 def main():
     """Train with several seeds, and compare with the scripted pursuers on games that were not trained with."""
     options = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    options.add_argument("--iterations", type=int, default=150)
+    options.add_argument("--iterations", type=int, default=60)
     options.add_argument("--seeds", type=int, default=5)
     options.add_argument("--games", type=int, default=512, help="that are trained in at once")
     options.add_argument("--held-out", type=int, default=500, help="games to compare in")
+    options.add_argument("--record", metavar="FILE", help="a recording of a game of the last policy")
     given = options.parse_args()
     torch.set_num_threads(1)  # small networks are faster so, and the same seed gives the same policy
     scenario = load(SCENARIO, allow=["crop"])
@@ -201,7 +206,7 @@ def main():
     found = []
     for seed in range(1, given.seeds + 1):
         policy = train(scenario, seed, given.iterations, given.games)
-        found.append(evaluate(scenario, policy, given.held_out))
+        found.append(evaluate(scenario, policy, given.held_out, given.record))
         print(f"seed {seed}: {found[-1].mean():.3f} of {given.held_out} evaders caught")
     better = np.array(found, float) - scripted  # (seeds, games)
     low, high = interval(better)

@@ -72,6 +72,7 @@ class Learners:
         seed: of the first game; those of the others follow.
         one_by_one: play the games in contexts, not in arrays; see `Batch.context`.
         vis_engine: shows the games, one by one.
+        record: keep the actions, so that `games.record` can write recordings; not with `agent`.
 
     Attributes:
         games: the batch.
@@ -100,6 +101,7 @@ class Learners:
         seed: int = 0,
         one_by_one: bool = False,
         vis_engine: Engine | None = None,
+        record: bool = False,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
@@ -112,7 +114,7 @@ class Learners:
             strategies[agent] = self._hand = _Hand()
         first, number = as_int(seed, "seed"), as_count(num_games, "num_games")
         self.games: Batch = scenario.batch(
-            number, seed=first, strategies=strategies, one_by_one=one_by_one, vis_engine=vis_engine
+            number, seed=first, strategies=strategies, record=record, one_by_one=one_by_one, vis_engine=vis_engine
         )
         try:
             self._look_at(scenario, teams, agent)
