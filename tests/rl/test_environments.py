@@ -229,7 +229,17 @@ def test_pettingzoo_finds_as_many_cycles_as_turns():
 def test_pettingzoo_finds_no_fault_in_pictures(monkeypatch):
     pytest.importorskip("pygame")
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
-    render_test(Module.env)
+    made = []
+
+    def env(**options):
+        made.append(Module.env(**options))
+        return made[-1]
+
+    try:
+        render_test(env)
+    finally:
+        for one in made:
+            one.close()
 
 
 def test_rl_is_a_module_of_gamms():

@@ -30,6 +30,7 @@ _GAMES = {
         _DATA / "competition.yaml",
         {_STRATEGIES: _DATA / "competition.py.txt", _RULES: _DATA / "competition_rules.py.txt"},
     ),
+    **{name: _Game(_DATA / f"{name}.yaml", {}) for name in ("grid_tag", "helsinki_pursuit")},  # of shipped strategies
 }
 
 
@@ -56,5 +57,5 @@ def new(
     for file, source_file in game.files.items():
         (name / file).write_bytes(source_file.read_bytes())
     *most, last = [f"{scenario} (the game)", *(f"{name / file} ({_WHAT[file]})" for file in game.files)]
-    echo(f"Wrote {', '.join(most)} and {last}. Go on with\n")
+    echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. Go on with\n")
     echo(f"  gamms run {scenario} --out {name / 'first'}\n  gamms run {scenario} --seeds 0:20")
