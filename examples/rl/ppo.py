@@ -65,8 +65,13 @@ def observe(view):
 
 
 def reward(turn):
-    """One for a catch, and a little less than nothing for each turn without."""
-    return turn.gains["red"][:, None] - 0.01 if "red" in turn.gains else np.full((len(turn.after.node), 1), -0.01)
+    """One for a catch, a little for each metre nearer to an evader in sight, less a little for each turn."""
+    earned = np.full(turn.after.node.shape, -0.01)
+    earned += turn.gains.get("red", np.zeros(len(earned)))[:, None]
+    seen, routes = turn.after.enemies(), turn.after.routes()
+    before, now = (routes.distances(view.node[seen.at, seen.viewers], seen.nodes) for view in (turn.before, turn.after))
+    earned[seen.at, seen.viewers] += 0.1 * (before - now) / METRES
+    return earned
 
 
 class Policy(nn.Module):
@@ -85,6 +90,7 @@ class Policy(nn.Module):
             nn.Tanh(),
             nn.Linear(width, 1),
         )
+        nn.init.orthogonal_(self.score[-1].weight, 0.01)  # at first, all actions are as likely
 
     def forward(self, observation, mask):
         """Return the distribution of actions, and the values."""
@@ -115,7 +121,7 @@ def train(scenario, seed, iterations, games=512, turns=32, epochs=3, batches=4):
     torch.manual_seed(seed)
     env = rl.vector_env(scenario, num_games=games, team="red", observation=observe, reward=reward, seed=seed * 1000)
     policy = Policy(env.single_action_space.n)
-    optimiser = torch.optim.Adam(policy.parameters(), lr=1e-3, eps=1e-5)
+    optimiser = torch.optim.Adam(policy.parameters(), lr=5e-4, eps=1e-5)
     observed, _ = env.reset()
     began = time.perf_counter()
     for iteration in range(iterations):
@@ -165,7 +171,7 @@ def learn(policy, optimiser, observations, masks, actions, logs, gains, returns)
     gains = (gains - gains.mean()) / (gains.std() + 1e-8)
     ratio = (choice.log_prob(actions) - logs).exp()
     surrogate = torch.minimum(ratio * gains, ratio.clamp(0.8, 1.2) * gains).mean()
-    loss = -surrogate + 0.5 * (value - returns).pow(2).mean() - 0.01 * choice.entropy().mean()
+    loss = -surrogate + 0.5 * (value - returns).pow(2).mean() - 0.02 * choice.entropy().mean()
     optimiser.zero_grad()
     loss.backward()
     nn.utils.clip_grad_norm_(policy.parameters(), 0.5)
