@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
+from gamms import kernels
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
 from gamms.game.deeds import wanted_deeds
@@ -18,7 +19,8 @@ from gamms.game.streets import Streets
 from gamms.game.travel import Travel, Way
 from gamms.ir.agents import AgentBlock, Position, Progress, Quat
 from gamms.ir.columns import Selection
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, RowArray
+from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.agent_engine import IAgent
@@ -152,14 +154,13 @@ class TurnOrder:
         progress = block.progress
         self.whole = Part(slots, None, progress, plans)
         self.parts, self.unlisted = [self.whole], None
-        is_lazy = isinstance(slots, LazySlots)
         if order is not None:
-            all_teams = slots.teams if isinstance(slots, LazySlots) else [slot.team for slot in slots]
+            all_teams = self._all_teams()
             listed = {team for teams in order for team in teams}
             self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
             self.parts = [Part(slots, some, progress, plans) for some in members]
-        has_all = is_lazy and self.whole.on_ground is None
+        has_all = isinstance(slots, LazySlots) and self.whole.on_ground is None
         rows = slots.rows if isinstance(slots, LazySlots) else [slot.row for slot in slots]
         self.selection = self.whole.ground if has_all else Selection(rows)
         self._of_team: dict[Hashable, Selection] = {}
@@ -178,10 +179,33 @@ class TurnOrder:
         return known
 
     @cached_property
+    def names(self) -> list[str]:
+        """Names of the agents."""
+        return self.slots.names if isinstance(self.slots, LazySlots) else [slot.name for slot in self.slots]
+
+    @cached_property
     def index_of(self) -> dict[str, int]:
         """Name -> index of the slot."""
-        names = self.slots.names if isinstance(self.slots, LazySlots) else [slot.name for slot in self.slots]
-        return {name: i for i, name in enumerate(names)}
+        return {name: i for i, name in enumerate(self.names)}
+
+    @cached_property
+    def teams(self) -> list[Hashable]:
+        """The teams that agents play for, in the order of their first agents."""
+        return list(dict.fromkeys(self._all_teams()))
+
+    @cached_property
+    def team_of(self) -> IntArray:
+        """The number of the team of each agent, (agents,)."""
+        number = {team: i for i, team in enumerate(self.teams)}
+        return np.array([number[team] for team in self._all_teams()], np.int64)
+
+    @cached_property
+    def keys(self) -> BitArray:
+        """The hashes of the names, for keyed draws, (agents,)."""
+        return kernels.name_keys(self.names)
+
+    def _all_teams(self) -> list[Any]:
+        return self.slots.teams if isinstance(self.slots, LazySlots) else [slot.team for slot in self.slots]
 
     def count_moves(self, starts: Sequence[int], ends: Sequence[int]) -> None:
         """Count the agents that have moved."""
@@ -191,21 +215,34 @@ class TurnOrder:
         else:
             self._moved += np.asarray(starts) != np.asarray(ends)
 
+    def count_blocked(self, stopped: IntArray) -> None:
+        """Count agents that conflicts have stopped, where slots are made when they are needed."""
+        self._blocked[stopped] += 1
+
     def update_counts(self) -> None:
-        """Add the counted moves to the counts of the agents."""
+        """Add the counted moves and conflicts to the counts of the agents."""
         if isinstance(self._moved, list):
             for slot, moved in zip(self.slots, self._moved, strict=True):
                 slot.counts["moves"] += moved
         else:
-            counts_of = cast("LazySlots", self.slots).counts_of
-            for i in np.flatnonzero(self._moved).tolist():
-                counts_of(i)["moves"] += int(self._moved[i])
+            self._add_to_counts("moves", self._moved)
+        self.update_blocked()
         self.restart_counts()
+
+    def update_blocked(self) -> None:
+        """Add the counted conflicts alone."""
+        self._add_to_counts("blocked", self._blocked)
+        self._blocked[:] = 0
+
+    def _add_to_counts(self, key: str, numbers: RowArray) -> None:
+        for i in np.flatnonzero(numbers).tolist():
+            cast("LazySlots", self.slots).counts_of(i)[key] += int(numbers[i])
 
     def restart_counts(self) -> None:
         """Count moves from here."""
         are_few = not isinstance(self.slots, LazySlots)
         self._moved = [0] * len(self.slots) if are_few else np.zeros(len(self.slots), np.int32)
+        self._blocked = np.zeros(0 if are_few else len(self.slots), np.int32)
 
 
 def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> bool:

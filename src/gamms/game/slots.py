@@ -1,6 +1,6 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -194,6 +194,11 @@ class LazySlots(Sequence[AgentSlot]):
     def made(self) -> list[AgentSlot]:
         """Return those that were asked for."""
         return list(self._made.values())
+
+    def made_of(self, indices: Iterable[int]) -> list[AgentSlot]:
+        """Return those of some that were asked for."""
+        made = self._made
+        return [made[i] for i in indices if i in made] if made else []
 
     def of_agents(self, agents: Mapping[str, IAgent]) -> "LazySlots":
         """Return the same slots for other agents of the same names."""

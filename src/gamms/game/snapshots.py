@@ -17,7 +17,7 @@ from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
 from gamms.game.slots import COUNTED
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
-from gamms.ir.game_state import GameState
+from gamms.ir.game_state import BlockedAgents, GameState
 from gamms.text import Called
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
@@ -205,8 +205,9 @@ def _write(state: GameState, values: dict[str, Any]) -> None:
 _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state -> how it is copied
     **dict.fromkeys(("turn", "last_turn", "start", "drawn", "has_begun", "moves"), lambda value, _: value),
     **dict.fromkeys(("over", "team_memories", "data"), copied),
-    **dict.fromkeys(("players", "began", "scores", "facts", "timings", "blocked"), lambda value, _: dict(value)),
+    **dict.fromkeys(("players", "began", "scores", "facts", "timings"), lambda value, _: dict(value)),
     **dict.fromkeys(("agent_facts", "team_facts"), lambda value, _: {to: dict(facts) for to, facts in value.items()}),
+    "blocked": lambda value, _: BlockedAgents(value),
     "delayed_looks": lambda value, _: {key: looks.copy() for key, looks in value.items()},
     "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
     "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},

@@ -7,18 +7,21 @@ from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from gamms.deciding import DecidePhase
-from gamms.errors import BadValue
+from gamms.errors import BadValue, UnknownName
 from gamms.game.arrivals import Arrivals
 from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import FactsOf
 from gamms.game.messages import Inboxes, sent
-from gamms.game.moves import Refusals, TurnMoves
+from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
 from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, made_slots
-from gamms.ir.game_state import GameState
+from gamms.ir.game_state import GameState, in_conflict
+from gamms.ir.graph import IntArray
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.text import shown
 from gamms.typing.context import HostContext
@@ -29,6 +32,7 @@ from gamms.typing.sensor_engine import SensorType
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
+_FEWEST_IN_ARRAYS = 32  # agents whose conflicts are resolved in arrays (benchmarks/README.md, teams)
 _MOST_ARRIVALS = 1000  # in one turn; more, and an agent goes to and fro on edges of no length
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
@@ -59,6 +63,7 @@ class TurnEngine:
         self.is_deciding = self.is_playing = self.is_moving = False
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
         self.refusals: Refusals | None = None
+        self._shared: dict[Any, Any] = {}  # what array forms of conflict resolvers have worked out for the graph
         self._inboxes = Inboxes(ctx, state)
         self._outgoing: list[Outgoing] = []  # of this turn
         self._known_channels: list[Channel] = []  # of which it was checked whom they name
@@ -113,6 +118,7 @@ class TurnEngine:
     def list_counts(self) -> None:
         """Enter all agents that have been asked into the counts, also those of teams that have not been made."""
         if self._order is not None and isinstance(self._order.slots, LazySlots):
+            self._order.update_blocked()
             for i in range(len(self._order.slots)):
                 self._order.slots.counts_of(i)
 
@@ -275,8 +281,7 @@ class TurnEngine:
                 self._block(turn.slots[i], why)
 
     def _block(self, slot: AgentSlot, why: str) -> None:
-        known = self._state.blocked.get(slot.name)
-        self._state.blocked[slot.name] = why if known is None else f"{known}; {why}"
+        self._state.blocked.add(slot.name, why)
         slot.show_blocked()
 
     def _ask(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
@@ -430,9 +435,16 @@ class TurnEngine:
         self._block(slot, message)
 
     def _forget_blocked(self, order: TurnOrder, part: Part) -> None:
-        for i in part.members:
-            if self._state.blocked.pop(order.slots[i].name, None) is not None:
-                order.slots[i].show_blocked()
+        blocked, slots, members = self._state.blocked, order.slots, part.members
+        if len(members) == len(slots):
+            blocked.drop_conflicts(order.names)
+        known = [(order.index_of.get(name), name) for name in blocked]
+        those = members if isinstance(members, range) else frozenset(members)
+        for i, name in known:
+            if i is not None and i in those:
+                del blocked[name]
+                for slot in slots.made_of([i]) if isinstance(slots, LazySlots) else [slots[i]]:
+                    slot.show_blocked()
 
     def _ask_individuals(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
         """Ask agents one by one, where neither memories of teams nor a time budget count."""
@@ -482,10 +494,37 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Stop the agents that the conflict resolver stops."""
-        ends = turn.places()[1]
-        for i in self._losers(turn, turn.places(), turn.named):
+        slots = turn.slots
+        if isinstance(slots, LazySlots) and not turn.actions:
+            stopped = self._stopped_in_arrays(turn)
+            if stopped is not None:
+                self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends)[stopped])
+                turn.stop_each(stopped)
+                for slot in slots.made_of(stopped.tolist()):
+                    slot.show_blocked()
+                return
+        places = turn.places()
+        for i in self._losers(turn, places, turn.named):
+            end = places[1][i]
             if turn.stop(i):
-                self._note_conflict(turn.slots[i], ends[i])
+                self._note_conflict(slots[i], end)
+
+    def _stopped_in_arrays(self, turn: TurnMoves) -> IntArray | None:
+        """Return the slots of agents that the array form of the conflict resolver stops.
+
+        None: it has none, or agents are few, fly, or are on nodes that are no longer on the map.
+        """
+        form = getattr(self._settings.conflicts, "array_form", None)
+        if form is None or len(turn.slots) < _FEWEST_IN_ARRAYS or turn.order.whole.on_ground is not None:
+            return None
+        streets = self._legality.streets
+        if self._shared.get("streets") is not streets:
+            self._shared = {"streets": streets}
+        try:
+            moves = MovesOfOneGame(turn, streets, self._ctx.seed, self._state.turn, self._shared)
+        except UnknownName:
+            return None
+        return np.flatnonzero(form(moves, moves.ends)[0])
 
     def _losers(
         self, turn: TurnMoves, places: tuple[list[Any], list[Any]], named: Callable[[list[int]], Mapping[str, Move]]
@@ -505,8 +544,7 @@ class TurnEngine:
         return [i for i in few if turn.slots[i].name in names]
 
     def _note_conflict(self, slot: AgentSlot, end: object) -> None:
-        where = f"node {end}" if isinstance(end, int) else str(end)
-        self._block(slot, f"in conflict with other agents on the way to {where}")
+        self._block(slot, in_conflict(end))
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""

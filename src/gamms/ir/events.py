@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.applied_to import State
+from gamms.ir.game_state import BlockedAgents
 from gamms.ir.messages import as_message
 from gamms.plain import Plain
 from gamms.readonly import published
@@ -389,7 +390,7 @@ def set_scores(game: "GameState", scores: Plain) -> None:
     game.scores.update(found)
 
 
-def as_blocked(value: object) -> dict[str, str]:
+def as_blocked(value: object) -> BlockedAgents:
     """Return agent -> why it did not do what it wanted.
 
     Raises:
@@ -397,7 +398,7 @@ def as_blocked(value: object) -> dict[str, str]:
     """
     if not isinstance(value, Mapping) or not all(isinstance(text, str) for pair in value.items() for text in pair):
         raise BadType(f"Agents and why they were blocked are texts, not {shown(value)}.")
-    return dict(value)
+    return BlockedAgents(value)
 
 
 def _set_blocked(state: State, data: Mapping[str, Plain]) -> None:

@@ -1,7 +1,10 @@
 """The state of a game at a moment, apart from the agents and the world."""
 
+from collections.abc import Iterator, Mapping, MutableMapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
+
+from gamms.ir.graph import IntArray
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
 LOGS = ("events", "errors", "deeds", "messages")
@@ -82,6 +85,66 @@ def joined_end(known: dict[str, Any] | None, new: dict[str, Any]) -> dict[str, A
     return {**new, "reason": "; ".join(sorted(reasons)), "winner": winner}
 
 
+class BlockedAgents(MutableMapping[str, str]):
+    """Agent -> why it did not do in its last turn what it wanted.
+
+    Conflicts of many agents are noted as arrays, and written out when one of them is read.
+
+    Args:
+        known: what is in it at first.
+    """
+
+    def __init__(self, known: Mapping[str, str] | None = None) -> None:
+        self._known = dict(known or {})
+        self._stopped: list[tuple[Sequence[str], IntArray, IntArray]] = []
+
+    def __getitem__(self, name: str) -> str:
+        return self._written()[name]
+
+    def __setitem__(self, name: str, why: str) -> None:
+        self._written()[name] = why
+
+    def __delitem__(self, name: str) -> None:
+        del self._written()[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._written())
+
+    def __len__(self) -> int:
+        return len(self._written())
+
+    def __bool__(self) -> bool:
+        """Whether there are any, without writing them out."""
+        return bool(self._known or self._stopped)
+
+    def add(self, name: str, why: str) -> None:
+        """Note why an agent was blocked, after what is known already."""
+        known = self._written()
+        known[name] = f"{known[name]}; {why}" if name in known else why
+
+    def add_conflicts(self, names: Sequence[str], agents: IntArray, nodes: IntArray) -> None:
+        """Note which agents, by their numbers among names, conflicts have stopped on the way to nodes."""
+        self._stopped.append((names, agents, nodes))
+
+    def drop_conflicts(self, names: Sequence[str]) -> None:
+        """Forget those conflicts of the agents of these names, this very list, that were not written out."""
+        self._stopped = [stopped for stopped in self._stopped if stopped[0] is not names]
+
+    def _written(self) -> dict[str, str]:
+        if self._stopped:
+            stopped, self._stopped = self._stopped, []
+            for names, agents, nodes in stopped:
+                for i, node in zip(agents.tolist(), nodes.tolist(), strict=True):
+                    self.add(names[i], in_conflict(node))
+        return self._known
+
+
+def in_conflict(end: object) -> str:
+    """Say on the way to which node or edge an agent was stopped by a conflict."""
+    where = f"node {end}" if isinstance(end, int) else str(end)
+    return f"in conflict with other agents on the way to {where}"
+
+
 @dataclass(eq=False, slots=True)
 class GameState:
     """What a game has come to: plain values, which the turn engine, rules and the recorder read and write.
@@ -123,7 +186,7 @@ class GameState:
     errors: list[dict[str, Any]] = field(default_factory=list)
     deeds: list[dict[str, Any]] = field(default_factory=list)
     messages: list[dict[str, Any]] = field(default_factory=list)
-    blocked: dict[str, str] = field(default_factory=dict)
+    blocked: BlockedAgents = field(default_factory=BlockedAgents)
     facts: dict[str, Any] = field(default_factory=dict)
     agent_facts: dict[str, dict[str, Any]] = field(default_factory=dict)
     team_facts: dict[Any, dict[str, Any]] = field(default_factory=dict)
@@ -176,7 +239,7 @@ class GameState:
     def clear_history(self) -> None:
         """Forget what has happened in the game; scores, data, facts and agents' memories stay."""
         self.turn, self.over, self.last_turn, self.moves = 0, None, None, None
-        self.counts, self.team_memories, self.players, self.blocked = {}, {}, {}, {}
+        self.counts, self.team_memories, self.players, self.blocked = {}, {}, {}, BlockedAgents()
         self.delayed_looks = {}
         for name in LOGS:
             setattr(self, name, [])

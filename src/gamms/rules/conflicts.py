@@ -16,12 +16,11 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.turn import ArrayTurn
 from gamms.graph import Graph
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
-from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays, may_conflict
+from gamms.rules.conflicts_in_arrays import UNLIMITED, ArrayResolver, MovesInArrays, MovesTurn, may_conflict
 from gamms.text import as_code, shown, shown_as_called
 from gamms.typing.game import EdgePlace, Move
 
@@ -121,12 +120,13 @@ class Conflicts:
         return stopped
 
     @property
-    def array_form(self) -> Callable[[ArrayTurn, IntArray], BoolArray] | None:
-        """The same for many games at once: which agents have to stay; None: the resolver has no array form."""
+    def array_form(self) -> Callable[[MovesTurn, IntArray], BoolArray] | None:
+        """The same in arrays, for many games or agents: which have to stay; None: the resolver has no such form."""
         rank: ArrayResolver | None = getattr(self._resolve, "array_form", None)
-        return None if rank is None else partial(self._resolve_in_arrays, rank)
+        is_own = type(self).resolve is not Conflicts.resolve
+        return None if rank is None or is_own else partial(self._resolve_in_arrays, rank)
 
-    def _resolve_in_arrays(self, rank: ArrayResolver, turn: ArrayTurn, ends: IntArray) -> BoolArray:
+    def _resolve_in_arrays(self, rank: ArrayResolver, turn: MovesTurn, ends: IntArray) -> BoolArray:
         moves, known = MovesInArrays(turn, ends, rank, per_team=self._per_team), self._limits
         if not self.allow_swaps:
             moves.stop_swaps()
@@ -142,7 +142,7 @@ class Conflicts:
         least = int(limits.min(initial=UNLIMITED))
         return may_conflict(turn, least, per_team=self._per_team, swaps=not self.allow_swaps)
 
-    def _rows(self, turn: ArrayTurn, limits: "_Limits") -> IntArray:
+    def _rows(self, turn: MovesTurn, limits: "_Limits") -> IntArray:
         """Return the capacities of all nodes, and in games by metres of all edges behind them."""
         graph, on_edges = turn.streets.columns, self._of_edges
         of_nodes = limits.rows(graph.node_ids, graph.node_attributes)
@@ -326,7 +326,7 @@ def at_random() -> Resolver:
         order = sorted(range(len(movers)), key=draws.__getitem__)
         return [movers[number] for number in order[: contest.places]]
 
-    def in_arrays(turn: ArrayTurn, at: IntArray, agents: IntArray) -> BitArray:
+    def in_arrays(turn: MovesTurn, at: IntArray, agents: IntArray) -> BitArray:
         return turn.draw_bits(at, turn.roster.keys[agents], "conflicts")
 
     return _with_form(at_random, in_arrays)
@@ -418,7 +418,7 @@ def _by_team(teams: list[Hashable]) -> Callable[[Move, Context], Any]:
 
 
 def _by_team_in_arrays(teams: list[Hashable]) -> ArrayResolver:
-    def rank(turn: ArrayTurn, _: IntArray, agents: IntArray) -> IntArray:
+    def rank(turn: MovesTurn, _: IntArray, agents: IntArray) -> IntArray:
         roster = turn.roster
         ranks = np.array([teams.index(team) if team in teams else -1 for team in roster.teams])
         found: IntArray = ranks[roster.team_of[agents]]

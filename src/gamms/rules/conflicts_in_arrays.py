@@ -1,20 +1,76 @@
 """Conflicts of moves in many games at once: the same as `Conflicts.resolve`, which says what they are."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Hashable, Sequence
 from sys import maxsize
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
+
+T = TypeVar("T")
 
 UNLIMITED = maxsize  # no graph has so many agents
 
-ArrayResolver = Callable[[ArrayTurn, IntArray, IntArray], Any]
+_PLACES_PER_MOVE = 8  # so many places are counted as they are; more, and those that agents are on or go to are numbered
+
+
+class Movers(Protocol):
+    """The agents whose moves are compared, in the order of their names."""
+
+    @property
+    def names(self) -> Sequence[str]:
+        """Names of the agents."""
+
+    @property
+    def teams(self) -> Sequence[Hashable]:
+        """The teams that agents play for."""
+
+    @property
+    def team_of(self) -> IntArray:
+        """The number of the team of each, (agents,)."""
+
+    @property
+    def keys(self) -> BitArray:
+        """The hashes of the names, (agents,)."""
+
+
+class MovesTurn(Protocol):
+    """What is asked of a turn: an `ArrayTurn`, or a turn of one game. Arrays have the axes (games, agents)."""
+
+    @property
+    def roster(self) -> Movers:
+        """The agents."""
+
+    @property
+    def streets(self) -> Streets:
+        """The graph."""
+
+    @property
+    def node(self) -> IntArray:
+        """Rows of the nodes on which moves begin."""
+
+    @property
+    def places(self) -> IntArray | None:
+        """The same in games by metres: nodes and behind them edges; None: on nodes."""
+
+    @property
+    def alive(self) -> BoolArray:
+        """Which agents count."""
+
+    def draw_bits(self, at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:
+        """Return random bits of this turn for games and names."""
+
+    def shared(self, key: Hashable, make: Callable[[], T]) -> T:
+        """Return what is the same in all turns on this graph."""
+
+
+ArrayResolver = Callable[[MovesTurn, IntArray, IntArray], Any]
 """Returns ranks of agents in contests, given the games of the turn and their numbers: those with the smallest win, of
 equals the first by name; None: no agent wins."""
 
@@ -54,9 +110,10 @@ class MovesInArrays:
         stays: (games, agents), which the methods find out.
     """
 
-    def __init__(self, turn: ArrayTurn, ends: IntArray, rank: ArrayResolver, *, per_team: bool) -> None:
+    def __init__(self, turn: MovesTurn, ends: IntArray, rank: ArrayResolver, *, per_team: bool) -> None:
         edges = 0 if turn.places is None else len(turn.streets.columns.edge_ids)
         self.turn, self.rank, self._nodes = turn, rank, len(turn.streets.counts) + edges
+        self._per_team = per_team
         of_team = turn.roster.team_of * self._nodes if per_team else 0
         starts = turn.node if turn.places is None else turn.places
         self.starts, self.ends, self.stays = starts + of_team, ends + of_team, np.zeros(ends.shape, np.bool_)
@@ -101,25 +158,40 @@ class MovesInArrays:
     def stop_overflow(self, limits: IntArray) -> None:
         """Let agents stay so that no node takes in more than its limit, (nodes,), in rounds as `resolve` does."""
         games = self._games_too_full(limits)
-        while len(games):
-            rows, agents = np.nonzero(self.turn.alive[games])
-            at = games[rows]
-            start, end = self.starts[at, agents], self.ends[at, agents]
-            moves = (start != end) & ~self.stays[at, agents]
-            places = rows * (self._nodes * len(self.turn.roster.teams)) + np.where(moves, end, start)
-            known, place = np.unique(places, return_inverse=True)
-            free = limits[known % self._nodes] - np.bincount(place, ~moves).astype(np.int64)
-            is_over = np.bincount(place, moves) > np.maximum(free, 0)
-            those = np.flatnonzero(is_over[place] & moves)
-            lost = those[self._losers(at[those], agents[those], place[those], free)]
+        rows, agents = np.nonzero(self.turn.alive[games])
+        at = games[rows]
+        start, end, limit = self._numbered(rows, self.starts[at, agents], self.ends[at, agents], len(games), limits)
+        is_moving = (start != end) & ~self.stays[at, agents]
+        movers = np.flatnonzero(is_moving)
+        free = limit - np.bincount(start[~is_moving], minlength=len(limit))
+        coming = np.bincount(end[movers], minlength=len(limit))
+        is_over = coming > np.maximum(free, 0)
+        while is_over.any():
+            those = movers[is_over[end[movers]]]
+            lost = those[self._losers(at[those], agents[those], end[those], free)]
             self.stays[at[lost], agents[lost]] = True
-            games = np.unique(at[lost])
+            is_over[end[those]], is_moving[lost], homes = False, False, start[lost]
+            movers = movers[is_moving[movers]]
+            np.subtract.at(coming, end[lost], 1)
+            np.subtract.at(free, homes, 1)
+            is_over[homes] = coming[homes] > np.maximum(free[homes], 0)
+
+    def _numbered(
+        self, rows: IntArray, start: IntArray, end: IntArray, games: int, limits: IntArray
+    ) -> tuple[IntArray, IntArray, IntArray]:
+        """Return the numbers of the places where moves begin and end, of each game apart, and the limit of each."""
+        size = self._nodes * (len(self.turn.roster.teams) if self._per_team else 1)
+        if games * size <= _PLACES_PER_MOVE * len(rows):
+            limit = np.tile(limits, games * size // self._nodes)
+            return (start, end, limit) if games == 1 else (start + rows * size, end + rows * size, limit)
+        known, places = np.unique(np.concatenate((start, end)) + np.tile(rows * size, 2), return_inverse=True)
+        return places[: len(rows)], places[len(rows) :], limits[known % self._nodes]
 
     def _games_too_full(self, limits: IntArray) -> IntArray:
         """Return the games in which more agents want to be on a node than it takes."""
         agents, least = self.ends.shape[1], int(limits.min(initial=UNLIMITED))
-        if least >= agents:
-            return np.zeros(0, np.int64)
+        if least >= agents or len(self.ends) == 1:
+            return np.zeros(int(least < agents), np.int64)
         ends = np.where(self.stays, self.starts, self.ends)
         places = np.sort(np.where(self.turn.alive, ends, -1 - np.arange(agents)), axis=1)
         if least and least == limits.max():
@@ -136,11 +208,12 @@ class MovesInArrays:
         if ranked is None:
             return np.arange(len(at))
         ranked = those[ranked]
-        starts = np.unique(place[ranked], return_index=True)[1]
-        number = np.arange(len(ranked)) - np.repeat(starts, np.diff([*starts, len(ranked)]))
-        return np.concatenate((turned_away, ranked[number >= free[place[ranked]]]))
+        contest = place[ranked]
+        starts = np.flatnonzero(np.diff(contest, prepend=-1))
+        number = np.arange(len(ranked)) - np.repeat(starts, np.diff(starts, append=len(ranked)))
+        return np.concatenate((turned_away, ranked[number >= free[contest]]))
 
     def _ranked(self, at: IntArray, agents: IntArray, contest: IntArray) -> IntArray | None:
-        """Return these agents by contest, in each the winners first; None: no agent wins."""
+        """Return these agents, given in ascending order, by contest, the winners first; None: no agent wins."""
         ranks = self.rank(self.turn, at, agents) if len(at) else np.zeros(0)
-        return None if ranks is None else np.lexsort((agents, ranks, contest))
+        return None if ranks is None else np.lexsort((ranks, contest))
