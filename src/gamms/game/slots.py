@@ -1,6 +1,6 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import copy
 from typing import Any
 
@@ -11,6 +11,7 @@ from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState
+from gamms.ir.obstacles import BoolArray
 from gamms.typing import AgentType
 from gamms.typing.agent_engine import IAgent, TurnAccess
 
@@ -195,10 +196,13 @@ class LazySlots(Sequence[AgentSlot]):
         """Return those that were asked for."""
         return list(self._made.values())
 
-    def made_of(self, indices: Iterable[int]) -> list[AgentSlot]:
-        """Return those of some that were asked for."""
-        made = self._made
-        return [made[i] for i in indices if i in made] if made else []
+    def made_of(self, which: BoolArray) -> list[AgentSlot]:
+        """Return those of some, (agents,), that were asked for."""
+        return [slot for i, slot in self._made.items() if which[i]]
+
+    def is_made(self, i: int) -> bool:
+        """Whether one was asked for."""
+        return i in self._made
 
     def of_agents(self, agents: Mapping[str, IAgent]) -> "LazySlots":
         """Return the same slots for other agents of the same names."""

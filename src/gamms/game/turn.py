@@ -21,7 +21,7 @@ from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, Turn
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, made_slots
 from gamms.ir.game_state import GameState, in_conflict
-from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.text import shown
 from gamms.typing.context import HostContext
@@ -443,8 +443,8 @@ class TurnEngine:
         for i, name in known:
             if i is not None and i in those:
                 del blocked[name]
-                for slot in slots.made_of([i]) if isinstance(slots, LazySlots) else [slots[i]]:
-                    slot.show_blocked()
+                if not isinstance(slots, LazySlots) or slots.is_made(i):
+                    slots[i].show_blocked()
 
     def _ask_individuals(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
         """Ask agents one by one, where neither memories of teams nor a time budget count."""
@@ -496,11 +496,12 @@ class TurnEngine:
         """Stop the agents that the conflict resolver stops."""
         slots = turn.slots
         if isinstance(slots, LazySlots) and not turn.actions:
-            stopped = self._stopped_in_arrays(turn)
-            if stopped is not None:
+            is_stopped = self._stopped_in_arrays(turn)
+            if is_stopped is not None:
+                stopped = np.flatnonzero(is_stopped)
                 self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends)[stopped])
                 turn.stop_each(stopped)
-                for slot in slots.made_of(stopped.tolist()):
+                for slot in slots.made_of(is_stopped):
                     slot.show_blocked()
                 return
         places = turn.places()
@@ -509,8 +510,8 @@ class TurnEngine:
             if turn.stop(i):
                 self._note_conflict(slots[i], end)
 
-    def _stopped_in_arrays(self, turn: TurnMoves) -> IntArray | None:
-        """Return the slots of agents that the array form of the conflict resolver stops.
+    def _stopped_in_arrays(self, turn: TurnMoves) -> BoolArray | None:
+        """Return which agents, by slot, the array form of the conflict resolver stops.
 
         None: it has none, or agents are few, fly, or are on nodes that are no longer on the map.
         """
@@ -524,7 +525,8 @@ class TurnEngine:
             moves = MovesOfOneGame(turn, streets, self._ctx.seed, self._state.turn, self._shared)
         except UnknownName:
             return None
-        return np.flatnonzero(form(moves, moves.ends)[0])
+        found: BoolArray = form(moves, moves.ends)[0]
+        return found
 
     def _losers(
         self, turn: TurnMoves, places: tuple[list[Any], list[Any]], named: Callable[[list[int]], Mapping[str, Move]]
