@@ -71,7 +71,7 @@ def scores_of(ctx: IContext, later: Iterable[str] = ()) -> dict[str, float]:
     """Return the scores by text, of all teams where one has any; `later` are those that will have some."""
     game = ctx.current_game
     known = {} if game is None else {str(of): score for of, score in game.scores.items()}
-    teams = dict.fromkeys(str(team) for team in ctx.agent.positions.teams if team is not None)
+    teams = dict.fromkeys(str(team) for team in dict.fromkeys(ctx.agent.positions.teams) if team is not None)
     counted = {*later, *known}
     return dict.fromkeys([*(teams if counted & teams.keys() else ()), *sorted(counted - teams.keys())], 0) | known
 

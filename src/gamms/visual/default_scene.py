@@ -54,6 +54,7 @@ MOST_SENSORS = 20  # more of them would hide what happens
 _MOST_APART = 6  # so many are drawn one by one, each with all that it sees
 _WITHOUT_CARRIER = (110, 114, 120)
 _AGENT_PX, _LEAST_PX, _MANY = 6.0, 3.0, 150  # radius of agents; more than so many are smaller, and drawn together
+_DENSE, _TINY_PX = 5000, 1.0  # more than so many would hide each other, and are still smaller
 TOGETHER = "agents on the ground"  # the name of the artist that draws them
 _VIEWS = (  # the parts of a view, what they are, and their signs
     ("outline", "field of view", "field"),
@@ -173,6 +174,8 @@ class DefaultScene:
         positions, by_side = self._ctx.agent.positions, drawing_of(self._ctx).group_colors()
         names, sides = positions.names, zip(positions.names, positions.teams, strict=True)
         least_px = max(_LEAST_PX, min(_AGENT_PX, _AGENT_PX * (_MANY / max(len(names), 1)) ** 0.5))
+        if are_together:
+            least_px = max(_TINY_PX, least_px * min(1.0, (_DENSE / len(names)) ** 0.5))
         self._agents_key, self._agents = key, {}
         self._colors = {name: by_side[str(name if team is None else team)] for name, team in sides}
         if are_together:

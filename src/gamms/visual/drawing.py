@@ -32,6 +32,9 @@ Offsets = Sequence[int] | IntArray
 """Where each of several lines or polygons begins among their points, and where the last one ends."""
 
 
+EDGE_PX = 3.0
+
+
 class Disc(NamedTuple):
     """The look of a disc with an edge: `radius` in world units, but at least some pixels."""
 
@@ -39,7 +42,7 @@ class Disc(NamedTuple):
     at_least_px: float
     color: AnyColor
     edge: AnyColor
-    edge_px: float = 3.0  # half of it is hidden
+    edge_px: float = EDGE_PX  # half of it is hidden
 
 
 class Spread(NamedTuple):
@@ -81,7 +84,7 @@ class Commands:
         `shifts` (discs, 2) moves discs right and down, by at most one radius: so the smaller of the two sizes of a
         disc stays within the larger one, whichever that is.
         """
-        points, n = np.repeat(_as_points(centers), _CIRCLES, axis=0), _CIRCLES * len(looks)
+        points, n = _as_points(centers), _CIRCLES * len(looks)
         sizes, widths, inks = [], [], []
         for disc in discs:
             radius, least = _as_extent(disc.radius, "size"), _as_extent(disc.at_least_px, "size")
@@ -95,14 +98,17 @@ class Commands:
         values = {"kind": DrawKind.CIRCLE, "layer": self.layer, "space": spaces, "size": size, "width": width}
         self._append(n, values | {"angle": 0.0}, np.array(inks, np.uint8)[looks].tobytes(), "")
         if shifts is None or not shifts.any():
-            self._points.append(points)
+            self._points.append(np.repeat(points, _CIRCLES, axis=0))
             self._counts.extend(_ONE * n)
             return
-        moves = np.repeat(shifts, _CIRCLES, axis=0) * size.reshape(-1, 1)
-        is_moved = (spaces == DrawSpace.SCREEN) & moves.any(axis=1)
-        points[~is_moved] += (moves * (1.0, -1.0) * (spaces == DrawSpace.WORLD)[:, None])[~is_moved]
-        self._points.append(np.insert(points, np.flatnonzero(is_moved) + 1, moves[is_moved], axis=0))
-        self._counts.frombytes((1 + is_moved).astype(np.int64).tobytes())
+        in_world = (spaces == DrawSpace.WORLD).reshape(-1, _CIRCLES)
+        both = np.empty((len(looks), _CIRCLES, 2, 2))  # of each circle its centre, and in pixels how far it is moved
+        both[:, :, 1] = moves = shifts[:, None] * size[:, :, None]
+        both[:, :, 0] = points[:, None] + np.where(in_world[:, :, None], moves * (1.0, -1.0), 0.0)
+        is_there = np.ones(both.shape[:3], bool)
+        is_there[:, :, 1] = ~in_world & moves.any(axis=2)
+        self._points.append(both[is_there])
+        self._counts.frombytes(is_there.sum(axis=2, dtype=np.int64).tobytes())
 
     def add_lines(
         self, points: Points, offsets: Offsets, color: AnyColor, width: float = 1.0, space: DrawSpace = DrawSpace.SCREEN
@@ -505,8 +511,10 @@ class Drawing:
 
     def group_colors(self, more: Iterable[Any] = ()) -> dict[str, Rgb]:
         """Return a colour for each group of agents, and for more teams, by text; the same in all pictures of a game."""
-        positions = self._ctx.agent.positions
-        groups = (name if team is None else team for name, team in zip(positions.names, positions.teams, strict=True))
+        names, teams = self._ctx.agent.positions.names, self._ctx.agent.positions.teams
+        groups = dict.fromkeys(teams)
+        if None in groups:
+            groups = dict.fromkeys(name if team is None else team for name, team in zip(names, teams, strict=True))
         return team_colors([*groups, *more], self.team_colors, self.theme.teams)
 
     def extent(self) -> float:

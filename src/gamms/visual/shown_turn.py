@@ -187,7 +187,8 @@ class Motion:
         last = self._past[-1] if self._past else None
         if last is None or isinstance(last, Moves):
             return {}
-        if not any(type(place) is Progress for _, places, _ in last for place in places):
+        listed = (places for _, places, _ in last if isinstance(places, list))  # arrays hold nodes alone
+        if not any(type(place) is Progress for places in listed for place in places):
             return {}
         (was, now) = (dict(zip(names, places, strict=True)) for names, places, _ in last)
         found = {name: (was.get(name, at), at) for name, at in now.items() if name in steps}
@@ -206,10 +207,13 @@ class Motion:
     def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> Moves:
         """Return how agents moved in a turn, by the last move of each before and after it."""
         moved = {name: step for name, step in steps.items() if step[0] != step[1] and before.get(name) != step}
-        lines_of = {name: self._travelled(*step) for name, step in moved.items() if _is_travel(step)}
+        others = {
+            name: step for name, step in moved.items() if isinstance(step[0], tuple) or isinstance(step[1], tuple)
+        }
+        lines_of = {name: self._travelled(*step) for name, step in others.items() if _is_travel(step)}
         travels = {name: line for name, line in lines_of.items() if line is not None}
-        flights = {name: step for name, step in moved.items() if isinstance(step[1], tuple) and name not in lines_of}
-        names = [name for name in moved if name not in flights and name not in lines_of]
+        flights = {name: step for name, step in others.items() if name not in lines_of}
+        names = [name for name in moved if name not in others]
         ends = self._rows_of([moved[name] for name in names])
         is_known = (ends >= 0).all(axis=1)  # or else the node that it came from is gone
         bends = self._bends(ends) if is_known.any() else {}

@@ -143,27 +143,34 @@ class _Circles:
         self.shift[is_moved] = commands.points[commands.offsets[rows[is_moved]] + 1]
         self.size, self.width, self.color = commands.size[rows], commands.width[rows], commands.color[rows]
         self.is_in_world = commands.space[rows] == DrawSpace.WORLD
+        self._seen: tuple[float, tuple[np.ndarray[Any, Any], ...]] | None = None  # at the scale that was shown last
         self.largest_in_world = float(self.size[self.is_in_world].max(initial=0.0))
         self.largest_px, self.widest_px, self.farthest_px = (
             float(px.max(initial=0.0)) for px in (self.size[~self.is_in_world], self.width, np.abs(self.shift))
         )
 
     def __call__(self, canvas: Canvas, camera: Camera) -> None:
+        if self._seen is None or self._seen[0] != camera.scale:
+            self._seen = camera.scale, self._large_enough(camera.scale)
+        centers, shift, radius, width, color = self._seen[1]
         farthest = max(self.largest_in_world * camera.scale, self.largest_px) + self.widest_px + _BEYOND_PX
-        farthest += self.farthest_px
-        near = np.flatnonzero(touching(self.centers, self.centers, _view(camera, farthest)))
-        if len(near) == 0:
-            return
-        radius, width = self.size[near] * np.where(self.is_in_world[near], camera.scale, 1.0), self.width[near]
-        centers, color = camera.to_screen(self.centers[near]) + self.shift[near], self.color[near]
+        near = touching(centers, centers, _view(camera, farthest + self.farthest_px))
+        if not near.all():
+            centers, shift, radius, width, color = (column[near] for column in (centers, shift, radius, width, color))
+        centers = camera.to_screen(centers) + shift
         reach = (radius + width)[:, None] + 1.0
         inside = touching(centers - reach, centers + reach, (0.0, 0.0, canvas.width, canvas.height))
-        inside &= (radius >= _SMALLEST_RADIUS_PX) & (color[:, 3] > 0)
         small = radius + width <= _LARGEST_STAMP_PX
         for is_small, begin, end in _stretches(small[inside]):
             rows = np.flatnonzero(inside)[begin:end]
             paint = _stamped if is_small else _large
             paint(canvas, centers[rows], radius[rows], width[rows], color[rows])
+
+    def _large_enough(self, scale: float) -> tuple["np.ndarray[Any, Any]", ...]:
+        """Return centres, shifts, radii in pixels, widths and colours of those that can be seen at a scale."""
+        radius = self.size * np.where(self.is_in_world, scale, 1.0)
+        seen = (radius >= _SMALLEST_RADIUS_PX) & (self.color[:, 3] > 0)
+        return tuple(column[seen] for column in (self.centers, self.shift, radius, self.width, self.color))
 
 
 def _stretches(values: "np.ndarray[Any, Any]") -> Iterator[tuple[int, int, int]]:

@@ -12,7 +12,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.typing import ColorType, IAerialAgent, IAgent, IContext
 from gamms.typing.agent_engine import AgentType
 from gamms.visual.appearance import AgentData, AgentLooks, AnyColor, Circle, Rectangle, Rgb, rgba
-from gamms.visual.drawing import Disc, Points, Spread, drawing_of
+from gamms.visual.drawing import EDGE_PX, Disc, Points, Spread, drawing_of
 
 _Shape = TypeVar("_Shape", Circle, Rectangle)
 
@@ -136,7 +136,8 @@ def render_looks(ctx: IContext, data: dict[str, Any]) -> None:
     if not is_shown.all():
         rows, colors = rows[is_shown], colors[is_shown]
         names = [names[row] for row in np.flatnonzero(is_shown).tolist()]
-    discs = [Disc(looks.size, looks.least_px, color, outline_of(color)) for color in looks.colors]
+    edge_px = min(EDGE_PX, looks.least_px)  # a small disc would be nothing but its edge
+    discs = [Disc(looks.size, looks.least_px, color, outline_of(color), edge_px) for color in looks.colors]
     standing = _Standing(names, positions.node_ids[rows], np.array(positions.previous_nodes, np.int64)[rows], colors)
     looks.note(is_shown, *_discs(ctx, standing, discs, share))
 
