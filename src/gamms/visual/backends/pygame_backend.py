@@ -223,6 +223,23 @@ def stamp(coverage: ByteArray, color: Rgba) -> "Surface":
     return surface
 
 
+def ringed_stamp(ring: ByteArray, color: Rgb, disc: ByteArray, ink: Rgb) -> "Surface":
+    """Return a disc on a ring as one surface, which looks as if one was painted after the other."""
+    pygame = load()
+    rows, columns = ring.shape
+    both: Surface = pygame.Surface((columns, rows), 0, 32)
+    both.fill(color)
+    both.blit(stamp(disc, (*ink, 255)), (0, 0))
+    alpha = ring + (255.0 - ring) * disc / 255.0
+    share = np.divide(disc, alpha, out=np.zeros(ring.shape), where=alpha > 0.0)[:, :, None]
+    mixed = np.rint((1.0 - share) * color + share * ink).astype(np.uint8).swapaxes(0, 1)
+    surface: Surface = pygame.Surface((columns, rows), pygame.SRCALPHA, 32)
+    is_covered = (ring == 255).T[:, :, None]  # where no colour behind them counts
+    pygame.surfarray.pixels3d(surface)[:] = np.where(is_covered, pygame.surfarray.array3d(both), mixed)
+    pygame.surfarray.pixels_alpha(surface)[:] = np.rint(alpha).T
+    return surface
+
+
 def painted_transparent(paint: "Callable[[Rgba], Surface]") -> "Surface":
     """Paint alike over two colours, and return what was painted on a transparent surface; see `transparent`."""
     return transparent(paint(BLACK), paint(WHITE))
