@@ -14,6 +14,7 @@ import batches
 import learning
 import parts
 import seeing
+import teams
 from pictures import film, first_frame, zoom
 from worlds import ST, Spent, context, fill, grid, paper_strategy
 
@@ -619,6 +620,12 @@ CASES = [
     Case("scenario: 1,024 games by metres in a batch", "agent-step", parts.by_metres),
     Case("scenario: 1,024 games with deeds in a batch", "agent-step", parts.with_deeds),
     Case("scenario: 1,024 games with messages in a batch", "agent-step", parts.with_messages),
+    Case("teams: random walk of 100,000, one stream", "agent-step", teams.walk(100_000, 316, is_keyed=False)),
+    Case("teams: random walk of 100,000, keyed draws", "agent-step", teams.walk(100_000, 316, is_keyed=True)),
+    Case("teams: random walk of 1,000,000, one stream", "agent-step", teams.walk(1_000_000, 1000, is_keyed=False)),
+    Case("teams: random walk of 1,000,000, keyed draws", "agent-step", teams.walk(1_000_000, 1000, is_keyed=True)),
+    Case("teams: conflicts of 20,000 on 400,000 nodes", "agent-step", teams.conflicts(20_000, 632)),
+    Case("teams: conflicts of 20,000 on 40,000 nodes", "agent-step", teams.conflicts(20_000, 200)),
     Case("scenario: load Helsinki at 10 m", "map", helsinki),
     Case("scenario: film Helsinki, 1280 x 720", "frame", film),
     Case("scenario: window, first of 100,000 edges", "frame", first_frame),

@@ -9,7 +9,7 @@ import numpy as np
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
 from gamms.game.streets import Streets
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import IntArray, RowArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 
@@ -168,7 +168,7 @@ class MovesInArrays:
         free = limit - np.bincount(start[~is_moving], minlength=len(limit))
         coming = np.bincount(end.take(movers), minlength=len(limit))
         is_over = coming > np.maximum(free, 0)
-        those = movers[is_over.take(end.take(movers))]
+        those = np.flatnonzero(is_over.take(end) & is_moving)
         while len(those):
             rows, agents = np.divmod(living[those], shape[1])
             lost = those[self._losers(games[rows], agents, end[those], free)]
@@ -183,20 +183,22 @@ class MovesInArrays:
 
     def _numbered(
         self, rows: IntArray, start: IntArray, end: IntArray, games: int, limits: IntArray
-    ) -> tuple[IntArray, IntArray, IntArray]:
+    ) -> tuple[RowArray, RowArray, IntArray]:
         """Return numbers of the places where moves begin and end, those of each game apart, and the limit of each."""
         size = self._nodes * (len(self.turn.roster.teams) if self._per_team else 1)
-        places = np.concatenate((start, end))
+        places: IntArray = np.concatenate((start, end))
+        numbers: RowArray
         if games > 1:
             places += np.tile(rows * size, 2)
         if games * size > _PLACES_PER_MOVE * len(places):
             known, numbers = np.unique(places, return_inverse=True)
         else:
             # NOTE: a third of the time of sorting them (benchmarks/README.md, teams).
-            known, number_of = places, np.empty(games * size, np.int64)
-            number_of[places] = np.arange(len(places))
+            known, number_of = places, np.empty(games * size, np.int32)
+            number_of[places] = np.arange(len(places), dtype=np.int32)
             numbers = number_of.take(places)
-        return numbers[: len(start)], numbers[len(start) :], limits.take(known % self._nodes)
+        nodes = known if games * size == self._nodes else known % self._nodes
+        return numbers[: len(start)], numbers[len(start) :], limits.take(nodes)
 
     def _games_too_full(self, limits: IntArray) -> IntArray:
         """Return the games in which more agents want to be on a node than it takes."""
@@ -211,7 +213,7 @@ class MovesInArrays:
         others = np.take_along_axis(places, np.maximum(earlier, 0), axis=1)
         return np.flatnonzero(((earlier >= 0) & (places >= 0) & (others == places)).any(axis=1))
 
-    def _losers(self, at: IntArray, agents: IntArray, place: IntArray, free: IntArray) -> IntArray:
+    def _losers(self, at: IntArray, agents: IntArray, place: RowArray, free: IntArray) -> IntArray:
         """Return which of these agents, who want to go to places with these capacities, exceed them."""
         has_room = free[place] > 0
         those, turned_away = np.flatnonzero(has_room), np.flatnonzero(~has_room)
@@ -224,7 +226,7 @@ class MovesInArrays:
         number = np.arange(len(ranked)) - np.repeat(starts, np.diff(starts, append=len(ranked)))
         return np.concatenate((turned_away, ranked[number >= free[contest]]))
 
-    def _ranked(self, at: IntArray, agents: IntArray, contest: IntArray) -> IntArray | None:
+    def _ranked(self, at: IntArray, agents: IntArray, contest: RowArray) -> IntArray | None:
         """Return these agents, given in ascending order, by contest, the winners first; None: no agent wins."""
         ranks = self.rank(self.turn, at, agents) if len(at) else np.zeros(0)
         return None if ranks is None else np.lexsort((ranks, contest))

@@ -1,0 +1,89 @@
+"""One large team that a plan of arrays moves, against a kernel of NumPy, and what conflicts add to its turns."""
+
+import numpy as np
+
+import gamms
+from gamms import kernels
+from gamms.rules import Conflicts
+
+
+def lattice(side):
+    """Return a context with a square lattice of streets."""
+    ctx = gamms.create_context(seed=1, logger_config={"level": "ERROR"})
+    ids = np.arange(side * side)
+    square = ids.reshape(side, side)
+    ends = [square[:, :-1], square[:, 1:], square[:-1], square[1:]]
+    near, far = np.concatenate([ends[0].ravel(), ends[2].ravel()]), np.concatenate([ends[1].ravel(), ends[3].ravel()])
+    sources, targets = np.concatenate((near, far)), np.concatenate((far, near))
+    ctx.graph.graph.add_nodes(ids, ids % side * 10.0, ids // side * 10.0)
+    ctx.graph.graph.add_edges(np.arange(len(sources)), sources, targets, np.full(len(sources), 10.0))
+    return ctx
+
+
+def by_stream(arrays):
+    """Walk at random, by one stream of the team."""
+    return arrays.choose((arrays.rng.random(len(arrays.names), np.float32) * arrays.counts).astype(np.int32))
+
+
+def by_keys(arrays):
+    """Walk at random, by draws of each agent."""
+    return arrays.choose(arrays.draw.below(arrays.counts))
+
+
+def game(agents, side, plan, nodes, conflicts=None):
+    """Return the function that plays a turn of a team."""
+    ctx = lattice(side)
+    ctx.agent.create_team("red", nodes)
+    ctx.game.command("red", plan, arrays=True)
+    ctx.game.conflicts = conflicts
+
+    def turn():
+        ctx.game.step()
+        return agents
+
+    return turn
+
+
+def walk(agents, side, *, is_keyed):
+    """Return the case of a random walk, against a kernel in int32 with kept buffers: degree, draw, neighbour."""
+
+    def make():
+        nodes = np.arange(agents) % (side * side)
+        ours = game(agents, side, by_keys if is_keyed else by_stream, nodes)
+        columns = lattice(side).graph.columns()
+        found = kernels.neighborhoods(columns.sources, columns.targets, side * side)
+        offsets, targets = (array.astype(np.int32) for array in found)
+        degrees, at = np.diff(offsets), nodes.astype(np.int32)
+        rng, purpose = np.random.default_rng(1), kernels.purpose_key(1, "agent")
+        keys = kernels.name_keys([f"red_{i}" for i in range(agents)]) if is_keyed else None
+        share, places, chosen = np.empty(agents, np.float32), np.empty(agents, np.int32), np.empty(agents, np.int32)
+        turns = 0
+
+        def floor():
+            nonlocal turns
+            np.take(degrees, at, out=places)
+            if is_keyed:
+                chosen[:] = kernels.below_many(kernels.draw_bits_many(purpose, keys, turns), places)
+            else:
+                rng.random(out=share, dtype=np.float32)
+                np.multiply(share, places, out=share)
+                chosen[:] = share
+            np.take(offsets, at, out=places)
+            np.add(places, chosen, out=places)
+            np.take(targets, places, out=at)
+            turns += 1
+            return agents
+
+        return ours, floor
+
+    return make
+
+
+def conflicts(agents, side):
+    """Return the case of turns with conflicts, against the same without; agents begin anywhere."""
+
+    def make():
+        nodes = np.random.default_rng(1).permutation(side * side)[:agents]
+        return game(agents, side, by_stream, nodes, Conflicts(1)), game(agents, side, by_stream, nodes)
+
+    return make
