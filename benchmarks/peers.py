@@ -96,11 +96,39 @@ def ours_in_batch(games=64):
     return run
 
 
+def ours_as_vectors(games=1024):
+    """Turns of many games of three taggers and a runner, with the observations of all as vectors."""
+    from gamms.scenario import Scenario
+
+    scenario = Scenario(
+        map={"grid": {"width": 32, "height": 32, "spacing": 10.0}},
+        teams={team: {"count": count, "sensors": ["all"]} for team, count in (("red", 3), ("blue", 1))},
+        sensors={"all": {"type": "AGENT"}},
+        rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "mutual": False}}],
+        max_turns=10**9,
+    )
+    batch = scenario.batch(games)
+    if batch.slow is not None:
+        raise RuntimeError(batch.slow)
+
+    def run():
+        actions = {}
+        for team in batch.teams:
+            view = batch.observe(team)
+            view.vector(3)
+            actions[team] = view.draw.below(view.counts)
+        batch.step(actions)
+        return games * 4
+
+    return run
+
+
 OURS = {
     "pogema": lambda: ours_alone(64, {"red": 64}, {"red": VIEWS}, capacity=1),
     "pogema, agents only": lambda: ours_alone(64, {"red": 64}, {"red": {"near": VIEWS["near"]}}, capacity=1),
     "pogema, in batch": ours_in_batch,
     "pursuit": lambda: ours_alone(16, {"red": 8, "blue": 30}, {"red": PURSUIT}, tag=True, turns=10),
+    "vmas": ours_as_vectors,
     "mesa": lambda: ours_alone(100, {"red": 1000}, {"red": {"near": ("NEIGHBOR", 0.0)}}, turns=1),
 }
 
@@ -169,13 +197,30 @@ def mesa(side=100, agents=1000):
     return run
 
 
+def vmas(games=1024):
+    """Three taggers and a runner that push each other about in the plane, in many environments at once."""
+    import torch
+    from vmas import make_env
+
+    torch.set_num_threads(1)
+    options = {"num_good_agents": 1, "num_adversaries": 3, "num_landmarks": 2}
+    env = make_env("simple_tag", num_envs=games, device="cpu", continuous_actions=False, seed=1, **options)
+    env.reset()
+
+    def run():
+        env.step([env.get_random_action(agent) for agent in env.agents])
+        return games * 4
+
+    return run
+
+
 PEERS = {  # name -> the module that it needs, its distribution and what is run
     "pogema": ("pogema", "pogema", pogema),
     "pogema, agents only": ("pogema", "pogema", pogema),
     "pogema, in batch": ("pogema", "pogema", pogema),
     "pursuit": ("pettingzoo", "pettingzoo", pursuit),
     "mesa": ("mesa", "Mesa", mesa),
-    "vmas": ("vmas", "vmas", None),
+    "vmas": ("vmas", "vmas", vmas),
     "mesa-frames": ("mesa_frames", "mesa-frames", None),
 }
 
