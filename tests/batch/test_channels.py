@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from batch_scenes import plain, scene
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_laws import LAWS
 
@@ -62,7 +62,7 @@ jammers = [{"agent": "blue_1", "radius_m": 12}, {"team": "blue", "radius_m": 9},
 jammers.append({"at": [5.0, 5.0], "radius_m": 12})
 
 
-@LAWS
+@settings(LAWS, max_examples=40)
 @given(
     loss=losses,
     relay=st.sampled_from([None, True, ["red", "blue_2"]]),

@@ -36,7 +36,7 @@ from gamms.strategies import (
     random_waypoints,
 )
 
-LAWS = settings(max_examples=90, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+LAWS = settings(max_examples=70, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 TEAMS = ("red", "blue", "green", None)
 NODES = [3 * number + 2 for number in range(14)]  # ids that are no rows
 

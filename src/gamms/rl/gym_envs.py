@@ -13,7 +13,7 @@ from gymnasium.vector.utils import batch_space
 
 from gamms.arguments import as_int
 from gamms.rl.learners import ActionArray, Learners
-from gamms.rl.rendering import METADATA, RenderMode, rendered
+from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import observation_space, observed
 from gamms.scenario import Scenario
 
@@ -35,6 +35,7 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
     def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
         self._learners, self.render_mode, self._mode = learners, render_mode, render_mode
+        prepare(learners, render_mode)
         self.observation_space = observation_space(learners)
         self.action_space = spaces.Discrete(learners.num_actions)
         self._seed, self._has_begun = learners.games.seeds[0], False

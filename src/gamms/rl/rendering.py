@@ -25,6 +25,12 @@ def engine_of(mode: object) -> Engine | None:
     return Engine.PYGAME if mode == "human" else None
 
 
+def prepare(learners: Learners, mode: RenderMode) -> None:
+    """Let a window show a turn as long as `render_fps` says, not as long as for people who watch a game."""
+    if mode == "human":
+        learners.games.context(0).visual.turn_seconds = 1.0 / METADATA["render_fps"]
+
+
 def rendered(learners: Learners, mode: RenderMode) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
     """Return a picture of the first game as it is now, (height, width, 3), or show it in its window."""
     if mode is None:

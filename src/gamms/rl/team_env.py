@@ -8,7 +8,7 @@ from pettingzoo import ParallelEnv
 
 from gamms.arguments import as_int
 from gamms.rl.learners import Float32Array, Learners
-from gamms.rl.rendering import METADATA, RenderMode, rendered
+from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import observation_space, observed
 
 Observed = dict[str, dict[str, Any]]  # agent -> `observation` and `action_mask`
@@ -28,6 +28,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
     def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
         self._learners, self.render_mode = learners, render_mode
+        prepare(learners, render_mode)
         self.possible_agents = list(learners.names)
         self.agents: list[str] = []
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
