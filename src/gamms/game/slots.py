@@ -227,7 +227,7 @@ class _Layout:
 
 
 def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
-    """Return an equal dict whose copies share one table of keys, which has room for the action.
+    """Return an equal dict whose copies share one table of keys, with a place for the action.
 
     Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
     those of 1,000 agents would not stay in the cache (benchmarks/README.md, turns).

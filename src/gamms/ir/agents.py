@@ -144,7 +144,9 @@ class AgentBlock:
         self.trusts_nodes = False
         self.graph = graph
         self._row_of: dict[str, int] = {}
-        self._buffers: dict[str, IntArray] = {}  # of columns that are views of arrays, with room for more agents
+        self._buffers: dict[
+            str, IntArray
+        ] = {}  # of columns that are views of arrays, which are longer than they need to be
         self._changed: set[int] = set()  # rows; not published yet
         self._have_all_changed = False
         self._logs: list[ChangeLog] = []

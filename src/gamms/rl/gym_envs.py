@@ -34,21 +34,15 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
 
     def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
-        self._learners, self.render_mode, self._mode = learners, render_mode, render_mode
+        self._learners, self.render_mode = learners, render_mode
         prepare(learners, render_mode)
         self.observation_space = observation_space(learners)
         self.action_space = spaces.Discrete(learners.num_actions)
-        self._seed, self._has_begun = learners.games.seeds[0], False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
         """Begin a game; without a seed, that of the next one."""
         super().reset(seed=seed, options=options)
-        if seed is not None:
-            self._seed = as_int(seed, "seed")
-        elif self._has_begun:
-            self._seed += 1
-        self._has_begun = True
-        self._learners.begin(np.array([0]), [self._seed])
+        self._learners.begin_next(seed)
         found = self._observed()
         return found, {"action_mask": found["action_mask"]}
 
@@ -71,7 +65,7 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
 
     def render(self) -> Any:
         """Return a picture, (height, width, 3), or show it in the window; nothing without a render mode."""
-        return rendered(self._learners, self._mode)
+        return rendered(self._learners, self.render_mode)
 
     def close(self) -> None:
         """End the game."""

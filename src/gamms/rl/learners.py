@@ -1,6 +1,7 @@
 """The agents that learn in the games of a batch: what all environments of this package are made of."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import suppress
 from functools import partial
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple, Self
@@ -14,6 +15,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.scenario import Scenario
 from gamms.text import shown
+from gamms.typing import AgentType
 from gamms.visual import Engine
 
 Float32Array = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
@@ -85,7 +87,7 @@ class Learners:
 
     Raises:
         UnknownName (KeyError): there is no such team.
-        BadValue: agents fly, or no rule gives scores and no reward is given.
+        BadValue: agents do not go along one edge in a turn, or no rule gives scores and no reward is given.
     """
 
     def __init__(  # noqa: PLR0913 - what the environments are given
@@ -117,12 +119,12 @@ class Learners:
             number, seed=first, strategies=strategies, record=record, one_by_one=one_by_one, vis_engine=vis_engine
         )
         try:
-            self._look_at(scenario, teams, agent)
+            self._look_at(teams, agent)
         except BaseException:
             self.games.close()
             raise
 
-    def _look_at(self, scenario: Scenario, teams: Sequence[Hashable] | None, agent: str | None) -> None:
+    def _look_at(self, teams: Sequence[Hashable] | None, agent: str | None) -> None:
         """Find out who learns, and refuse what cannot be learned."""
         if agent is None:
             self.teams = self.games.teams if teams is None else tuple(teams)
@@ -130,18 +132,24 @@ class Learners:
             self.teams = self.games.observe_agent(agent)["team"]
         self._agent = agent
         self.num_actions = int(self._views()[0].streets.counts.max(initial=1))
+        self._seed: int | None = None  # of the game that `begin_next` began last
         self._remember()
         self._sizes = [len(view.agents) for view in self._now]
         self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
-        with scenario.build(seed=self.games.seeds[0]) as ctx:
-            flying = [one.name for one in ctx.game.agents if one.name in self.names and hasattr(one, "position")]
-            if flying:
-                raise BadValue(f"Agent {shown(flying[0])} flies: only agents on the ground learn so far.")
-            if self._reward is None and not any(_gives_scores(one.rule) for one in ctx.game.rules):
-                raise BadValue(
-                    "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
-                    "turn, or add a rule such as tag with a score."
-                )
+        game = self.games.game
+        settings = game.settings()
+        if (settings["legal"], settings["speed_unit"]) != ("edges", "edges"):
+            chosen = f"legal={settings['legal']!r}, speed_unit={settings['speed_unit']!r}"
+            raise BadValue(f"Only agents that go along one edge in a turn learn so far, not those of {chosen}.")
+        for one in game.agents:
+            if one.name in self.names and (one.type is AgentType.AERIAL or one.speed is not None):
+                what = "flies" if one.type is AgentType.AERIAL else f"has the speed {one.speed:g}"
+                raise BadValue(f"Agent {shown(one.name)} {what}: only those learn so far that go one edge in a turn.")
+        if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
+            raise BadValue(
+                "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
+                "turn, or add a rule such as tag with a score."
+            )
 
     def close(self) -> None:
         """End the games."""
@@ -198,6 +206,14 @@ class Learners:
             plays & has_ended,
             plays & np.broadcast_to(self.games.truncated[:, None], plays.shape),
         )
+
+    def begin_next(self, seed: int | None) -> None:
+        """Begin the first game again: with a seed; None: at first with that which it has, then with the next one."""
+        if seed is not None:
+            self._seed = as_int(seed, "seed")
+        else:
+            self._seed = self.games.seeds[0] if self._seed is None else self._seed + 1
+        self.begin(np.array([0]), [self._seed])
 
     def begin(self, which: IntArray, seeds: Sequence[int]) -> None:
         """Begin games again, with these seeds."""
@@ -307,7 +323,8 @@ def _codes_of(value: object, seen: set[int]) -> Iterator[CodeType]:
         return
     yield from _within(value.__code__)
     for cell in value.__closure__ or ():
-        yield from _codes_of(cell.cell_contents, seen)
+        with suppress(ValueError):  # it has no value yet
+            yield from _codes_of(cell.cell_contents, seen)
     for name in value.__code__.co_names:
         if isinstance(value.__globals__.get(name), FunctionType):
             yield from _codes_of(value.__globals__[name], seen)

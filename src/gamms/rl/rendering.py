@@ -31,7 +31,7 @@ def prepare(learners: Learners, mode: RenderMode) -> None:
         learners.games.context(0).visual.turn_seconds = 1.0 / METADATA["render_fps"]
 
 
-def rendered(learners: Learners, mode: RenderMode) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
+def rendered(learners: Learners, mode: str | None) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
     """Return a picture of the first game as it is now, (height, width, 3), or show it in its window."""
     if mode is None:
         return None

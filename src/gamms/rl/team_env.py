@@ -1,12 +1,12 @@
 """The environment of PettingZoo: the agents of one team, or of several, that learn in one game."""
 
+from copy import deepcopy
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
-from gamms.arguments import as_int
 from gamms.rl.learners import Float32Array, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import observation_space, observed
@@ -32,11 +32,10 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         self.possible_agents = list(learners.names)
         self.agents: list[str] = []
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
-        self.observation_spaces = {agent: observation_space(learners) for agent in self.possible_agents}
+        space = observation_space(learners)
+        self.observation_spaces = {agent: deepcopy(space) for agent in self.possible_agents}  # each samples by itself
         self.action_spaces = {agent: spaces.Discrete(learners.num_actions) for agent in self.possible_agents}
         self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
-        self._seed = learners.games.seeds[0]
-        self._has_begun = False
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of what an agent observes."""
@@ -52,12 +51,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         Returns:
             What each agent observes, and the infos of each.
         """
-        if seed is not None:
-            self._seed = as_int(seed, "seed")
-        elif self._has_begun:
-            self._seed += 1
-        self._has_begun = True
-        self._learners.begin(np.array([0]), [self._seed])
+        self._learners.begin_next(seed)
         self.agents = [name for name, is_in in zip(self.possible_agents, self._learners.alive[0], strict=True) if is_in]
         return self._answers(self.agents)
 

@@ -94,7 +94,7 @@ class Views:
         return seen
 
     def _drop(self, words: int) -> None:
-        """Forget one in a few views of each kind, again and again until there is room for so much."""
+        """Forget one in a few views of each kind, until so much memory is free."""
         # NOTE: not the oldest: who looks from more places in turn than are kept would find none of them
         # (benchmarks/README.md, where it broke).
         while self._seen and self._words + words > _MOST_WORDS:

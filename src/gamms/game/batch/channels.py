@@ -1,13 +1,13 @@
 """Messages of many games at once: what array strategies send, who hears it, and what is under way."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import GameLog, Roster
 from gamms.game.batch.routes import RouteTable
 from gamms.game.channels import Channel, Jammer, matching, receivers_of
 from gamms.ir.chances import as_chances, chances_at
@@ -100,7 +100,7 @@ class Scene(NamedTuple):
     hops: Callable[[], RouteTable]
 
 
-class Radio:
+class Radio(GameLog[list[_Sent]]):
     """The channels of a game, and what was sent by them in all games of a batch.
 
     Args:
@@ -121,12 +121,11 @@ class Radio:
         part_of: IntArray,
         num_games: int,
     ) -> None:
+        super().__init__(num_games)
         self.channels, self._roster, self._ids, self._xyz, self._part_of = channels, roster, ids, xyz, part_of
         self._teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
         self._pair_keys: BitArray | None = None
         self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
-        self._pending: list[list[_Sent]] = []
-        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
 
     # -- sending ------------------------------------------------------------------------------------------------
 
@@ -290,21 +289,15 @@ class Radio:
 
     # -- the log ------------------------------------------------------------------------------------------------
 
-    def of(self, game: int) -> list[dict[str, Any]]:
-        """Return the messages of a game, in their order, as `ctx.game.messages` has them."""
-        for sent in self._pending:
-            rows = [row for one in sent for row in self._written(one)]
-            for number, _, entry in sorted(rows, key=lambda row: row[:2]):
-                self._of_game[number].append(entry)
-        self._pending.clear()
-        return self._of_game[game]
-
     def forget(self, games: IntArray) -> None:
         """Forget the messages of some games."""
-        self.of(0)
-        for game in games.tolist():
-            self._of_game[game] = []
+        super().forget(games)
         self._under_way = [(left, sent.those(~np.isin(sent.at, games))) for left, sent in self._under_way]
+
+    def _entries(self, noted: list[_Sent]) -> Iterator[tuple[int, dict[str, Any]]]:
+        rows = [row for sent in noted for row in self._written(sent)]
+        for game, _, entry in sorted(rows, key=lambda row: row[:2]):
+            yield game, entry
 
     def _written(self, sent: _Sent) -> list[tuple[int, int, dict[str, Any]]]:
         """Return game, place and the entry of the log of each message."""

@@ -1,7 +1,8 @@
-"""Who plays in a batch: the game that it is made from, and the agents of each of its games."""
+"""What a batch consists of: the game that it is made from, the agents of each of its games, and their logs."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Collection, Hashable, Iterable, Mapping
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -15,6 +16,38 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
+
+P = TypeVar("P")
+
+
+class GameLog(ABC, Generic[P]):
+    """A log of all games: noted as arrays of many games, and written out for each game when it is read.
+
+    Args:
+        num_games: of the batch.
+    """
+
+    def __init__(self, num_games: int) -> None:
+        self._pending: list[P] = []
+        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+
+    def of(self, game: int) -> list[dict[str, Any]]:
+        """Return the entries of a game, in their order."""
+        for noted in self._pending:
+            for number, entry in self._entries(noted):
+                self._of_game[number].append(entry)
+        self._pending.clear()
+        return self._of_game[game]
+
+    def forget(self, games: IntArray) -> None:
+        """Forget the entries of some games."""
+        self.of(0)
+        for game in games.tolist():
+            self._of_game[game] = []
+
+    @abstractmethod
+    def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
+        """Return the game of each entry, and the entry; those of one game in their order."""
 
 
 class PlayedGame(Protocol):

@@ -1,12 +1,12 @@
 """Deeds of many games at once: what strategies declare through their views, rules find in turns, and results list."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import GameLog, Roster
 from gamms.game.deeds import DeclaredField, field_of
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -55,7 +55,7 @@ def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
     return ArrayDeeds(parts[0].kind, at, agents, nodes, order, values).those(np.lexsort((agents, at)))
 
 
-class DeclaredDeeds:
+class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
     """The deeds that a game declares, and those that were done in each game of a batch.
 
     Args:
@@ -74,10 +74,9 @@ class DeclaredDeeds:
         streets: Streets,
         num_games: int,
     ) -> None:
+        super().__init__(num_games)
         self._fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
         self._check, self._roster, self._streets = check, roster, streets
-        self._pending: list[tuple[IntArray, list[ArrayDeeds]]] = []
-        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
 
     def checked(
         self, deed: str, fields: Mapping[str, object], where: BoolArray, agents: IntArray, nodes: IntArray, order: int
@@ -179,20 +178,11 @@ class DeclaredDeeds:
             number[games] = turns
             self._pending.append((number, found))
 
-    def of(self, game: int) -> list[dict[str, Any]]:
-        """Return the deeds of a game, in their order, as `ctx.game.deeds` has them."""
-        for turns, several in self._pending:
-            rows = [row for deeds in several for row in self._written(deeds, turns)]
-            for number, _, _, entry in sorted(rows, key=lambda row: row[:3]):
-                self._of_game[number].append(entry)
-        self._pending.clear()
-        return self._of_game[game]
-
-    def forget(self, games: IntArray) -> None:
-        """Forget the deeds of some games."""
-        self.of(0)
-        for game in games.tolist():
-            self._of_game[game] = []
+    def _entries(self, noted: tuple[IntArray, list[ArrayDeeds]]) -> Iterator[tuple[int, dict[str, Any]]]:
+        turns, several = noted
+        rows = [row for deeds in several for row in self._written(deeds, turns)]
+        for game, _, _, entry in sorted(rows, key=lambda row: row[:3]):
+            yield game, entry
 
     def _written(self, deeds: ArrayDeeds, turns: IntArray) -> list[tuple[int, int, int, dict[str, Any]]]:
         """Return game, agent, order and the entry of a log of each deed."""

@@ -216,6 +216,11 @@ class Batch:
         return view if self.library is None or isinstance(view, DeviceView) else moved(view, self.library)
 
     @property
+    def game(self) -> PlayedGame:
+        """The game that the batch was made from: its agents, rules and settings."""
+        return self._source.game
+
+    @property
     def teams(self) -> tuple[Hashable, ...]:
         """The teams that agents play for."""
         return self._roster.teams

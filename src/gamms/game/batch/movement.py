@@ -232,7 +232,7 @@ class Movement:
         self._tables: dict[str | None, RouteTable] = {}
 
     def begin(self, shape: tuple[int, int]) -> None:
-        """Make room for so many games and agents, all of which are on nodes."""
+        """Reserve memory for so many games and agents, all of which are on nodes."""
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents have covered nothing of an edge."""
@@ -364,7 +364,7 @@ class ByEdges(Movement):
         self.begin((0, len(speeds)))
 
     def begin(self, shape: tuple[int, int]) -> None:
-        """Make room for so many games and agents."""
+        """Reserve memory for so many games and agents."""
         self.begun, self.covered = np.zeros(shape, np.int64), np.zeros(shape)
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:

@@ -1,6 +1,6 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from itertools import compress
 from typing import Any, NamedTuple
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.channels import Radio
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import GameLog, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.ir.graph import FloatArray, IntArray
@@ -39,12 +39,11 @@ class Emitted(NamedTuple):
         return Emitted(self.kind, self.games[which], self.turns[which], fields)
 
 
-class EventLog:
+class EventLog(GameLog[Emitted]):
     """The events of all games, as they were emitted."""
 
     def __init__(self, num_games: int) -> None:
-        self._pending: list[Emitted] = []
-        self._of_game: list[list[dict[str, Any]]] = [[] for _ in range(num_games)]
+        super().__init__(num_games)
         self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
 
     def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
@@ -59,22 +58,16 @@ class EventLog:
         self._unread[reader] = []
         return found
 
-    def of(self, game: int) -> list[dict[str, Any]]:
-        """Return the events of a game, in their order."""
-        for kind, games, turns, fields in self._pending:
-            for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
-                event = {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
-                self._of_game[number].append(event)
-        self._pending.clear()
-        return self._of_game[game]
-
     def forget(self, games: IntArray) -> None:
         """Forget the events of some games."""
-        self.of(0)
-        for game in games.tolist():
-            self._of_game[game] = []
+        super().forget(games)
         for unread in self._unread.values():
             unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
+
+    def _entries(self, noted: Emitted) -> Iterator[tuple[int, dict[str, Any]]]:
+        kind, games, turns, fields = noted
+        for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
+            yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
 
 
 class LastMoves(NamedTuple):

@@ -98,7 +98,7 @@ class ByMetres(Movement):
         return found
 
     def begin(self, shape: tuple[int, int]) -> None:
-        """Make room for so many games and agents, all of which are on nodes."""
+        """Reserve memory for so many games and agents, all of which are on nodes."""
         self.edge, self.share = np.full(shape, -1), np.zeros(shape)
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
