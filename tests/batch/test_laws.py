@@ -24,6 +24,7 @@ from gamms.rules import (
     time_limit,
 )
 from gamms.strategies import (
+    assign,
     chase,
     first,
     flee,
@@ -241,13 +242,14 @@ PACED = {
     "patrol": lambda ctx: patrol(ctx, [5, 32, 20]),
     "waypoints": lambda ctx: random_waypoints(ctx, pause=1),
     "chase": chase,
+    "assign": lambda ctx: assign(ctx, patience=1),
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 23, 1.9),
     "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),
 }
 motions = st.one_of(
     st.none(),
-    st.just({"legal": "any", "strategies": ["chase", "flee", "guard"]}),
+    st.just({"legal": "any", "strategies": ["chase", "flee", "guard", "assign"]}),
     st.fixed_dictionaries(
         {
             "speed_unit": st.just("metres"),

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from gamms.scenario import Scenario
 from gamms.strategies import (
+    assign,
     chase,
     first,
     flee,
@@ -47,6 +48,8 @@ MADE = {
     "chase": chase,
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 24, 22.0),
+    "assign": assign,
+    "assign for some": lambda ctx: mix(0.7, assign(ctx, patience=2), goto(ctx, 5)),
     "safest_exit": lambda ctx: safest_exit(ctx, [0, 41, 20], otherwise=random_walk),
     "first": lambda ctx: first(chase(ctx, otherwise=None), flee(ctx, otherwise=None), patrol(ctx, [3, 20])),
     "mix": lambda ctx: mix(0.6, mix(0.5, random_walk, stay), first(chase(ctx, None), random_waypoints(ctx, [1, 9]))),
@@ -69,6 +72,22 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
     with scenario.batch(1, strategies={"red": MADE["unblock"]}) as games:
         assert games.slow == "unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges"
+
+
+@pytest.mark.parametrize("settings", [{}, {"team_memory": False}, {"order": [["red"], ["blue"]]}])
+def test_teams_share_in_arrays_what_they_share_alone(settings):
+    sight = {"position_noise_m": 8.0, "detection": 0.7}
+    with hunted(sight=sight, settings=settings).build(seed=1) as ctx:
+        for number in range(3):
+            strategies = assign(ctx, patience=number % 2, otherwise=stay), flee(ctx)
+            for team, strategy in zip(("red", "blue"), strategies, strict=True):
+                ctx.agent.get_agent(f"{team}_{number}").register_strategy(strategy)
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
 
 
 def test_actions_of_agents_with_speeds_are_numbers_of_all_nodes_in_reach():

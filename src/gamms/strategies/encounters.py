@@ -5,8 +5,8 @@ from math import inf
 
 import numpy as np
 
-from gamms import belief, kernels
-from gamms.arguments import as_context, as_count, as_items, as_range
+from gamms import belief
+from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
 from gamms.game.batch.view import ArrayStrategy, ArrayView
@@ -30,9 +30,7 @@ from gamms.strategies.knowledge import (
     node_of,
     offer_form,
     pace_of,
-    required,
     runs_of,
-    shared_memory,
     step_towards,
     turns_from,
     turns_to,
@@ -211,39 +209,6 @@ def intercept(
 
 
 @shown_as_called
-def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random_walk) -> Strategy:
-    """Go to the enemy that is the agent's by the matching of least total distance between its team and the enemies.
-
-    Agents tell their team where they are and which enemies they see, in `state["team_memory"]` under `"assign"`. In the
-    next turn all work out the same matching from it (Kuhn: The Hungarian method for the assignment problem, 1955).
-    Where agents outnumber enemies, an enemy gets several; agents without teammates go to the nearest.
-
-    Args:
-        ctx: the context.
-        patience: for how many turns an enemy is looked for where it was seen last.
-        otherwise: the strategy to use when no enemy is known, or there is no path; None sets no action then.
-
-    Raises:
-        BadType, BadValue: `patience` is no number of turns.
-    """
-    as_context(ctx, "assign")
-    turns, fallback = as_count(patience, "patience of assign", 0), as_otherwise(otherwise, "assign")
-
-    def strategy(state: State) -> None:
-        here, seen = node_of(state, "assign"), enemies_in_sight(ctx, state, "assign")
-        mates, enemies = _reported(ctx, state, turns)
-        _report(state, here, seen)
-        mine = _matched(ctx, mates, enemies).get(state["name"]) if enemies and mates else None
-        if mine is None:
-            target = ctx.graph.routes.nearest(here, seen.values())
-        else:
-            target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
-        move_to_agent(ctx, state, target, seen, fallback, "assign")
-
-    return strategy
-
-
-@shown_as_called
 def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | None = stay) -> Strategy:
     """Go to the exit that the agent reaches by most turns before any enemy in sight could, and stay there.
 
@@ -391,33 +356,7 @@ def _out_of_reach(ctx: Context, state: State, enemies: dict[str, int]) -> Sequen
     return [node for node in legal if node not in reached] or legal
 
 
-# -- who goes to whom -------------------------------------------------------------------------------------------------
-
-
-def _report(state: State, here: int, seen: dict[str, int]) -> None:
-    """Tell the team where the agent is and which enemies it sees."""
-    board, turn = shared_memory(state, "assign"), required(state, "turn", "assign")
-    board.setdefault("mates", {})[required(state, "name", "assign")] = (turn, here)
-    board.setdefault("enemies", {}).update((name, (turn, node)) for name, node in seen.items())
-
-
-def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int], dict[str, int]]:
-    """Return where living teammates were in the last turn, and where living enemies were seen last, by name."""
-    board, now = shared_memory(state, "assign"), required(state, "turn", "assign")
-    found = []
-    for part, oldest in (("mates", now - 1), ("enemies", now - 1 - patience)):
-        known = sorted(board.get(part, {}).items())
-        found.append({name: node for name, (turn, node) in known if turn >= oldest and is_living(ctx, name)})
-    return found[0], found[1]
-
-
-def _matched(ctx: Context, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
-    """Return the enemy of each agent by the matching of least total distance, if it can be reached."""
-    graph, rounds = ctx.graph.graph, -(-len(mates) // len(enemies))
-    costs = tuple(tuple(graph.distance(at, to) for to in enemies.values()) * rounds for at in mates.values())
-    names = list(enemies) * rounds
-    pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
-    return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
+# -- whom it looks for -----------------------------------------------------------------------------------------------
 
 
 def _living_enemies(ctx: Context, state: State) -> list[str]:

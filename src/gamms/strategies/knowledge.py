@@ -47,6 +47,7 @@ _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_AR
 
 _warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
 
+_BOARDS = "boards"  # an attribute of forms: under which keys they write into the memories of teams
 _LITTLE = 1e-9  # a speed: agents that do not move get to their own node in no time, and nowhere else in this game
 
 _WAYS_OUT = {
@@ -370,6 +371,7 @@ def offer_form(
     may_skip: bool | None = None,
     fits: str = "metres",
     portable: Callable[..., Any] | None = None,
+    board: str | None = None,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
 
@@ -382,12 +384,16 @@ def offer_form(
         may_skip: whether it may set no action; None: where one of its parts may.
         fits: up to which speeds of agents: those of "edge" (none), "edges" or "metres".
         portable: the form for other array libraries, called alike; None: there is none. Its actions are legal.
+        board: the key under which it writes into the memory of the team. No other part may do so: it would read what
+            was written in the same turn.
     """
     forms = [getattr(part, "array_form", None) for part in parts]
-    if None in forms:
+    boards = [one for form in forms for one in getattr(form, _BOARDS, ())] + [board] * (board is not None)
+    if None in forms or len(set(boards)) < len(boards):
         return
     made: Any = partial(form, *values, *forms)
     setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
+    setattr(made, _BOARDS, tuple(boards))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
     setattr(made, FITS, min((fits, *(getattr(one, FITS, SPEEDS[-1]) for one in forms)), key=SPEEDS.index))

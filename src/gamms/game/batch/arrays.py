@@ -57,6 +57,8 @@ class ArrayEngine:
         roster, movement = Roster.of(game.agents), movement_of(game)
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
+        if settings["team_memory"]:
+            self.state.share_memories()
         self._last: int | None = settings["max_turns"]
         self._groups = _groups(roster, settings["plans"])
         self._parts: list[IntArray | None] = [None]  # the agents that move at once, one part after the other; None: all

@@ -108,6 +108,7 @@ class GameArrays:
         shared: what was worked out once for all games, from what does not change, by what it is.
         places: where agents on edges are, in games by metres; None: all are on their nodes.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
+        memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
     """
 
     def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
@@ -137,6 +138,7 @@ class GameArrays:
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.now: dict[Hashable, Any] = {}
+        self.memory_of = np.arange(len(roster.names))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
         self._draw_keys: BitArray | None = None
@@ -168,6 +170,13 @@ class GameArrays:
         self._draw_keys = self._seeds = None
         self.now.clear()
         self.events.forget(games)
+
+    def share_memories(self) -> None:
+        """Let the agents of each team share a memory; those of no team have their own."""
+        teams, team_of = self.roster.teams, self.roster.team_of
+        shares = np.array([team is not None for team in teams], np.bool_)[team_of]
+        numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
+        self.memory_of = np.unique(numbers, return_inverse=True)[1]
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""

@@ -104,6 +104,7 @@ class ArrayView(Mapping[str, Any]):
         outboxes: what they send, likewise.
         streets: the graph.
         roster: the agents of every game.
+        memory_of: (all agents,) the number of the memory that each shares with its team, or has for itself.
     """
 
     deeds: list[ArrayDeeds] | None = None
@@ -111,7 +112,7 @@ class ArrayView(Mapping[str, Any]):
 
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state, self.games, self.agents = state, games, agents
-        self.streets, self.roster = state.streets, state.roster
+        self.streets, self.roster, self.memory_of = state.streets, state.roster, state.memory_of
         rows = np.s_[:, agents] if len(games) == len(state) else np.ix_(games, agents)
         self.node: IntArray = state.node[rows]
         self.mask: BoolArray = state.alive[rows]
@@ -343,6 +344,12 @@ class ArrayView(Mapping[str, Any]):
         found, encoder = self.seen(), shared[key]
         made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found))
         return made
+
+    @property
+    def living(self) -> BoolArray:
+        """Which agents are alive, (games, all agents)."""
+        found: BoolArray = self._state.alive[self.games]
+        return found
 
     @property
     def blocked(self) -> BoolArray:

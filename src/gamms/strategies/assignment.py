@@ -1,0 +1,180 @@
+"""The strategy of a team that shares out the enemies that it sees: who goes to whom."""
+
+from math import inf
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_context, as_count
+from gamms.context import Context
+from gamms.game.batch.sight import Seen
+from gamms.game.batch.state import Arrays
+from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.strategies.knowledge import (
+    as_otherwise,
+    enemies_in_sight,
+    is_living,
+    move_to_agent,
+    moves_to_agents,
+    nearest_seen,
+    node_of,
+    offer_form,
+    required,
+    shared_memory,
+)
+from gamms.strategies.travel import random_walk
+from gamms.text import shown_as_called
+from gamms.typing.game import State, Strategy
+
+
+@shown_as_called
+def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random_walk) -> Strategy:
+    """Go to the enemy that is the agent's by the matching of least total distance between its team and the enemies.
+
+    Agents tell their team where they are and which enemies they see, in `state["team_memory"]` under `"assign"`. In the
+    next turn all work out the same matching from it (Kuhn: The Hungarian method for the assignment problem, 1955).
+    Where agents outnumber enemies, an enemy gets several; agents without teammates go to the nearest.
+
+    Args:
+        ctx: the context.
+        patience: for how many turns an enemy is looked for where it was seen last.
+        otherwise: the strategy to use when no enemy is known, or there is no path; None sets no action then.
+
+    Raises:
+        BadType, BadValue: `patience` is no number of turns.
+    """
+    as_context(ctx, "assign")
+    turns, fallback = as_count(patience, "patience of assign", 0), as_otherwise(otherwise, "assign")
+
+    def strategy(state: State) -> None:
+        here, seen = node_of(state, "assign"), enemies_in_sight(ctx, state, "assign")
+        mates, enemies = _reported(ctx, state, turns)
+        _report(state, here, seen)
+        mine = _matched(ctx, mates, enemies).get(state["name"]) if enemies and mates else None
+        if mine is None:
+            target = ctx.graph.routes.nearest(here, seen.values())
+        else:
+            target = seen.get(mine, None if enemies[mine] == here else enemies[mine])
+        move_to_agent(ctx, state, target, seen, fallback, "assign")
+
+    offer_form(strategy, _assign_in_arrays, turns, parts=[fallback], looks=True, board="assign")
+    return strategy
+
+
+def _assign_in_arrays(patience: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    seen, board = view.enemies(), _Board(view)
+    enemies, enemy_at = board.enemies(patience)
+    found = _matched_in_arrays(view, board, enemies, enemy_at)[:, view.agents]
+    mine = np.where(view.mask, found, -1)
+    targets = nearest_seen(view, seen, mine < 0)
+    own = np.nonzero(mine >= 0)
+    last = enemy_at[own[0], view.memory_of[view.agents[own[1]]], mine[own]]
+    targets[own] = np.where(last == view.node[own], -1, last)
+    in_sight = seen.of(seen.others == mine[seen.at, seen.viewers])
+    targets[in_sight.at, in_sight.viewers] = in_sight.nodes
+    board.report(seen)
+    return moves_to_agents(view, seen, targets, fallback)
+
+
+def _matched_in_arrays(view: ArrayView, board: "_Board", enemies: BoolArray, enemy_at: IntArray) -> IntArray:
+    """Return the enemy of each agent by the matching of its team, (games, all agents); -1: none."""
+    are_mates, mate_at = board.mates()
+    found = np.full(are_mates.shape, -1)
+    asking = np.zeros(enemies.shape[:2], np.bool_)
+    at, columns = np.nonzero(view.mask)
+    asking[at, view.memory_of[view.agents[columns]]] = True
+    games, memories = np.nonzero(asking & enemies.any(axis=2))
+    is_mate = are_mates[games] & (view.memory_of == memories[:, None])
+    at, mate, enemy = np.nonzero(is_mate[:, :, None] & enemies[games, memories][:, None])
+    far = view.routes().distances(mate_at[games[at], mate], enemy_at[games[at], memories[at], enemy])
+    bounds = np.searchsorted(at, np.arange(len(games) + 1)).tolist()
+    for game, begin, end in zip(games.tolist(), bounds, bounds[1:], strict=False):
+        if begin == end:
+            continue
+        mates, others = np.unique(mate[begin:end]), np.unique(enemy[begin:end])
+        table, rounds = far[begin:end].reshape(len(mates), len(others)), -(-len(mates) // len(others))
+        costs = tuple(tuple(row) * rounds for row in table.tolist())
+        chosen = np.array(kernels.least_matching(costs)) % len(others)
+        found[game, mates] = np.where(table[np.arange(len(mates)), chosen] < inf, others[chosen], -1)
+    return found
+
+
+class _Board:
+    """What teams remember under "assign", in all games of a view; what is written counts from the next turn on.
+
+    Args:
+        view: of the agents that read it.
+    """
+
+    def __init__(self, view: ArrayView) -> None:
+        agents, memories = len(view.roster.names), int(view.memory_of.max(initial=0)) + 1
+
+        def make(games: int) -> Arrays:
+            never = {name: np.full((games, 2, agents), -2) for name in ("mate turn", "mate node")}  # by odd turns
+            names = ("turn", "node", "by", "turn before", "node before")
+            return never | {name: np.full((games, memories, agents), -2) for name in names}
+
+        self._view, self._kept = view, view.keep(("team_memory", "assign"), make)
+
+    def mates(self) -> tuple[BoolArray, IntArray]:
+        """Return which living agents have reported in the last turn, (games, all agents), and where they were."""
+        games, last = self._view.games, self._view.turn - 1
+        reported: BoolArray = self._kept["mate turn"][games, last % 2] == last[:, None]
+        return reported & self._view.living, self._kept["mate node"][games, last % 2]
+
+    def enemies(self, patience: int) -> tuple[BoolArray, IntArray]:
+        """Return which living enemies are known, (games, memories, all agents), and where they were seen last."""
+        games, now, kept = self._view.games, self._view.turn[:, None, None], self._kept
+        is_new = kept["turn"][games] == now
+        turn = np.where(is_new, kept["turn before"][games], kept["turn"][games])
+        node: IntArray = np.where(is_new, kept["node before"][games], kept["node"][games])
+        return (turn >= np.maximum(0, now - 1 - patience)) & self._view.living[:, None], node
+
+    def report(self, seen: Seen) -> None:
+        """Tell the team where agents are and which enemies they see; of several that see one, the last name counts."""
+        view, kept = self._view, self._kept
+        at, columns = np.nonzero(view.mask)
+        games, agents, turn = view.games[at], view.agents[columns], view.turn[at]
+        kept["mate turn"][games, turn % 2, agents] = turn
+        kept["mate node"][games, turn % 2, agents] = view.node[at, columns]
+        by, turn = view.agents[seen.viewers], view.turn[seen.at]
+        places = view.games[seen.at], view.memory_of[by], seen.others
+        is_first = kept["turn"][places] < turn
+        for name in ("turn", "node"):
+            some = tuple(column[is_first] for column in places)
+            kept[f"{name} before"][some] = kept[name][some]
+        counts = is_first | (by > kept["by"][places])
+        some = tuple(column[counts] for column in places)  # of one place, the last is written last
+        for name, values in (("turn", turn), ("node", seen.nodes), ("by", by)):
+            kept[name][some] = values[counts]
+
+
+# -- what the team knows ----------------------------------------------------------------------------------------------
+
+
+def _report(state: State, here: int, seen: dict[str, int]) -> None:
+    """Tell the team where the agent is and which enemies it sees."""
+    board, turn = shared_memory(state, "assign"), required(state, "turn", "assign")
+    board.setdefault("mates", {})[required(state, "name", "assign")] = (turn, here)
+    board.setdefault("enemies", {}).update((name, (turn, node)) for name, node in seen.items())
+
+
+def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int], dict[str, int]]:
+    """Return where living teammates were in the last turn, and where living enemies were seen last, by name."""
+    board, now = shared_memory(state, "assign"), required(state, "turn", "assign")
+    found = []
+    for part, oldest in (("mates", now - 1), ("enemies", now - 1 - patience)):
+        known = sorted(board.get(part, {}).items())
+        found.append({name: node for name, (turn, node) in known if turn >= oldest and is_living(ctx, name)})
+    return found[0], found[1]
+
+
+def _matched(ctx: Context, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
+    """Return the enemy of each agent by the matching of least total distance, if it can be reached."""
+    graph, rounds = ctx.graph.graph, -(-len(mates) // len(enemies))
+    costs = tuple(tuple(graph.distance(at, to) for to in enemies.values()) * rounds for at in mates.values())
+    names = list(enemies) * rounds
+    pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
+    return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
