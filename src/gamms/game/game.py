@@ -51,6 +51,7 @@ class Game(RuleVerbs):
         self.facts = ReadOnlyMapping(self._state.facts)
         self._internals = GameInternals(self._snapshots, self._phase)
         self._unchecked_plans: list[Any] = []  # teams that were given one since the last turn
+        self._prepared = -1  # how often strategies were set when they were prepared last
         self._is_closed = True
 
     def __repr__(self) -> str:
@@ -187,6 +188,8 @@ class Game(RuleVerbs):
         state = self._state
         if self.ctx.is_terminated() or state.over is not None:
             return False
+        if self._prepared != self._phase.strategy_changes:
+            self._prepare_strategies()
         if not state.has_begun:
             self._begin()
         self._ruleset.warn_of_unknown_teams()
@@ -201,6 +204,16 @@ class Game(RuleVerbs):
         finally:
             self._turns.is_playing = False
         return state.over is None
+
+    def _prepare_strategies(self) -> None:
+        """Call `prepare(ctx)` of the strategies that have it, as of rules."""
+        changes = self._phase.strategy_changes
+        strategies = {id(strategy): strategy for *_, strategy in self.ctx.agent.storage.details()}
+        for strategy in strategies.values():
+            prepare = getattr(strategy, "prepare", None)
+            if prepare is not None:
+                prepare(self.ctx)
+        self._prepared = changes
 
     def _begin(self) -> None:
         """Take the snapshot to which `reset` returns."""
@@ -363,6 +376,7 @@ class Game(RuleVerbs):
             raise SnapshotError("A snapshot cannot be restored while the game is being recorded or replayed.")
         self._snapshots.restore_streams(snapshot)
         self._snapshots.restore(snapshot)
+        self._prepared = -1  # for the rules that strategies have added may be gone
 
     @refused_while_deciding
     def fork(self, seed: int) -> "Game":
