@@ -206,18 +206,18 @@ def test_a_form_in_numpy_plays_in_a_batch_of_any_library(xp):
 
 
 def test_a_portable_form_gets_tensors(xp):
+    kind = type(xp.asarray([0]))
+
     def last(state):
         state["action"] = state["legal"][-1]
 
     def form(view):
-        kinds.add(type(view.counts))
+        assert isinstance(view.counts, kind)
         return view.xp.where(view.mask, view.counts - 1, 0)
 
-    kinds = set()
     last.array_form = gamms.portable_form(form)
     with scene([TAG, LIMIT]).batch(3, xp=xp, strategies={"red": last}) as games:
         games.run()
-        assert kinds == {type(xp.asarray([0]))}
         assert plain(games.result(1)) == plain(scene([TAG, LIMIT]).play(seed=1, strategies={"red": last}))
 
 

@@ -127,3 +127,49 @@ def test_what_takes_no_form_is_refused():
         gamms.array_strategy(of=len)
     with pytest.raises(BadType, match="needs a function in arrays"):
         gamms.array_rule(of=lambda ctx: None)(4)
+
+
+def test_forms_that_remember_outside_of_their_games_are_refused():
+    calls, turns = [], {"storm": 0}
+
+    def last(state):
+        state["action"] = state["legal"][-1]
+
+    def storm(ctx):
+        pass
+
+    @gamms.array_strategy(of=last)
+    def last_in_arrays(view):
+        calls.append(1)
+        return view.counts - 1
+
+    @gamms.array_rule(of=storm)
+    def storm_in_arrays(turn):
+        turns["storm"] += int(turn.turn.max()) > 2
+
+    games = scene().batch(2, strategies={"red": last})
+    with games, pytest.raises(BadValue, match=r"variable 'calls' of last_in_arrays\(\) changed .* view\.keep\("):
+        games.step()
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(storm)
+        with (
+            ctx.game.batch(2) as games,
+            pytest.raises(BadValue, match=r"'turns' of storm_in_arrays\(\) .* turn\.keep\("),
+        ):
+            games.run()
+
+
+def test_a_form_may_use_what_changes_between_turns():
+    weights = np.zeros(4)
+
+    def last(state):
+        state["action"] = state["legal"][-1]
+
+    @gamms.array_strategy(of=last)
+    def last_in_arrays(view):
+        return np.minimum(view.counts - 1, int(weights.sum()))
+
+    with scene().batch(2, strategies={"red": last}) as games:
+        for _ in range(5):
+            games.step()
+            weights += 1.0

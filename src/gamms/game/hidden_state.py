@@ -3,7 +3,8 @@
 import random
 import sys
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from dis import get_instructions
 from functools import cached_property, partial
 from itertools import count
@@ -13,6 +14,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.errors import BadValue
 from gamms.text import shown
 
 _INSTALLED = {"site-packages", "dist-packages"}
@@ -60,6 +62,21 @@ class HiddenState:
         found: _Variables = {}
         _look(self._function, found, set())
         return found
+
+
+@contextmanager
+def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -> Iterator[None]:
+    """Refuse what functions have changed in the block of what they can reach besides their arguments.
+
+    Raises:
+        BadValue: a variable has changed; the message names it, and the way out.
+    """
+    hidden = [HiddenState(one) for one in {id(one): one for one in functions}.values()]
+    yield
+    for one in hidden:
+        changed = one.changed(way_out)
+        if changed:
+            raise BadValue(changed)
 
 
 def _look(function: object, found: _Variables, seen: set[int]) -> None:

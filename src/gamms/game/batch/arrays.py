@@ -1,6 +1,6 @@
 """Plays all games of a batch at once, in arrays; for games of which every part has an array form."""
 
-from collections.abc import Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from gamms.game.batch.channels import Outbox, Radio, Scene, why_not_sent
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import form_of
+from gamms.game.batch.given import Given
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import sees_all_nodes, why_not_seen
 from gamms.game.batch.state import GameArrays
@@ -98,6 +99,12 @@ class ArrayEngine:
                 if prepare is not None:
                     prepare(self.state)
 
+    @property
+    def forms(self) -> list[Callable[..., object]]:
+        """The array forms that it calls."""
+        rules = [form for rules in self._rules.values() for _, form in rules]
+        return [*(group.form for group in self._groups), *rules, *self._checks, *filter(None, [self._conflicts])]
+
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
@@ -108,11 +115,11 @@ class ArrayEngine:
         over = ~self.state.is_going
         return over if self._last is None else over | (self.state.turn >= self._last)
 
-    def step(self, given: Mapping[Hashable, Any]) -> None:
+    def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over.
 
         Args:
-            given: team -> the actions of its agents, (games, agents), in place of their strategies.
+            given: team -> what its agents do, in place of what their strategies decide.
         """
         state = self.state
         for named, form in self._rules["before"]:  # a game that one of them ends is over for the others
@@ -127,6 +134,7 @@ class ArrayEngine:
             return
         state.last_deeds, self._outboxes = [], []
         actions, is_given = self._given(turn, given)
+        deeds, outboxes = self._given_deeds(turn, given)
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some
@@ -139,7 +147,12 @@ class ArrayEngine:
                 moves = np.isin(np.arange(len(is_given)), members)
                 wanted, is_decided = np.where(moves, actions, state.movement.idle), is_given | ~moves
             part = None if members is None else TurnPart(number, len(self._parts), members)
-            self._play_part(turn, *self._decided(turn, wanted, is_decided), part)
+            chosen, own_deeds = self._decided(turn, wanted, is_decided)
+            those = np.zeros(state.node.shape, np.bool_)  # of the part, in the games that go on
+            those[turn.games] = turn.alive if members is None else turn.alive & moves
+            own_deeds += _deeds_of(turn, deeds, those)
+            self._outboxes += [box.those(those[box.at, box.senders]) for box in outboxes]
+            self._play_part(turn, chosen, own_deeds, part)
         if len(turn.games):
             self._finish(turn)
         if state.radio is not None:
@@ -181,7 +194,7 @@ class ArrayEngine:
             self.state.counts["blocked"][turn.games] += in_conflict
         turn.move(moves.without(in_conflict), in_conflict, part)
 
-    def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Any]) -> tuple[IntArray, BoolArray]:
+    def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> tuple[IntArray, BoolArray]:
         """Return the actions that were given, (games, agents) of this turn, and to which agents, (agents,)."""
         actions, is_given = (
             np.full(turn.node.shape, self.state.movement.idle),
@@ -189,7 +202,7 @@ class ArrayEngine:
         )
         for team, wanted in given.items():
             agents = turn.roster.members(team)
-            of_all = np.asarray(wanted)
+            of_all = np.asarray(wanted.moves)
             if of_all.shape != (len(self.state), len(agents)):
                 form = f"an array ({len(self.state)}, {len(agents)})"
                 raise BadValue(
@@ -200,6 +213,18 @@ class ArrayEngine:
             actions[:, agents] = view.checked(of_all[turn.games], f"team {shown(team)}")
             is_given[agents] = True
         return actions, is_given
+
+    def _given_deeds(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> tuple[list[ArrayDeeds], list[Outbox]]:
+        """Return the deeds and messages that were given, of games by their numbers in the batch."""
+        state, deeds, outboxes = self.state, list[ArrayDeeds](), list[Outbox]()
+        is_played = np.isin(np.arange(len(state)), turn.games)[:, None]
+        for team, one in given.items():
+            view = ArrayView(state, np.arange(len(state)), turn.roster.members(team))
+            view.mask, view.deeds, view.outboxes = view.mask & is_played, [], []
+            one.act(view)
+            deeds += view.deeds
+            outboxes += view.outboxes
+        return deeds, outboxes
 
     def _decided(self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray) -> tuple[IntArray, list[ArrayDeeds]]:
         """Return these actions with those of agents, (agents,), whose strategies are to be asked, and what they do."""
@@ -324,6 +349,16 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     if conflicts is not None:
         reasons.append((form_of(conflicts) is None, f"the conflicts {as_code(conflicts)}"))
     return next((reason for is_there, reason in reasons if is_there), None)
+
+
+def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) -> list[ArrayDeeds]:
+    """Return the deeds of some agents, (games of the batch, agents), as they are done in a turn."""
+    number, found = np.cumsum(np.isin(np.arange(len(those)), turn.games)) - 1, []
+    for one in deeds:
+        done = one.those(those[one.at, one.agents])
+        at = number[done.at]
+        found.append(done._replace(at=at, nodes=turn.node[at, done.agents]))
+    return [one for one in found if len(one.at)]
 
 
 def _fits(decider: object, speeds: str) -> bool:

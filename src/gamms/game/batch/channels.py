@@ -1,6 +1,7 @@
 """Messages of many games at once: what array strategies send, who hears it, and what is under way."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -40,6 +41,11 @@ class Outbox(NamedTuple):
     to: np.ndarray[Any, Any]
     bodies: list[Any]
     order: int
+
+    def those(self, which: BoolArray) -> "Outbox":
+        """Return some of the messages."""
+        bodies = list(compress(self.bodies, which.tolist()))
+        return self._replace(at=self.at[which], senders=self.senders[which], to=self.to[which], bodies=bodies)
 
 
 class Heard(NamedTuple):

@@ -15,6 +15,7 @@ from gamms.game.batch.arrays import ArrayEngine, Group
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
 from gamms.game.batch.forms import form_of
+from gamms.game.batch.given import Given
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_elsewhere
@@ -246,7 +247,7 @@ class DeviceEngine(ArrayEngine):
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return DeviceGames(roster, movement, seeds, start, self.library)
 
-    def step(self, given: Mapping[Hashable, Any]) -> None:
+    def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over."""
         for named, form in self._rules["before"]:
             self._play(named, form, ~self.is_over)
@@ -261,14 +262,14 @@ class DeviceEngine(ArrayEngine):
         for named, form in self._rules["after"]:
             self._play(named, form, playing)
 
-    def _actions(self, mask: Tensor, given: Mapping[Hashable, Any]) -> Tensor:
+    def _actions(self, mask: Tensor, given: Mapping[Hashable, Given]) -> Tensor:
         """Return what all agents do, (games, agents)."""
         roster, xp, library = self.state.roster, self.library.xp, self.library
         taken = np.zeros(len(roster.names), np.bool_)
         parts: list[tuple[IntArray, Tensor]] = []
         for team, wanted in given.items():
             agents = roster.members(team)
-            parts.append((agents, self._view(agents, mask).checked(wanted, f"team {team!r}")))
+            parts.append((agents, self._view(agents, mask).checked(wanted.moves, f"team {team!r}")))
             taken[agents] = True
         for group in self._groups:
             agents = group.agents[~taken[group.agents]]

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -12,9 +13,11 @@ from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
+from gamms.game.batch.given import Given, acting, as_given
 from gamms.game.batch.libraries import ArrayLibrary
-from gamms.game.batch.one_by_one import OneByOneEngine, acting
+from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.view import ArrayView
+from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -71,8 +74,9 @@ class Batch:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))
         else:
             self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds))
-        self._log: list[dict[Hashable, IntArray]] | None = [] if as_bool(record, "record") else None
+        self._log: list[dict[Hashable, Given]] | None = [] if as_bool(record, "record") else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when each game began
+        self._steps = 0
         self._was_given = False  # whether actions came from outside and were not kept
 
     def __len__(self) -> int:
@@ -103,33 +107,55 @@ class Batch:
         Args:
             actions: team -> integers (games, agents of the team in the order of their names): the numbers of the nodes
                 in `state["legal"]` that they go to, 0 to stay. Teams that are not there play their own strategies.
-                Those of dead agents and of games that are over do not count.
+                Those of dead agents and of games that are over do not count. Or a dict of `"moves"`, such integers,
+                without which all stay; `"deeds"`: deed -> (where, fields), or `where` alone, booleans (games, agents);
+                and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and `to` are as in
+                `view.do` and `view.send`: one value for all, or arrays (games, agents).
 
         Raises:
-            UnknownName (KeyError): no agent plays for a team.
+            UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
             BadType, BadValue: actions are not such integers; no game has played then, if the games are in arrays.
             TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
-        given = dict(as_mapping({} if actions is None else actions, "actions"))
-        for team in given:
-            self._roster.members(team)
+        wanted = dict(as_mapping({} if actions is None else actions, "actions"))
+        given = {team: self._as_given(team, value) for team, value in wanted.items()}
         if self._is_one_by_one:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
-        if self.library is None:
-            kept = {team: np.array(values) for team, values in given.items()} if self._log is not None else {}
-            self._engine.step(given)
-        else:
-            kept = {team: self.library.own(values, f"Actions of team {team!r}") for team, values in given.items()}
-            is_there = isinstance(self._engine, DeviceEngine)
-            self._engine.step(kept if is_there else {team: self.library.get(one) for team, one in kept.items()})
-            kept = {
-                team: self.library.xp.asarray(one, copy=True) for team, one in kept.items() if self._log is not None
-            }
+        is_there = isinstance(self._engine, DeviceEngine)
+        with self._watched():
+            self._engine.step(
+                {team: one if is_there else one._replace(moves=self._get(one.moves)) for team, one in given.items()}
+            )
         if given and self._log is None:
             self._was_given = True
         if self._log is not None:
-            self._log.append(kept)
+            self._log.append(given)
+        self._steps += 1
         return self._put(~self._engine.is_over)
+
+    def _as_given(self, team: Hashable, value: object) -> Given:
+        """Return actions as they were given, copies where they are kept."""
+        library, is_kept = self.library, self._log is not None
+        shape = len(self), len(self._roster.members(team))
+
+        def own(one: Any) -> Any:
+            array = library.get(one) if library is not None and library.is_own(one) else one
+            return np.array(array) if is_kept and isinstance(array, np.ndarray) else array
+
+        given = as_given(value, team, shape, own)
+        moves = np.zeros(shape, np.int64) if given.moves is None else given.moves
+        if library is None:
+            return given._replace(moves=np.array(moves) if is_kept else moves)
+        moves = library.put(moves) if given.moves is None else library.own(moves, f"Actions of team {team!r}")
+        return given._replace(moves=library.xp.asarray(moves, copy=True) if is_kept else moves)
+
+    def _watched(self) -> AbstractContextManager[None]:
+        """Refuse forms that remember elsewhere than in their views and turns; looked at in turns that get rarer."""
+        if not isinstance(self._engine, ArrayEngine) or self._steps & (self._steps - 1):
+            return nullcontext()
+        return refusing_changes(
+            self._engine.forms, "Keep it in view.keep(key, make), or turn.keep(key, make) of a rule."
+        )
 
     def run(self, progress: bool = False) -> None:
         """Play all games to their ends.
@@ -282,8 +308,7 @@ class Batch:
             ctx.record.start(file, overwrite=True)
             for turn in range(turns):
                 given = {} if self._log is None else self._log[self._begun[number] + turn]
-                if self.library is not None:
-                    given = {team: self.library.get(actions) for team, actions in given.items()}
+                given = {team: one._replace(moves=self._get(one.moves)) for team, one in given.items()}
                 with acting(ctx.game, self._roster, given, number):
                     ctx.game.step()
 
@@ -306,6 +331,10 @@ class Batch:
         """Return an array of the host as one of the library of the batch."""
         there: T = array if self.library is None else self.library.put(array)
         return there
+
+    def _get(self, moves: Any) -> Any:
+        """Return moves as an array of the host."""
+        return moves if self.library is None else self.library.get(moves)
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -1,6 +1,6 @@
 """Plays the games of a batch one after the other in one context, for games of which some part has no array form."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.given import Given, acting
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
-from gamms.game.settings import Plan
 from gamms.game.snapshots import Snapshot
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -61,13 +61,13 @@ class OneByOneEngine:
         self._observed.reset(np.array([game]), [seed], self._observed.node[[game]])
         self._is_observed[game] = False
 
-    def step(self, given: Mapping[Hashable, Any]) -> None:
+    def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over.
 
         Args:
-            given: team -> the actions of its agents, (games, agents), in place of their strategies.
+            given: team -> what its agents do, in place of what their strategies decide.
         """
-        wanted = {team: self._checked(team, actions) for team, actions in given.items()}
+        wanted = {team: one._replace(moves=self._checked(team, one.moves)) for team, one in given.items()}
         for number in np.flatnonzero(~self.is_over).tolist():
             game = self.load(number)
             with self._named(number), acting(game, self._roster, wanted, number):
@@ -199,43 +199,3 @@ class OneByOneEngine:
                 f"{actions.dtype} of the shape {actions.shape}."
             )
         return actions
-
-
-@contextmanager
-def acting(game: PlayedGame, roster: Roster, given: Mapping[Hashable, IntArray], number: int) -> Iterator[None]:
-    """Let agents take actions that were given, instead of what their strategies and plans decide.
-
-    Args:
-        game: that is played.
-        roster: its agents.
-        given: team -> the actions of its agents, (games, agents).
-        number: of the game.
-    """
-    plans = game.plans
-    if given:
-        own = {}
-        for team, actions in given.items():
-            names = [roster.names[agent] for agent in roster.members(team).tolist()]
-            own[team] = Plan(_taking(dict(zip(names, actions[number].tolist(), strict=True))))
-        game.plans = {**plans, **own}
-    try:
-        yield
-    finally:
-        if given:
-            game.plans = plans
-
-
-def _taking(actions: Mapping[str, int]) -> Callable[[dict[str, Any]], None]:
-    """Return a plan by which agents, if they are alive, take actions, by name."""
-
-    def plan(states: dict[str, Any]) -> None:
-        for name, state in states.items():
-            legal, action = state["legal"], actions[name]
-            if not 0 <= action < len(legal):
-                raise BadValue(
-                    f"Action {action} of agent {shown(name)}, turn {state['turn']}, is not the number of a legal node: "
-                    f"it has {len(legal)}, numbered from 0."
-                )
-            state["action"] = legal[action]
-
-    return plan

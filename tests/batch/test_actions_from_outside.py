@@ -1,0 +1,87 @@
+"""Actions that are given to batches: moves, deeds and messages, in arrays and in games played one by one."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+
+DEEDS = {
+    "scan": {"node": "node"},
+    "mark": {"whom": "agent?", "size": "number", "how": ["near", "far"]},
+    "rest": {},
+}
+CHANNELS = {"radio": {"range_m": 30.0, "loss": 0.2}}
+OUT = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "then": "eliminate"}}
+
+
+def given_scene(order=None):
+    settings = {"deeds": DEEDS, "order": order}
+    return scene(
+        [OUT, {"rule": "cooldown", "with": {"deed": "scan", "turns": 2}}], settings=settings, channels=CHANNELS
+    )
+
+
+def actions_of(games):
+    """Return what the reds do in this turn."""
+    view, agents = games.observe("red"), np.arange(3)
+    moves = (view.turn[:, None] + agents) % view.counts
+    turn = np.broadcast_to(view.turn[:, None], moves.shape)
+    deeds = {
+        "scan": (turn % 2 == 0, {"node": view.streets.step(view.node, moves)}),
+        "mark": (agents + turn > 1, {"whom": np.where(turn % 3 == 0, 1, -1), "size": turn / 2, "how": "near"}),
+        "rest": turn % 5 == 0,
+    }
+    messages = {"radio": (turn % 2 == 1, np.stack((turn, moves), axis=-1), np.array([1, 2, 0]))}
+    return {"moves": moves, "deeds": deeds, "messages": messages}
+
+
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+def test_deeds_and_messages_that_are_given_are_those_of_games_one_by_one(order, tmp_path):
+    scenario = given_scene(order)
+    with (
+        scenario.batch(3, seed=1, record=True) as fast,
+        scenario.batch(3, seed=1, record=True, one_by_one=True) as slow,
+    ):
+        assert fast.slow is None
+        while not fast.is_over.all():
+            for games in (fast, slow):
+                games.step({"red": actions_of(games)})
+        results = [plain(fast.result(number)) for number in range(3)]
+        assert results == [plain(slow.result(number)) for number in range(3)]
+        assert {deed["deed"] for deed in results[0]["deeds"]} == set(DEEDS)
+        assert {tuple(message["body"]) for message in results[0]["messages"]} >= {(1, 1), (7, 4)}
+        fast.record(1, tmp_path / "given.ggr")
+        slow.record(1, tmp_path / "alone.ggr")
+        assert (tmp_path / "given.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
+        with gamms.recorder.open(tmp_path / "given.ggr") as recording:
+            assert recording.turns == fast.turn[1]
+
+
+def test_a_team_that_is_given_no_moves_stays():
+    with given_scene().batch(2) as games:
+        before = games.observe("red").node.copy()
+        games.step({"red": {"deeds": {"rest": True}}})
+        deeds = games.result(0).deeds
+        alive = games.observe("red").mask
+        assert (games.observe("red").node == before)[alive].all()
+        assert [deed["agent"] for deed in deeds] == ["red_0", "red_1", "red_2"]
+
+
+@pytest.mark.parametrize(
+    ("given", "kind", "message"),
+    [
+        ({"move": 1}, UnknownName, "'move'"),
+        ({"deeds": {"jump": True}}, UnknownName, "jump"),
+        ({"deeds": {"scan": True}}, BadValue, "'node' of the deed 'scan'"),
+        ({"deeds": {"rest": np.zeros((2, 2), bool)}}, BadValue, r"booleans \(2, 3\)"),
+        ({"messages": {"radio": True}}, BadType, r"\(where, body\)"),
+        ({"messages": {"phone": (True, 1)}}, UnknownName, "phone"),
+    ],
+)
+def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind, message):
+    with given_scene().batch(2) as games:
+        with pytest.raises(kind, match=message):
+            games.step({"red": given})
+        assert games.turn.tolist() == [0, 0]
