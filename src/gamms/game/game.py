@@ -401,6 +401,7 @@ class Game(RuleVerbs):
         game: Game = ctx.game
         copy_game(self._snapshots, game._snapshots, {**memo, id(self): game, id(self._state): game._state})
         game._state.began, game._internals.scenario = self._internals.starts, self._internals.scenario
+        game._internals.digests = self._internals.digests
         return game
 
     @refused_while_deciding

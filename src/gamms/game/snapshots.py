@@ -362,6 +362,7 @@ class GameInternals(Guarded):
         after_reset: called after each reset, in order.
         after_observing: called in every turn with the agents and their states before any agent decides, in order.
         scenario: what the game was built from, as plain values, for the recorder; None: by a program.
+        digests: gives the SHA-256 of each part of that, for strategies that fit one game; None: built by a program.
     """
 
     _called = "ctx.game.internals"
@@ -373,6 +374,7 @@ class GameInternals(Guarded):
         self.after_reset: list[Callable[[], None]] = []
         self.after_observing: list[Observer] = []
         self.scenario: dict[str, Any] | None = None
+        self.digests: Callable[[], dict[str, str]] | None = None
 
     @property
     def starts(self) -> dict[str, int | Position]:

@@ -34,7 +34,7 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
 
     def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
-        self._learners, self.render_mode = learners, render_mode
+        self.learners, self.render_mode = learners, render_mode
         prepare(learners, render_mode)
         self.observation_space = observation_space(learners)
         self.action_space = spaces.Discrete(learners.num_actions)
@@ -42,14 +42,14 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
         """Begin a game; without a seed, that of the next one."""
         super().reset(seed=seed, options=options)
-        self._learners.begin_next(seed)
+        self.learners.begin_next(seed)
         found = self._observed()
         return found, {"action_mask": found["action_mask"]}
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; an action that is not legal stays, and `info["is_legal"]` is False then."""
         chosen, legal = int(action), self.action_masks()
-        played = self._learners.step(np.array([[chosen]]))
+        played = self.learners.step(np.array([[chosen]]))
         found = self._observed()
         infos = {
             "action_mask": found["action_mask"],
@@ -60,19 +60,19 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Return which actions are legal, (actions,); `sb3_contrib.MaskablePPO` asks for it."""
-        masks: np.ndarray[Any, np.dtype[np.bool_]] = self._learners.masks[0, 0]
+        masks: np.ndarray[Any, np.dtype[np.bool_]] = self.learners.masks[0, 0]
         return masks
 
     def render(self) -> Any:
         """Return a picture, (height, width, 3), or show it in the window; nothing without a render mode."""
-        return rendered(self._learners, self.render_mode)
+        return rendered(self.learners, self.render_mode)
 
     def close(self) -> None:
         """End the game."""
-        self._learners.close()
+        self.learners.close()
 
     def _observed(self) -> Observed:
-        return {key: column[0, 0] for key, column in observed(self._learners).items()}
+        return {key: column[0, 0] for key, column in observed(self.learners).items()}
 
 
 class GamesEnv(VectorEnv[Observed, ActionArray, Any]):

@@ -41,7 +41,11 @@ class Turn(NamedTuple):
 
 
 Observation = Callable[[ArrayView], Any]
-"""Gives numbers for the agents of a team, (games, agents, …); its `bounds` may be the least and the largest."""
+"""Gives numbers for the agents of a team, (games, agents, …).
+
+Its attribute `bounds` may be the least and the largest, `of_each` whether what it gives for an agent is the same in a
+view of this agent alone, as its sensors show it.
+"""
 Reward = Callable[[Turn], Any]
 """Gives numbers for the agents of a team, (games, agents), or alike for all, (games, 1)."""
 
@@ -78,6 +82,7 @@ class Learners:
 
     Attributes:
         games: the batch.
+        scenario, observation, agent: see above.
         teams: that learn.
         names: of the agents, team by team, each in the order of their names.
         num_actions: how many actions there are at most; action 0 stays.
@@ -110,7 +115,7 @@ class Learners:
         for name, function in (("observation", observation), ("reward", reward)):
             if function is not None and not callable(function):
                 raise BadType(f"{name} must be a function, not {shown(function)}.")
-        self._observation, self._reward = observation or default_observation, reward
+        self.scenario, self.observation, self._reward = scenario, observation or default_observation, reward
         strategies, self._hand = dict(others or {}), None
         if agent is not None:
             strategies[agent] = self._hand = _Hand()
@@ -130,7 +135,7 @@ class Learners:
             self.teams = self.games.teams if teams is None else tuple(teams)
         else:
             self.teams = self.games.observe_agent(agent)["team"]
-        self._agent = agent
+        self.agent = agent
         self.num_actions = int(self._views()[0].streets.counts.max(initial=1))
         self._seed: int | None = None  # of the game that `begin_next` began last
         self._remember()
@@ -164,14 +169,14 @@ class Learners:
     @property
     def bounds(self) -> tuple[float, float]:
         """The least and the largest number that an observation has."""
-        least, largest = getattr(self._observation, "bounds", (-np.inf, np.inf))
+        least, largest = getattr(self.observation, "bounds", (-np.inf, np.inf))
         return float(least), float(largest)
 
     # -- playing ------------------------------------------------------------------------------------------------
 
     def observe(self) -> Any:
         """Return what all agents observe, (games, agents, …)."""
-        values = [self._checked(np.asarray(self._observation(view)), view, "observation") for view in self._now]
+        values = [self._checked(np.asarray(self.observation(view)), view, "observation") for view in self._now]
         return np.concatenate(values, axis=1)
 
     def step(self, actions: ActionArray) -> Played:
@@ -245,7 +250,7 @@ class Learners:
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _views(self) -> list[ArrayView]:
-        games, agent = self.games, self._agent
+        games, agent = self.games, self.agent
         return [games.observe_agent(agent)] if agent is not None else [games.observe(team) for team in self.teams]
 
     def _remember(self) -> None:
@@ -300,7 +305,8 @@ def default_observation(view: ArrayView) -> Float32Array:
     return np.concatenate((vectors.values, turn[..., None].astype(np.float32)), axis=2)
 
 
-default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # an attribute that other observations may have
+default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # attributes that other observations may have
+default_observation.of_each = True  # type: ignore[attr-defined] # what it gives for an agent does not depend on others
 
 
 def _gives_scores(rule: object) -> bool:

@@ -1,15 +1,27 @@
 """The games of many as a `VecEnv` of Stable-Baselines3."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stable_baselines3 import PPO
+from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
 from gamms.errors import UnknownName
 from gamms.rl.gym_envs import GamesEnv
 
 _METHODS = ("action_masks",)
+
+
+def loaded(file: Path) -> Any:
+    """Return a model that PPO has saved, with masks or without; this runs the code that is in the file."""
+    from sb3_contrib import MaskablePPO
+
+    data, _, _ = load_from_zip_file(file, device="cpu")
+    is_masked = "maskable" in str(getattr(data.get("policy_class"), "__module__", ""))
+    return (MaskablePPO if is_masked else PPO).load(file, device="cpu")
 
 
 class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
@@ -23,7 +35,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
     """
 
     def __init__(self, games: GamesEnv) -> None:
-        self._games, self._actions = games, np.zeros(games.num_envs, np.int64)
+        self._games, self.learners, self._actions = games, games.learners, np.zeros(games.num_envs, np.int64)
         self._seed: int | None = None
         super().__init__(games.num_envs, games.single_observation_space, games.single_action_space)
 

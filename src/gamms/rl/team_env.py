@@ -27,7 +27,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
 
     def __init__(self, learners: Learners, name: str, render_mode: RenderMode) -> None:
         self.metadata = {**METADATA, "name": name or "gamms"}
-        self._learners, self.render_mode = learners, render_mode
+        self.learners, self.render_mode = learners, render_mode
         prepare(learners, render_mode)
         self.possible_agents = list(learners.names)
         self.agents: list[str] = []
@@ -51,8 +51,8 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         Returns:
             What each agent observes, and the infos of each.
         """
-        self._learners.begin_next(seed)
-        self.agents = [name for name, is_in in zip(self.possible_agents, self._learners.alive[0], strict=True) if is_in]
+        self.learners.begin_next(seed)
+        self.agents = [name for name, is_in in zip(self.possible_agents, self.learners.alive[0], strict=True) if is_in]
         return self._answers(self.agents)
 
     def step(
@@ -67,46 +67,46 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
             Observations, rewards, terminations, truncations and infos by agent; `infos[agent]["is_legal"]` is whether
             its action was.
         """
-        asked, masks = self.agents, self._learners.masks[0]
+        asked, masks = self.agents, self.learners.masks[0]
         given = np.zeros(len(self.possible_agents), np.int64)
         was_legal = {}
         for number, name in enumerate(self.possible_agents):
             given[number] = action = int(actions.get(name, 0))
             was_legal[name] = bool(0 <= action < masks.shape[1] and masks[number, action])
-        played = self._learners.step(given[None])
+        played = self.learners.step(given[None])
         observations, infos = self._answers(asked)
         for name in asked:
             infos[name]["is_legal"] = was_legal[name]
         rewards = {name: float(played.rewards[0, self._number[name]]) for name in asked}
         terminated = {name: bool(played.terminated[0, self._number[name]]) for name in asked}
         truncated = {name: bool(played.truncated[0, self._number[name]]) for name in asked}
-        is_over = bool(self._learners.is_over[0])
-        alive = self._learners.alive[0]
+        is_over = bool(self.learners.is_over[0])
+        alive = self.learners.alive[0]
         self.agents = [] if is_over else [name for name in self.possible_agents if alive[self._number[name]]]
         return observations, rewards, terminated, truncated, infos
 
     def action_masks(self) -> dict[str, Any]:
         """Return which actions are legal: agent -> (actions,) booleans."""
-        return dict(zip(self.possible_agents, self._learners.masks[0], strict=True))
+        return dict(zip(self.possible_agents, self.learners.masks[0], strict=True))
 
     def state(self) -> Float32Array:
         """Return the whole game as numbers: of each agent of all teams `alive`, `x`, `y` in shares of the map.
 
         See `Learners.whole`.
         """
-        whole: Float32Array = self._learners.whole()[0]
+        whole: Float32Array = self.learners.whole()[0]
         return whole
 
     def render(self) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
         """Return a picture, (height, width, 3), or show it in the window; nothing without a render mode."""
-        return rendered(self._learners, self.render_mode)
+        return rendered(self.learners, self.render_mode)
 
     def close(self) -> None:
         """End the game."""
-        self._learners.close()
+        self.learners.close()
 
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return what these agents observe, and their infos."""
-        found = observed(self._learners)
+        found = observed(self.learners)
         values = {name: {key: column[0, self._number[name]] for key, column in found.items()} for name in names}
         return values, {name: {"action_mask": one["action_mask"]} for name, one in values.items()}

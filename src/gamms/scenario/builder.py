@@ -1,8 +1,10 @@
 """Builds the game of a scenario in a context, draws it again for another seed, and writes out its defaults."""
 
+import json
 from collections.abc import Callable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from hashlib import sha256
 from importlib import import_module
 from itertools import chain
 from operator import is_
@@ -13,9 +15,20 @@ from gamms.arguments import as_int
 from gamms.context import Context
 from gamms.game import Game, Plan
 from gamms.graph.storage import MapSnapshot
-from gamms.plain import Plain, is_same
+from gamms.plain import Plain, as_json, is_same
 from gamms.scenario import spec as schema
-from gamms.scenario.code import GIVEN_LATER, RULES, Function, Library, called, first_of, made, needs, plain_defaults
+from gamms.scenario.code import (
+    GIVEN_LATER,
+    RULES,
+    Function,
+    Library,
+    called,
+    first_of,
+    located,
+    made,
+    needs,
+    plain_defaults,
+)
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.scenario.placement import Member, members, node_at, place
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
@@ -262,7 +275,8 @@ class Builder:
     def _made(self, code: Code, path: str, what: str) -> Function:
         """Return the strategy, plan or rule that a function is, or makes."""
         function = self.library.get(code.function, path, RULES if what == "rule" else None)
-        return made(function, self._parameters(code.with_, f"{path}.with"), self.ctx, path, what)
+        given = located(function, code.with_, self.library.folder, path)
+        return made(function, self._parameters(given, f"{path}.with"), self.ctx, path, what)
 
     def _made_plans(self) -> dict[str, Plan]:
         """Make the plans: team -> its own, of those that have one and are given no strategy instead."""
@@ -402,6 +416,27 @@ def written_out(spec: Spec, library: Library) -> Values:
         if one.what != "resolver":
             _write_defaults(plain, one, library.known(one.reference, one.short))
     return plain
+
+
+def digests(spec: Spec, library: Library, map: MapSnapshot) -> dict[str, str]:
+    """Return the SHA-256 of each part of a scenario that a game depends on, but for those who decide in it.
+
+    Its rules and what else it names is imported, so that a value that is a default counts as if it were written.
+    """
+    for one in code_in(spec):
+        decides = one.keys[0] == "teams" and not {"strategy", "plan"}.isdisjoint(one.keys[2:])
+        if one.what != "resolver" and one.keys[0] != "map" and not decides:
+            library.get(one.reference, one.path, one.short)
+    plain = written_out(spec, library)
+    parts = {key: value for key, value in plain.items() if key not in ("name", "description", "seed", "map")}
+    for team in parts["teams"].values():
+        for part in (team, *team["agents"]):
+            part["strategy"] = part["plan"] = None
+    written = {key: json.dumps(as_json(value), sort_keys=True).encode() for key, value in parts.items()}
+    columns, walls = map.columns, map.obstacles.corners
+    arrays = (columns.node_ids, columns.xy, columns.sources, columns.targets, columns.lengths, walls)
+    written["map"] = b"".join(one.astype(one.dtype.newbyteorder("<"), copy=False).tobytes() for one in arrays)
+    return {key: sha256(value).hexdigest() for key, value in written.items()}
 
 
 def _write_defaults(plain: Values, one: NamedCode, function: Function | None) -> None:

@@ -29,7 +29,7 @@ from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.text import shown
 from gamms.typing.game import PRIVATE_MODULES
 
-OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies")
+OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies", "gamms.rl")
 GROUP = "gamms.scenario"  # of entry points
 RULES = "gamms.rules"  # the module of rules that are named without one
 GIVEN_LATER = ("ctx", "state", "states", "arrays")  # first parameters that the game gives, not the file
@@ -165,18 +165,40 @@ def chosen(text: str, path: str) -> tuple[Found, Path]:
     return _checked(found, is_imported_allowed=True)._replace(owner=None), folder
 
 
-def offered(module: str) -> list[str]:
-    """Return the names of the functions that a module of GAMMS offers; none if it is for programs only."""
+def offered(module: str) -> Mapping[str, Function]:
+    """Return the functions that a module of GAMMS offers, by name; none if it is for programs only.
+
+    They are those of its `__all__`, or its `FOR_SCENARIOS`.
+    """
     if module not in OFFERED:
-        return []
+        return {}
     found = importlib.import_module(module)
-    return [name for name in found.__all__ if callable(getattr(found, name))]
+    chosen: Mapping[str, Function] | None = getattr(found, "FOR_SCENARIOS", None)
+    listed = ((name, getattr(found, name)) for name in found.__all__)
+    return {name: one for name, one in listed if callable(one)} if chosen is None else chosen
 
 
 def offered_function(text: str, short: str | None = None) -> Function | None:
     """Return the function of a reference if GAMMS offers it; see `find`."""
     module, _, name = _in_full(text, short).partition(":")
-    return getattr(importlib.import_module(module), name) if name in offered(module) else None
+    return offered(module).get(name)
+
+
+def located(function: Function, given: Parameters, folder: Path | None, path: str) -> dict[str, Plain]:
+    """Return parameters in which those that the `files` of a function name are files in the folder of the scenario.
+
+    Raises:
+        ScenarioError: one is not there, or elsewhere.
+    """
+    found = dict(given)
+    for key in getattr(function, "files", ()):
+        text, where = found.get(key), joined(path, f"with.{key}")
+        if isinstance(text, str):
+            file = inside(text, folder, where, "file")
+            if not file.is_file():
+                raise ScenarioError(where, f"there is no file {text!r} in {folder}.")
+            found[key] = str(file)
+    return found
 
 
 def _located(text: str, sources: Sources, path: str, short: str | None = None) -> Found:
@@ -344,7 +366,7 @@ class Library:
     """
 
     def __init__(self, sources: Sources) -> None:
-        self._sources = sources
+        self._sources, self.folder = sources, sources.folder
         self._known: dict[str, Function] = {}
 
     def get(self, text: str, path: str, short: str | None = None) -> Function:
@@ -379,7 +401,8 @@ def function_of(found: Found, folder: Path | None) -> Function:
     """
     with _raising(found.path, f"importing {found.text!r} failed:"):
         module = importlib.import_module(found.module) if found.file is None else _private(found, folder or Path())
-        function: Function | None = getattr(module, found.wanted, None)
+        own = offered(found.module) if found.file is None else {}
+        function: Function | None = own.get(found.wanted) or getattr(module, found.wanted, None)
     if not callable(function):
         hint = nearest(found.wanted, [name for name in vars(module) if not name.startswith("_")])
         raise ScenarioError(found.path, f"there is no function {found.wanted!r} in {found.text!r}.{hint}")

@@ -15,7 +15,7 @@ from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Recording
 from gamms.scenario import documents, maps
-from gamms.scenario.builder import Builder, Strategies, written_out
+from gamms.scenario.builder import Builder, Strategies, digests, written_out
 from gamms.scenario.code import Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
 from gamms.scenario.placement import members, node_at, place, starts
@@ -62,6 +62,7 @@ class Scenario:
             self._raw: dict[str, Any] = documents.copied(given)
             self.spec: Spec = checked(self._raw, Spec)
             check_sense(self.spec)
+        self._digests: dict[str, str] | None = None
         self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))
 
     def to_dict(self) -> dict[str, Any]:
@@ -144,6 +145,20 @@ class Scenario:
                 ]
         return done
 
+    def digests(self) -> dict[str, str]:
+        """Return the SHA-256 of each part of the game, in hexadecimal; its code is imported, the map is loaded.
+
+        Games of equal parts differ by their seeds and strategies alone. The parts are the keys of a scenario, but for
+        `name`, `description`, `seed`, and the strategies and plans of teams; `map` is that of streets and obstacles.
+
+        Raises:
+            ScenarioError: something cannot be done as it is written.
+        """
+        if self._digests is None:
+            with named(self.file, self._raw):
+                self._digests = digests(self.spec, self._library, self._loaded())
+        return dict(self._digests)
+
     def build(
         self,
         seed: int | None = None,
@@ -190,6 +205,7 @@ class Scenario:
         try:
             with named(self.file, self._raw):
                 ctx.graph.storage.copy_from(map)  # with the visibility tables of earlier games
+                ctx.game.internals.digests = self.digests
                 builder = Builder(ctx, self.spec, self._library, given)
                 builder.build()
                 ctx.game.internals.scenario = written_out(self.spec, self._library)

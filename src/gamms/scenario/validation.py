@@ -22,6 +22,7 @@ from gamms.scenario.code import (
     check_parameters,
     find,
     first_of,
+    located,
     offered_function,
     plain_defaults,
 )
@@ -265,6 +266,7 @@ def check_code(spec: Spec, sources: Sources) -> list[Found]:
         function = offered_function(one.reference, one.short)
         if function is not None and (one.given or one.what in ("strategy", "plan", "rule")):
             check_parameters(function, one.given, int(first_of(function) in GIVEN_LATER), one.path)
+            located(function, one.given, sources.folder, one.path)
     maps.map_file(spec.map, sources.folder)
     maps.mode_of(spec.map, sources.folder)
     return found

@@ -19,7 +19,9 @@ from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
 from gamms.game.deeds import checked_value
+from gamms.game.snapshots import GameInternals
 from gamms.game.streets import Streets
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -27,6 +29,7 @@ from gamms.typing import IContext
 from gamms.typing.context import HostContext
 
 _KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
+_LAST = "array strategies, last turn"  # that of the turn in which it was asked last, where it looks at others
 _worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyDictionary()
 
 
@@ -58,9 +61,10 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
 
     def make(ctx: IContext) -> Callable[[Any], None]:
         as_context(ctx, name)
+        internals = cast("HostContext", ctx).game.internals
 
         def strategy(state: dict[str, Any]) -> None:
-            view = _ViewOfOne(ctx, state)
+            view = _ViewOfOne(ctx, state, internals)
             node = state["legal"][int(view.checked(form(view), name)[0, 0])]
             done = view.plain_deeds()
             state.get("outbox", []).extend(view.plain_outbox())
@@ -91,8 +95,8 @@ class _DrawsOfOne(ViewDraws):
 class _ViewOfOne(ArrayView):
     """What the state of one agent holds, as a view of one game with one agent."""
 
-    def __init__(self, ctx: IContext, state: dict[str, Any]) -> None:
-        roster = Roster.of(ctx.agent.agents.values())
+    def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals) -> None:
+        roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
         movement, shared = _world(ctx)
         streets = movement.streets
         number, node = roster.names.index(state["name"]), streets.rows(state["curr_pos"])
@@ -102,8 +106,8 @@ class _ViewOfOne(ArrayView):
         game.kept = state["memory"].setdefault(_KEPT, {})
         super().__init__(game, np.zeros(1, np.int64), np.array([number]))
         self.draw = _DrawsOfOne(state["draw"])
+        self._host, self._internals, self._memory = host, internals, state["memory"]
         self._sensed, self._inbox, self.deeds, self.outboxes = state["sensor"], state.get("inbox", ()), [], []
-        host = cast("HostContext", ctx)
         known, columns, none = host.game.channels, streets.columns, np.zeros(len(roster.names), np.int64)
         if known:
             xyz = np.column_stack((columns.xy, np.zeros(len(columns.xy))))
@@ -116,6 +120,32 @@ class _ViewOfOne(ArrayView):
                 f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
                 "no speed, and leave ctx.game.legal as it is."
             )
+
+    def of(self, agents: IntArray) -> ArrayView:
+        """Return the view of other agents in the game, as a batch has it: what their sensors show is looked for again.
+
+        Raises:
+            BadValue: a strategy that keeps what it knows of others was not asked in the turn before.
+        """
+        own, here, memory = self._state, self.roster.agents, self._memory
+        turn, name = int(self.turn[0]), self.roster.names[self.agents[0]]
+        if own.kept and memory.get(_LAST, turn - 1) not in (turn - 1, turn):
+            raise BadValue(
+                f"Agent {shown(name)} was not asked since turn {memory[_LAST]}, and what it keeps of others is old: "
+                "play this strategy in a batch, where it is asked in all turns."
+            )
+        memory[_LAST] = turn
+        version = self._host.agent.structure_version
+        if own.shared.get("of", (None,))[0] != version:
+            own.shared["of"] = version, {}
+        game = GameArrays(
+            self.roster, self.movement, own.seeds, self.streets.rows([[one.current_node_id for one in here]])
+        )
+        game.alive[0], game.turn[0], game.facts = [one.alive for one in here], self.turn[0], own.facts
+        blocked = self._internals.state.blocked
+        game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
+        game.shared, game.kept, game.radio = own.shared["of"][1], own.kept, own.radio
+        return ArrayView(game, self.games, agents)
 
     def plain_outbox(self) -> list[dict[str, Any]]:
         """Return what the agent sends, as `state["outbox"]` has it."""

@@ -204,6 +204,10 @@ class ArrayView(Mapping[str, Any]):
         narrowed.draw = self.draw.only(narrowed.mask)
         return narrowed
 
+    def of(self, agents: IntArray) -> "ArrayView":
+        """Return the view of other agents in the same games, by their numbers in the roster, ascending."""
+        return ArrayView(self._state, self.games, agents)
+
     @property
     def xp(self) -> Any:
         """The functions of the array library of the view, as the array API names them: NumPy's."""

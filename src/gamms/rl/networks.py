@@ -1,0 +1,251 @@
+"""Networks that policies consist of, evaluated by NumPy or onnxruntime: observations in, a number for each action out.
+
+The same row gives the same numbers, whichever rows are beside it, so that a policy does in a batch what it does in a
+game alone: NumPy sums up in 64 bits and rounds to 32 after each layer, onnxruntime gets blocks of one size.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+
+from gamms.errors import BadFile, BadType, BadValue, MissingExtra
+from gamms.rl.learners import Float32Array
+from gamms.text import shown
+
+DoubleArray = np.ndarray[tuple[int, ...], np.dtype[np.float64]]
+Logits = Callable[[Mapping[str, Any]], Float32Array]
+"""Gives numbers for actions, (rows, actions), of what rows observe: `observation`, (rows, …), and `action_mask`."""
+
+_MOST_LAYERS = 64
+_BLOCK = 64  # rows
+_EXTERNAL = b"location"  # the key by which an ONNX file names another file that has its weights
+_FUNCTIONS: dict[str, Callable[[DoubleArray], DoubleArray]] = {
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, 0.0),
+    "sigmoid": lambda x: 1.0 / (1.0 + np.exp(-x)),
+    "silu": lambda x: x / (1.0 + np.exp(-x)),
+    "elu": lambda x: np.where(x > 0.0, x, np.expm1(np.minimum(x, 0.0))),
+    "leaky_relu": lambda x: np.where(x > 0.0, x, 0.01 * x),
+}
+_OF_TORCH = {
+    "Tanh": "tanh",
+    "ReLU": "relu",
+    "Sigmoid": "sigmoid",
+    "SiLU": "silu",
+    "ELU": "elu",
+    "LeakyReLU": "leaky_relu",
+}
+_DEFAULTS = {"ELU": {"alpha": 1.0}, "LeakyReLU": {"negative_slope": 0.01}}  # other values are refused
+_NOTHING = ("Identity", "Dropout", "Flatten")  # layers that do nothing when a policy is played
+
+Layer = Literal["linear", "tanh", "relu", "sigmoid", "silu", "elu", "leaky_relu"]
+
+
+class Architecture(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a feed-forward network is, without its weights.
+
+    Attributes:
+        inputs: what it takes, one after the other.
+        layers: in order; the n-th of them has its weights in `n.weight` (out, in) and `n.bias` (out,), if it is linear.
+        shared: None: it gives all actions their numbers. Else it gives one number, and is asked for each action, with
+            the first `shared` entries of an observation and those of the action, which follow.
+    """
+
+    inputs: Annotated[list[Literal["observation", "action_mask"]], msgspec.Meta(min_length=1, max_length=2)]
+    layers: Annotated[list[Layer], msgspec.Meta(min_length=1, max_length=_MOST_LAYERS)]
+    shared: Annotated[int, msgspec.Meta(ge=0, le=1 << 20)] | None = None
+
+
+class Network(NamedTuple):
+    """A feed-forward network.
+
+    Attributes:
+        architecture: what it is.
+        weights: by the names that `Architecture` says, float32.
+    """
+
+    architecture: Architecture
+    weights: dict[str, Float32Array]
+
+    def check(self, entries: int, actions: int) -> None:
+        """Refuse weights that do not fit each other, or the spaces of observations and actions.
+
+        Raises:
+            BadValue: some do not, or are no numbers.
+        """
+        shared, width = self.architecture.shared, 0
+        for part in self.architecture.inputs:
+            width += entries if part == "observation" else actions
+        if shared is not None:
+            if self.architecture.inputs != ["observation"] or width < shared or (width - shared) % actions:
+                raise BadValue(
+                    f"With shared={shared}, the other entries of an observation are as many for each of the {actions} "
+                    f"actions: {entries} entries do not fit."
+                )
+            width = shared + (width - shared) // actions
+        expected = set()
+        for number, layer in enumerate(self.architecture.layers):
+            if layer != "linear":
+                continue
+            names = f"{number}.weight", f"{number}.bias"
+            expected |= set(names)
+            weight, bias = (self.weights.get(name, np.zeros(0, np.float32)) for name in names)
+            if weight.ndim != 2 or weight.shape[1] != width or bias.shape != weight.shape[:1] or not len(bias):
+                raise BadValue(
+                    f"Layer {number} of the network gets {width} numbers, and has weights of the shape {weight.shape} "
+                    f"and a bias of the shape {bias.shape}."
+                )
+            width = len(bias)
+        wanted = actions if shared is None else 1
+        if width != wanted:
+            raise BadValue(f"The network gives {width} numbers, and {wanted} are needed, one for each action.")
+        if expected != set(self.weights):
+            raise BadValue(f"The weights of the network are {sorted(expected)}, not {sorted(self.weights)}.")
+        if not all(np.isfinite(one).all() for one in self.weights.values()):
+            raise BadValue("The network has weights that are no finite numbers.")
+
+    def logits(self, actions: int) -> Logits:
+        """Return what evaluates it."""
+        inputs, shared = self.architecture.inputs, self.architecture.shared
+        layers = [
+            (
+                self.weights[f"{number}.weight"].T.astype(np.float64),
+                self.weights[f"{number}.bias"].astype(np.float64),
+            )
+            if kind == "linear"
+            else _FUNCTIONS[kind]
+            for number, kind in enumerate(self.architecture.layers)
+        ]
+
+        def evaluate(parts: Mapping[str, Any]) -> Float32Array:
+            rows = len(parts["action_mask"])
+            given = [np.asarray(parts[name]).reshape(rows, -1).astype(np.float32) for name in inputs]
+            values: DoubleArray = np.concatenate(given, axis=1).astype(np.float64)
+            if shared is not None:
+                own = np.broadcast_to(values[:, None, :shared], (rows, actions, shared))
+                values = np.concatenate((own, values[:, shared:].reshape(rows, actions, -1)), axis=2)
+            with np.errstate(over="ignore", invalid="ignore"):
+                for layer in layers:
+                    values = values @ layer[0] + layer[1] if isinstance(layer, tuple) else layer(values)
+                    values = values.astype(np.float32).astype(np.float64)
+            return values.reshape(rows, actions).astype(np.float32)
+
+        return evaluate
+
+
+def network_of(model: Any, shared: int | None = None) -> Network:
+    """Return the network of a model: an `nn.Sequential` of PyTorch, or a model of Stable-Baselines3 with a policy.
+
+    Raises:
+        BadType: it is neither, or has other layers than feed-forward networks.
+    """
+    if hasattr(model, "policy") and hasattr(model.policy, "mlp_extractor"):
+        policy = model.policy
+        extractors = getattr(policy.features_extractor, "extractors", {})
+        inputs, modules = list(extractors), [*extractors.values(), policy.mlp_extractor.policy_net, policy.action_net]
+    else:
+        inputs, modules = ["observation"], [model]
+    layers: list[str] = []
+    weights: dict[str, Float32Array] = {}
+    for module in modules:
+        for layer in _layers_in(module):
+            kind = type(layer).__name__
+            if kind == "Linear":
+                weights[f"{len(layers)}.weight"] = weight = _values_of(layer.weight)
+                bias = np.zeros(len(weight), np.float32) if layer.bias is None else _values_of(layer.bias)
+                weights[f"{len(layers)}.bias"] = bias
+            layers += [] if kind in _NOTHING else [_OF_TORCH.get(kind, "linear")]
+    made = {"inputs": inputs or ["observation"], "layers": layers, "shared": shared}
+    try:
+        return Network(msgspec.convert(made, Architecture), weights)
+    except msgspec.ValidationError as error:
+        raise BadType(f"{shown(model)} cannot be saved as a feed-forward network: {error}. {_WAY}") from None
+
+
+_WAY = "Export it with torch.onnx.export, and save the ONNX file: save_policy('network.onnx', 'policy.onnx', …)."
+
+
+def _layers_in(module: Any) -> list[Any]:
+    """Return the layers of a module, those within sequences as well."""
+    kind = type(module).__name__
+    if kind == "Sequential":
+        return [layer for part in module for layer in _layers_in(part)]
+    is_usual = all(getattr(module, key) == value for key, value in _DEFAULTS.get(kind, {}).items())
+    if not is_usual or kind not in ("Linear", *_OF_TORCH, *_NOTHING):
+        known = ", ".join(("Linear", *_OF_TORCH, *_NOTHING))
+        raise BadType(
+            f"A policy is saved as nn.Sequential of {known}, with their defaults; not {shown(module)}. {_WAY}"
+        )
+    return [module]
+
+
+def _values_of(parameter: Any) -> Float32Array:
+    values: Float32Array = parameter.detach().cpu().numpy().astype(np.float32)
+    return values
+
+
+def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
+    """Return what evaluates an ONNX model with onnxruntime on the CPU, and its metadata.
+
+    It takes `observation`, (rows, …) float32, and may take `action_mask`, (rows, actions) float32; its first output has
+    a number for each action, (rows, actions).
+
+    Raises:
+        MissingExtra (ImportError): onnxruntime is not installed.
+        BadFile: it is no such model, or has weights in other files.
+    """
+    try:
+        import onnxruntime
+    except ImportError:
+        raise MissingExtra("A policy in ONNX", "onnx") from None
+    if _EXTERNAL in model:
+        raise BadFile(f"{what} may read its weights from other files, which is refused: save it as one file.")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = options.inter_op_num_threads = 1
+    options.log_severity_level = 4
+    try:
+        session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
+        names = [one.name for one in session.get_inputs()]
+        metadata = dict(session.get_modelmeta().custom_metadata_map)
+    except Exception as error:  # noqa: BLE001 - onnxruntime has classes of its own for each kind
+        raise BadFile(f"{what} is no ONNX model that onnxruntime can play: {error}") from None
+    if "observation" not in names or not {*names} <= {"observation", "action_mask"}:
+        raise BadFile(f"{what} takes {names}: a policy takes 'observation', and may take 'action_mask'.")
+
+    def evaluate(parts: Mapping[str, Any]) -> Float32Array:
+        found = []
+        for first in range(0, len(parts["action_mask"]), _BLOCK):
+            given = {name: np.asarray(parts[name][first : first + _BLOCK], np.float32) for name in names}
+            rows = len(given["observation"])
+            full = {
+                name: np.concatenate((one, np.zeros((_BLOCK - rows, *one.shape[1:]), np.float32)))
+                for name, one in given.items()
+            }
+            try:
+                found.append(np.asarray(session.run(None, full)[0], np.float32)[:rows])
+            except Exception as error:  # noqa: BLE001 - see above
+                raise BadFile(f"{what} does not take observations as its game has them: {error}") from None
+        return np.concatenate(found)
+
+    return evaluate, metadata
+
+
+def with_metadata(model: bytes, key: str, value: str) -> bytes:
+    """Return an ONNX model with another entry of its metadata.
+
+    A message of protocol buffers goes on where another one ends: field 14 of a model are its entries, each with a key
+    in field 1 and a value in field 2.
+    """
+    entry = b"".join(tag + _length(text) + text for tag, text in ((b"\x0a", key.encode()), (b"\x12", value.encode())))
+    return model + b"\x72" + _length(entry) + entry
+
+
+def _length(data: bytes) -> bytes:
+    """Return how many bytes there are, seven bits a byte, the lowest first."""
+    number, found = len(data), bytearray()
+    while number > 127:
+        found.append(number & 127 | 128)
+        number >>= 7
+    return bytes(found) + bytes([number])

@@ -1,0 +1,457 @@
+"""Policies in files: saved with the hashes of the scenario and spaces of their training, played as strategies."""
+
+import hashlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated, Any, NamedTuple, cast
+
+import msgspec
+import numpy as np
+
+from gamms.arguments import as_bool, as_context, as_path
+from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile
+from gamms.game.batch import ArrayView, array_strategy
+from gamms.ir.graph import IntArray
+from gamms.limits import refuse_above
+from gamms.rl.learners import Learners, Observation, default_observation
+from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
+from gamms.scenario import Scenario
+from gamms.text import shown
+from gamms.typing import IContext
+from gamms.typing.context import HostContext
+
+Maker = Callable[[IContext], Callable[[Any], None]]
+
+_KEY = "gamms"  # in the metadata of a file
+_DEFAULT = "default"  # the name of `default_observation`
+_MOST_METADATA = 1 << 18  # bytes
+_TIMES_SIZE = 8  # of a file: the memory that its weights take as 64 bits, and while they are read
+_PICKLES = (".zip", ".pt", ".pth", ".pkl")
+_BY_SUFFIX = (".safetensors", ".onnx", *_PICKLES)
+
+Count = Annotated[int, msgspec.Meta(ge=1, le=1 << 24)]
+_Text = Annotated[str, msgspec.Meta(max_length=500)]
+
+
+class Spaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a policy takes and gives.
+
+    Attributes:
+        observation: the shape of what one agent observes.
+        actions: how many there are.
+        function: that observes: its module and name, or "default".
+    """
+
+    observation: Annotated[list[Count], msgspec.Meta(max_length=8)]
+    actions: Count
+    function: _Text = _DEFAULT
+
+    @property
+    def digest(self) -> str:
+        """The SHA-256, in hexadecimal."""
+        return hashlib.sha256(msgspec.json.encode(self)).hexdigest()
+
+
+class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """What a file says of its policy.
+
+    Attributes:
+        version: of this form.
+        scenario: its name.
+        digests: of its parts; see `Scenario.digests`.
+        spaces: see there.
+        spaces_digest: of them.
+        teams: that it was trained for.
+        agent: the only one that it was trained for.
+        network: in safetensors, what the weights belong to.
+    """
+
+    scenario: _Text
+    digests: Annotated[dict[_Text, _Text], msgspec.Meta(max_length=100)]
+    spaces: Spaces
+    spaces_digest: _Text
+    teams: Annotated[list[_Text], msgspec.Meta(max_length=1000)]
+    agent: _Text | None = None
+    network: Architecture | None = None
+    version: Annotated[int, msgspec.Meta(ge=1, le=1)] = 1
+
+
+def save_policy(
+    model: Any,
+    path: object,
+    env: object,
+    *,
+    team: str | None = None,
+    agent: str | None = None,
+    observation: Observation | None = None,
+    shared: int | None = None,
+) -> None:
+    """Write a trained policy into a file, with the hashes of the scenario and the spaces that it was trained in.
+
+    Args:
+        model: for a file `.safetensors`, a model of Stable-Baselines3 or an `nn.Sequential` of PyTorch that gives a
+            number for each action; for a file `.onnx`, the path of an ONNX model that takes `observation`.
+        path: of the file, which is replaced.
+        env: the environment that it was trained in, or a scenario, of which the next three say what was observed.
+        team: that was trained; None: all.
+        agent: the only one that was trained.
+        observation: see `parallel_env`.
+        shared: of a network that gives one number and is asked for each action: with the first `shared` entries of an
+            observation and those of the action, which follow. None: it gives all actions their numbers.
+
+    Raises:
+        BadType: the model has other layers, or the environment is none.
+        BadValue: the model does not fit the environment, or the file has another suffix.
+        MissingExtra (ImportError): the library of the file is not installed.
+    """
+    file = as_path(path, "path")
+    if file.suffix not in _BY_SUFFIX[:2]:
+        raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
+    if isinstance(env, Scenario):
+        teams = None if team is None else (team,)
+        with Learners(env, teams=teams, agent=agent, observation=observation, reward=_no_reward) as learners:
+            found = _described(learners)
+    elif team is not None or agent is not None or observation is not None:
+        raise BadValue("team=, agent= and observation= are for a scenario: an environment knows its own.")
+    else:
+        found = _described(_learners_of(env))
+    if file.suffix == ".onnx":
+        _save_onnx(model, file, found)
+        return
+    try:
+        from safetensors.numpy import save_file
+    except ImportError:
+        raise MissingExtra("A policy in safetensors", "rl") from None
+    network = network_of(model, shared)
+    network.check(_entries(found.spaces), found.spaces.actions)
+    described = msgspec.structs.replace(found, network=network.architecture)
+    weights = {name: np.ascontiguousarray(one) for name, one in network.weights.items()}
+    save_file(weights, file, {_KEY: msgspec.json.encode(described).decode()})
+
+
+def policy(
+    path: object,
+    *,
+    observation: Observation | None = None,
+    sample: bool = False,
+    trusted: bool = False,
+    other_scenario: bool = False,
+) -> Maker:
+    """Return a saved policy as a strategy: `scenario.play(strategies={"red": gamms.rl.policy("red.safetensors")})`.
+
+    It is made in a context, as the strategies of `gamms.strategies` are: `policy(path)(ctx)`. In batches it plays in
+    arrays, and the same games.
+
+    Args:
+        path: of a file that `save_policy` has written; or, with `trusted`, a model of Stable-Baselines3 (`.zip`) or of
+            PyTorch (`.pt`, `.pth`).
+        observation: the function that it was trained with; None: the default.
+        sample: draw actions with their probabilities, the same with the same seed; else it takes the best ones.
+        trusted: you trust the file with all that your programs may do. Pickles need it: reading one runs code in it.
+        other_scenario: it may play in another scenario than that it was trained in, if the spaces are the same.
+
+    Raises:
+        BadFile: it is no policy, or damaged.
+        BadValue: it does not fit the observation; and later, when a strategy is made of it, the scenario.
+        MissingFile (FileNotFoundError): there is no such file.
+        MissingExtra (ImportError): the library of the file is not installed.
+    """
+    if observation is not None and not callable(observation):
+        raise BadType(f"observation must be a function, not {shown(observation)}.")
+    loaded = _loaded(as_path(path, "path"), as_bool(trusted, "trusted"))
+    player = _Player(loaded, observation, as_bool(sample, "sample"), as_bool(other_scenario, "other_scenario"))
+    return _maker(player)
+
+
+def played_policy(
+    ctx: IContext,
+    path: str,
+    observation: Observation | None = None,
+    sample: bool = False,
+    other_scenario: bool = False,
+) -> Callable[[Any], None]:
+    """Return the strategy that a scenario file names: `{function: gamms.rl:policy, with: {path: red.safetensors}}`.
+
+    A file cannot trust a pickle.
+    """
+    return policy(path, observation=observation, sample=sample, other_scenario=other_scenario)(ctx)
+
+
+played_policy.files = ("path",)  # type: ignore[attr-defined] # which scenarios look for in their folders
+
+
+# -- playing ------------------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Loaded:
+    """A policy that was read."""
+
+    file: Path
+    described: Description | None  # None: a pickle
+    network: Network | None  # None: an ONNX model
+    logits: Logits | None  # of an ONNX model
+
+
+class _Player(NamedTuple):
+    """A policy, and how it plays."""
+
+    policy: _Loaded
+    observation: Observation | None
+    sample: bool
+    other_scenario: bool
+
+
+@lru_cache(maxsize=256)
+def _maker(player: _Player) -> Maker:
+    """Return what makes strategies of a policy; the same for all agents, so that a batch asks once for all of them."""
+    loaded, given, sample, _ = player
+    described = loaded.described
+    observe = given or default_observation
+    needs = None if described is None else described.spaces.function
+    if needs not in (None, _DEFAULT) and given is None:
+        raise BadValue(
+            f"{loaded.file} was trained with the observation {needs}: give that to rl.policy(path, observation=…)."
+        )
+    of_each = getattr(observe, "of_each", False)
+    alone = described is not None and described.agent is not None
+
+    def play_policy(view: ArrayView) -> IntArray:
+        actions, uniform = np.zeros(view.node.shape, np.int64), view.draw.random() if sample else None
+        for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
+            rows = np.searchsorted(whole.agents, view.agents[columns])
+            values = np.asarray(observe(whole))[:, rows]
+            most = int(view.streets.counts.max(initial=1))
+            masks = np.arange(most) < np.where(view.mask, view.counts, 1)[:, columns, None]
+            parts = {
+                "observation": values.reshape(-1, *values.shape[2:]),
+                "action_mask": masks.reshape(-1, most),
+            }
+            evaluate = _fitting(loaded, (most, *values.shape[2:]))
+            logits = np.where(parts["action_mask"], evaluate(parts), -np.inf)
+            chosen = _chosen(logits, None if uniform is None else uniform[:, columns].ravel())
+            actions[:, columns] = chosen.reshape(masks.shape[:2])
+        return actions
+
+    play_policy.__name__ = play_policy.__qualname__ = f"policy({loaded.file.name!r})"
+    make_strategy = array_strategy(play_policy)
+
+    def make(ctx: IContext) -> Callable[[Any], None]:
+        as_context(ctx, "A policy")
+        if described is not None and not player.other_scenario:
+            _refuse_other(loaded.file, described, cast("HostContext", ctx))
+        return make_strategy(ctx)
+
+    make.__name__ = make.__qualname__ = play_policy.__name__
+    return make
+
+
+def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]:
+    """Yield the views that a learner had of the agents, with the columns of those that are asked."""
+    if alone:
+        for column, number in enumerate(view.agents.tolist()):
+            yield view.of(np.array([number])), np.array([column])
+        return
+    teams = view["team"]
+    for team in dict.fromkeys(teams):
+        columns = np.array([column for column, one in enumerate(teams) if one == team])
+        yield view.of(view.roster.members(team)), columns
+
+
+def _chosen(logits: Any, uniform: Any) -> IntArray:
+    """Return an action for each row: the best one, or with numbers between 0 and 1, one by its probability."""
+    best: IntArray = logits.argmax(axis=1)
+    if uniform is None:
+        return best
+    weights = np.exp((logits - logits.max(axis=1, keepdims=True)).astype(np.float64))
+    sums = np.cumsum(weights, axis=1)
+    drawn: IntArray = (sums <= uniform[:, None] * sums[:, -1:]).sum(axis=1)
+    return np.where(np.isfinite(sums[:, -1]), np.minimum(drawn, logits.shape[1] - 1), best)
+
+
+@lru_cache(maxsize=64)
+def _fitting(loaded: _Loaded, shape: tuple[int, ...]) -> Logits:
+    """Return what evaluates a policy for so many actions and observations of such a shape.
+
+    Raises:
+        BadValue: it is for others.
+    """
+    actions, *observed = shape
+    described = loaded.described
+    if described is not None and (actions, observed) != (described.spaces.actions, described.spaces.observation):
+        spaces = described.spaces
+        raise BadValue(
+            f"{loaded.file} was trained with {spaces.actions} actions and observations of the shape "
+            f"{tuple(spaces.observation)} ({spaces.function}); here are {actions}, of the shape {tuple(observed)}. "
+            "Play it in games like those it was trained in, with observation= as it was."
+        )
+    if loaded.network is None:
+        return cast("Logits", loaded.logits)
+    try:
+        loaded.network.check(int(np.prod(observed)), actions)
+    except BadValue as error:
+        raise BadValue(f"{loaded.file} does not fit this game: {error}") from None
+    return loaded.network.logits(actions)
+
+
+def _refuse_other(file: Path, described: Description, ctx: HostContext) -> None:
+    """Refuse a scenario that a policy was not trained in.
+
+    Raises:
+        BadValue: it is another; the message names the parts that differ.
+    """
+    known = ctx.game.internals.digests
+    if known is None:
+        raise BadValue(
+            f"{file} was trained in the scenario {shown(described.scenario)}, and this game is not built of one: "
+            "rl.policy(path, other_scenario=True) lets it play all the same."
+        )
+    here: dict[str, str] = known()
+    differ = sorted(key for key in {*here, *described.digests} if here.get(key) != described.digests.get(key))
+    if differ:
+        raise BadValue(
+            f"{file} was trained in the scenario {shown(described.scenario)}, of which this one differs in "
+            f"{', '.join(differ)}: rl.policy(path, other_scenario=True) lets it play all the same."
+        )
+
+
+# -- files --------------------------------------------------------------------------------------------------------
+
+
+def _loaded(file: Path, trusted: bool) -> _Loaded:
+    """Read a policy."""
+    if file.suffix not in _BY_SUFFIX:
+        raise BadFile(
+            f"{file} is no policy: they are {', '.join(_BY_SUFFIX[:2])}, and what you trust {', '.join(_PICKLES)}."
+        )
+    if not file.is_file():
+        raise MissingFile("a policy", file)
+    if file.suffix in _PICKLES and not trusted:
+        raise BadValue(
+            f"{file} is a pickle, and reading one runs the code that is in it: rl.policy(path, trusted=True) if you "
+            "know who made it. gamms.rl.save_policy writes files that are data alone."
+        )
+    status = file.stat()
+    refuse_above(status.st_size * _TIMES_SIZE, f"The policy {file} of {status.st_size:,} bytes")
+    return _read(file.absolute(), (status.st_mtime_ns, status.st_size))
+
+
+@lru_cache(maxsize=16)
+def _read(file: Path, _stamp: tuple[int, int]) -> _Loaded:
+    if file.suffix == ".onnx":
+        logits, metadata = onnx_logits(file.read_bytes(), str(file))
+        return _Loaded(file, _description(metadata.get(_KEY), file), None, logits)
+    if file.suffix in _PICKLES:
+        return _Loaded(file, None, network_of(_unpickled(file)), None)
+    try:
+        from safetensors import SafetensorError, safe_open
+    except ImportError:
+        raise MissingExtra("A policy in safetensors", "rl") from None
+    try:
+        with safe_open(file, framework="numpy") as opened:
+            kinds = {name: opened.get_slice(name).get_dtype() for name in opened.keys()}  # noqa: SIM118 - it is no dict
+            others = sorted({kind for kind in kinds.values() if kind != "F32"})
+            if others:
+                raise BadFile(f"{file}: the weights of a policy are of the type F32, not {', '.join(others)}.")
+            described = _description((opened.metadata() or {}).get(_KEY), file)
+            weights = {name: np.array(opened.get_tensor(name)) for name in kinds}
+    except SafetensorError as error:
+        raise BadFile(f"{file} is no file of safetensors, or damaged: {error}.") from None
+    if described.network is None:
+        raise BadFile(f"{file} does not say what network its weights are of.")
+    network = Network(described.network, weights)
+    try:
+        network.check(_entries(described.spaces), described.spaces.actions)
+    except BadValue as error:
+        raise BadFile(f"{file} is damaged: {error}") from None
+    return _Loaded(file, described, network, None)
+
+
+def _description(text: str | None, file: Path) -> Description:
+    """Return what the metadata of a file say."""
+    if text is None:
+        raise BadFile(f"{file} has no metadata of GAMMS: gamms.rl.save_policy writes a policy with them.")
+    if len(text) > _MOST_METADATA:
+        raise BadFile(f"{file} has {len(text):,} bytes of metadata, more than {_MOST_METADATA:,}.")
+    try:
+        described = msgspec.json.decode(text, type=Description)
+    except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
+        raise BadFile(f"{file} has metadata that GAMMS does not know: {error}.") from None
+    if described.spaces.digest != described.spaces_digest:
+        raise BadFile(f"{file} is damaged: the spaces that it names do not have the hash that it names.")
+    return described
+
+
+def _unpickled(file: Path) -> Any:
+    """Return a model of Stable-Baselines3 or PyTorch; this runs the code that is in the file."""
+    try:
+        if file.suffix == ".zip":
+            from gamms.rl.sb3 import loaded
+
+            return loaded(file)
+        from torch import load
+
+        return load(file, map_location="cpu", weights_only=False)
+    except ImportError:
+        raise MissingExtra(f"The policy {file}", "train") from None
+
+
+def _save_onnx(model: object, file: Path, found: Description) -> None:
+    source = as_path(model, "What is saved as .onnx")
+    if not source.is_file():
+        raise MissingFile("an ONNX model", source)
+    data = source.read_bytes()
+    logits, _ = onnx_logits(data, str(source))
+    actions, shape = found.spaces.actions, found.spaces.observation
+    given = {"observation": np.zeros((1, *shape), np.float32), "action_mask": np.ones((1, actions), np.float32)}
+    made = logits(given).shape
+    if made != (1, actions):
+        raise BadValue(f"{source} gives numbers of the shape {made} for one agent, and (1, {actions}) are needed.")
+    file.write_bytes(with_metadata(data, _KEY, msgspec.json.encode(found).decode()))
+
+
+# -- what was trained -----------------------------------------------------------------------------------------------
+
+
+def _described(learners: Learners) -> Description:
+    """Return what a file says of a policy that was trained by these learners."""
+    shape, function = list(np.asarray(learners.observe()).shape[2:]), learners.observation
+    name = f"{getattr(function, '__module__', '?')}:{getattr(function, '__qualname__', type(function).__name__)}"
+    spaces = Spaces(shape, learners.num_actions, _DEFAULT if function is default_observation else name[:500])
+    scenario = learners.scenario
+    return Description(
+        scenario.spec.name, scenario.digests(), spaces, spaces.digest, list(map(str, learners.teams)), learners.agent
+    )
+
+
+def _learners_of(env: Any) -> Learners:
+    """Return the learners of an environment, whatever is wrapped around it."""
+    inner = env
+    for _ in range(100):
+        known = inner if isinstance(inner, Learners) else getattr(inner, "learners", None)
+        if isinstance(known, Learners):
+            return known
+        inner = next((one for one in _inside(inner) if one is not None and one is not inner), None)
+        if inner is None:
+            break
+    raise BadType(f"env must be an environment of gamms.rl, or a scenario, not {shown(env)}.")
+
+
+def _inside(env: Any) -> Iterator[Any]:
+    """Yield what an environment may be wrapped around."""
+    for name in ("venv", "env", "unwrapped", "par_env", "aec_env"):
+        yield getattr(env, name, None)
+    yield next(iter(getattr(env, "envs", ())), None)
+
+
+def _entries(spaces: Spaces) -> int:
+    return int(np.prod(spaces.observation))
+
+
+def _no_reward(turn: Any) -> Any:
+    return np.zeros(turn.after.node.shape)
+
+
+FOR_SCENARIOS: Mapping[str, Callable[..., Any]] = {"policy": played_policy}
