@@ -57,6 +57,18 @@ def test_nodes_in_reach_are_those_that_the_graph_gives(edges, limit, weight, mos
                 assert set(ids[reached[place]].tolist()) == set(near)
 
 
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(edges=EDGES, most=st.sampled_from([28, 84, 1 << 20]), at_once=st.sampled_from([1, 20]))
+def test_numbers_of_edges_are_the_distances_without_a_weight(edges, most, at_once):
+    with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+        patch.setattr(flows, "_MOST_BYTES", most)
+        patch.setattr(flows, "_BY_SEARCH", at_once)
+        found, ids = small_map(ctx, edges), ctx.graph.columns().node_ids.tolist()
+        for nodes in (np.array([3, 1]), np.array([[3, 6, 0]]), np.arange(7)):
+            expected = [[ctx.graph.distance(ids[one], to, weight=None) for to in ids] for one in nodes.ravel()]
+            assert (found.edges(nodes[..., None], np.arange(7)).reshape(-1, 7) == expected).all()
+
+
 def test_walks_go_along_edges_and_do_not_depend_on_others():
     with scene().batch(3) as games:
         view = games.observe("red")

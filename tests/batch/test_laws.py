@@ -31,6 +31,7 @@ from gamms.strategies import (
     follow_path,
     goto,
     guard,
+    intercept,
     mix,
     patrol,
     random_walk,
@@ -243,19 +244,24 @@ PACED = {
     "waypoints": lambda ctx: random_waypoints(ctx, pause=1),
     "chase": chase,
     "assign": lambda ctx: assign(ctx, patience=1),
+    "intercept": intercept,
+    "cut off": lambda ctx: intercept(ctx, [8, 35]),
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 23, 1.9),
     "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),
 }
+BY_EDGES = {"guard", "intercept", "cut off"}
 motions = st.one_of(
     st.none(),
-    st.just({"legal": "any", "strategies": ["chase", "flee", "guard", "assign"]}),
+    st.just({"legal": "any", "strategies": ["chase", "flee", "guard", "assign", "intercept", "cut off"]}),
     st.fixed_dictionaries(
         {
             "speed_unit": st.just("metres"),
             "weight": st.sampled_from(["length", "slow"]),
             "speeds": st.lists(st.sampled_from([None, 0.3, 0.5, 1.0, 1.9, 3]), min_size=1, max_size=3),
-            "strategies": st.lists(st.sampled_from(sorted(PACED.keys() - {"guard"})), max_size=3),
+            "strategies": st.lists(
+                st.sampled_from(sorted(PACED.keys() - {"guard", "intercept", "cut off"})), max_size=3
+            ),
         }
     ),
     st.fixed_dictionaries(

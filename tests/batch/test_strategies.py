@@ -15,6 +15,7 @@ from gamms.strategies import (
     follow_path,
     goto,
     guard,
+    intercept,
     mix,
     patrol,
     random_walk,
@@ -50,6 +51,8 @@ MADE = {
     "guard": lambda ctx: guard(ctx, 24, 22.0),
     "assign": assign,
     "assign for some": lambda ctx: mix(0.7, assign(ctx, patience=2), goto(ctx, 5)),
+    "intercept": intercept,
+    "intercept goals": lambda ctx: intercept(ctx, [0, 41, 20], otherwise=stay),
     "safest_exit": lambda ctx: safest_exit(ctx, [0, 41, 20], otherwise=random_walk),
     "first": lambda ctx: first(chase(ctx, otherwise=None), flee(ctx, otherwise=None), patrol(ctx, [3, 20])),
     "mix": lambda ctx: mix(0.6, mix(0.5, random_walk, stay), first(chase(ctx, None), random_waypoints(ctx, [1, 9]))),
@@ -70,6 +73,7 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
     scenario = scenario if slow is None else scenario.replace(**{"teams.blue.speed": slow})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["first"], "blue": MADE["random_waypoints"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
+    same_as_one_by_one(scenario, [1, 2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
     with scenario.batch(1, strategies={"red": MADE["unblock"]}) as games:
         assert games.slow == "unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges"
 

@@ -9,11 +9,13 @@ from gamms import belief
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
+from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import ArrayStrategy, ArrayView
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies import portable
 from gamms.strategies.knowledge import (
+    LITTLE,
     as_known_node,
     as_otherwise,
     asked,
@@ -24,6 +26,7 @@ from gamms.strategies.knowledge import (
     mates_in_sight,
     move_to,
     move_to_agent,
+    moves_to,
     moves_to_agents,
     nearest_seen,
     no_actions,
@@ -39,6 +42,8 @@ from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
+
+_MOST_AT_ONCE = 1 << 22  # nodes that are compared at once
 
 
 @shown_as_called
@@ -205,7 +210,19 @@ def intercept(
             meeting = _meeting_node(ctx, state, enemies, ends or ()) if enemies else None
             move_to(ctx, state, meeting, fallback, "intercept")
 
+    offer_form(strategy, _intercept_in_arrays, ends, parts=[fallback], looks=True, fits="edges")
     return strategy
+
+
+def _intercept_in_arrays(goals: tuple[int, ...] | None, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    seen = view.enemies()
+    if goals is not None:
+        return moves_to(view, _meeting_nodes(view, seen, np.sort(view.streets.ids(view.streets.rows(goals)))), fallback)
+    actions = no_actions(view)
+    if len(seen.at):
+        chased = seen.of(_first_to_come(view, seen))
+        actions[chased.at, chased.viewers] = _confining_actions(view, chased)
+    return asked(view, actions, fallback, actions < 0)
 
 
 @shown_as_called
@@ -344,6 +361,87 @@ def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
         own = np.minimum(own, turns_from(ctx, mate, [node]))
     sizes = (theirs < own).sum(axis=1).tolist()
     return min(zip(sizes, nearest, strict=True))[1]
+
+
+def _meeting_nodes(view: ArrayView, seen: Seen, goals: IntArray) -> IntArray:
+    """Return what `_meeting_node` returns for all agents of a view, as rows (games, agents); -1: none."""
+    routes, flows, speeds, targets = view.routes(None), view.flows(), _speeds(view), no_actions(view)
+    ends, here, its = view.streets.rows(goals), view.node[seen.at, seen.viewers], speeds[seen.others]
+    arrivals = _turns(routes.distances(seen.nodes[:, None], ends), its[:, None])
+    goal = ends[arrivals.argmin(axis=1)] if len(seen.at) else ends[:0]  # of several, that with the lowest id
+    total = arrivals.min(axis=1, initial=inf)
+    options, pairs, node = [], np.arange(len(seen.at)), seen.nodes.copy()
+    while len(pairs):
+        far = _turns(routes.distances(node[pairs], goal[pairs]), its[pairs])
+        is_going = np.isfinite(total[pairs])
+        arrival = np.where(is_going, total[pairs], 0.0) - np.where(is_going, far, 0.0)
+        own = flows.edges(here[pairs], node[pairs]) / np.maximum(speeds[view.agents[seen.viewers[pairs]]], LITTLE)
+        options.append((pairs, np.maximum(0.0, own - arrival), own, node[pairs]))
+        pairs = pairs[is_going & (node[pairs] != goal[pairs])]
+        node[pairs] = routes.following(node[pairs], goal[pairs])
+    if options:
+        pairs, late, own, node = (np.concatenate(columns) for columns in zip(*options, strict=True))
+        order = np.lexsort((view.streets.ids(node), own, late))
+        best = order[np.isfinite(late[order])][::-1]  # the best one is written last
+        targets[seen.at[pairs[best]], seen.viewers[pairs[best]]] = node[best]
+    return targets
+
+
+def _first_to_come(view: ArrayView, seen: Seen) -> IntArray:
+    """Return of the pairs of each agent the one with the enemy that comes there first; of several, the first name."""
+    here = view.node[seen.at, seen.viewers]
+    far = _turns(view.routes(None).distances(here, seen.nodes), _speeds(view)[seen.others])
+    starts, viewer = runs_of(seen)
+    best = np.flatnonzero(far == np.minimum.reduceat(far, starts)[viewer])
+    return best[np.unique(viewer[best], return_index=True)[1]]
+
+
+def _confining_actions(view: ArrayView, chased: Seen) -> IntArray:
+    """Return what `_confining_node` returns for agents, each with the enemy that it goes after: numbers of nodes."""
+    speeds, me = _speeds(view), view.agents[chased.viewers]
+    legal, is_legal = _legal_of(view, (chased.at, chased.viewers))
+    far = _turns(view.routes(None).distances(legal, chased.nodes[:, None]), speeds[me][:, None])
+    far[~is_legal] = inf
+    is_nearest = is_legal & (far == far.min(axis=1, keepdims=True))
+    tied = np.flatnonzero(is_nearest.sum(axis=1) > 1)
+    sizes = np.zeros(legal.shape, np.int64)
+    most = max(1, _MOST_AT_ONCE // (len(view.streets.counts) * legal.shape[1]))
+    for first in range(0, len(tied), most):
+        some = tied[first : first + most]
+        lines, columns = np.nonzero(is_nearest[some])
+        sizes[some[lines], columns] = _sizes_of_cells(view, chased.of(some[lines]), legal[some[lines], columns])
+    sizes[~is_nearest] = np.iinfo(np.int64).max
+    return _lowest(view, legal, sizes == sizes.min(axis=1, keepdims=True))
+
+
+def _sizes_of_cells(view: ArrayView, chased: Seen, nodes: IntArray) -> IntArray:
+    """Return how many nodes enemies reach before agents that go to these nodes, and their mates in sight, (pairs,)."""
+    all_nodes, flows, speeds = np.arange(len(view.streets.counts)), view.flows(), np.maximum(_speeds(view), LITTLE)
+    own = 1.0 + flows.edges(nodes[:, None], all_nodes) / speeds[view.agents[chased.viewers], None]
+    theirs = flows.edges(chased.nodes[:, None], all_nodes) / speeds[chased.others, None]
+    mates = view.mates()
+    number = mates.at * len(view.agents) + mates.viewers  # ascending
+    begins, ends = (
+        np.searchsorted(number, chased.at * len(view.agents) + chased.viewers, side) for side in ("left", "right")
+    )
+    for rank in range(int((ends - begins).max(initial=0))):
+        has_more = np.flatnonzero(begins + rank < ends)
+        mate = (begins + rank)[has_more]
+        near = flows.edges(mates.nodes[mate][:, None], all_nodes) / speeds[mates.others[mate], None]
+        own[has_more] = np.minimum(own[has_more], near)
+    sizes: IntArray = (theirs < own).sum(axis=1)
+    return sizes
+
+
+def _speeds(view: ArrayView) -> FloatArray:
+    """Return how many edges all agents go in a turn."""
+    return np.array([1.0 if agent.speed is None else agent.speed for agent in view.roster.agents])
+
+
+def _turns(edges: FloatArray, speeds: FloatArray) -> FloatArray:
+    """Return what `turns_to` returns for some edges and speeds."""
+    moves = speeds > 0.0
+    return np.where(moves, edges / np.where(moves, speeds, 1.0), np.where(edges > 0.0, inf, 0.0))
 
 
 def _out_of_reach(ctx: Context, state: State, enemies: dict[str, int]) -> Sequence[int]:

@@ -48,7 +48,7 @@ _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_AR
 _warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
 
 _BOARDS = "boards"  # an attribute of forms: under which keys they write into the memories of teams
-_LITTLE = 1e-9  # a speed: agents that do not move get to their own node in no time, and nowhere else in this game
+LITTLE = 1e-9  # a speed: agents that do not move get to their own node in no time, and nowhere else in this game
 
 _WAYS_OUT = {
     "blocked": "set it to why the agent's last action was not done, or None",
@@ -248,7 +248,7 @@ def turns_from(ctx: Context, name: str | None, sources: Sequence[int]) -> FloatA
     """Return how many turns an agent takes to every node, (sources, nodes) as in `ctx.graph.columns()`."""
     weight, speed = pace_of(ctx, name)
     ids = ctx.graph.columns().node_ids
-    return ctx.graph.graph.distance_matrix(sources, ids, weight) / max(speed, _LITTLE)
+    return ctx.graph.graph.distance_matrix(sources, ids, weight) / max(speed, LITTLE)
 
 
 # -- steps ----------------------------------------------------------------------------------------------------

@@ -16,6 +16,8 @@ from gamms.text import shown
 _MOST_DENSE = 1 << 28  # nodes in masks
 _AT_ONCE = 1 << 22  # nodes that are searched at once, in all
 _MOST_KEPT = 1 << 25  # nodes in reach that are kept, 8 bytes each
+_MOST_BYTES = 1 << 28  # of the numbers of edges to all nodes that are kept
+_BY_SEARCH = 1 << 20  # nodes that searches by edges may find at once, in all
 
 
 class Flows:
@@ -32,6 +34,9 @@ class Flows:
         self._walks: dict[float | None, kernels.Arrivals] = {}
         self._reached: dict[tuple[str | None, float, int], IntArray] = {}
         self._kept = 0
+        nodes = max(1, len(streets.counts))
+        self._line_of, self._lines = np.full(nodes, -1), 0
+        self._edges = np.empty((min(nodes, max(1, _MOST_BYTES // (4 * nodes))), nodes), np.int32)  # as it is written
 
     def walks(self, nodes: IntArray, turns: int, seed: int = 0) -> IntArray:
         """Walk at random from nodes, each time to one of the legal nodes, the own one among them.
@@ -117,6 +122,54 @@ class Flows:
             masks[line, rows] = True
         found: BoolArray = masks[which.reshape(nodes.shape)]
         return found
+
+    def edges(self, sources: IntArray, targets: IntArray) -> FloatArray:
+        """Return how many edges paths have from nodes to others; infinite where there is none.
+
+        What is known of up to 256 MB is kept; from each node that is new, the whole map is searched.
+
+        Args:
+            sources: rows.
+            targets: rows; both broadcast to one shape.
+        """
+        starts, which = np.unique(sources, return_inverse=True)
+        shape = np.broadcast_shapes(sources.shape, targets.shape)
+        number, ends = np.broadcast_to(which.reshape(sources.shape), shape), np.broadcast_to(targets, shape)
+        found, most = np.empty(shape), len(self._edges)
+        for first in range(0, len(starts), most):
+            lines = self._searched(starts[first : first + most])
+            some = (number >= first) & (number < first + most) if len(starts) > most else np.s_[...]
+            edges = self._edges[lines[number[some] - first], ends[some]]
+            found[some] = np.where(edges < 0, np.inf, edges)
+        return found
+
+    def _searched(self, starts: IntArray) -> IntArray:
+        """Return in which lines the edges from some nodes are, each given once."""
+        new = starts[self._line_of[starts] < 0]
+        if self._lines + len(new) > len(self._edges):
+            self._line_of[:], self._lines, new = -1, 0, starts
+        at_once = max(1, _BY_SEARCH // self._edges.shape[1])
+        for first in range(0, len(new), at_once):
+            some = new[first : first + at_once]
+            lines = slice(self._lines, self._lines + len(some))
+            self._edges[lines] = self._breadth_first(some)
+            self._line_of[some] = np.arange(lines.start, lines.stop)
+            self._lines = lines.stop
+        return self._line_of[starts]
+
+    def _breadth_first(self, starts: IntArray) -> IntArray:
+        """Return how many edges lead from each of some nodes to all, (starts, nodes); -1: there is no path."""
+        streets, nodes = self._streets, len(self._streets.counts)
+        found = np.full(len(starts) * nodes, -1)
+        ring, edges = np.arange(len(starts)) * nodes + starts, 0
+        while len(ring):
+            found[ring] = edges
+            edges += 1
+            lines = ring // nodes
+            ends, rows = streets.legal_of(ring - lines * nodes)
+            ring = np.repeat(lines * nodes, np.diff(ends)) + rows
+            ring = np.unique(ring[found[ring] < 0])
+        return found.reshape(-1, nodes)
 
     def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[IntArray]:
         """Return the rows that can be reached from each of some nodes."""

@@ -68,8 +68,8 @@ class Seen(NamedTuple):
         at = number[self.at]
         return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
 
-    def of(self, chosen: BoolArray) -> "Seen":
-        """Return some of the pairs, (pairs,)."""
+    def of(self, chosen: BoolArray | IntArray) -> "Seen":
+        """Return some of the pairs: which, (pairs,), or their places."""
         return Seen(self.shape, self.at[chosen], self.viewers[chosen], self.others[chosen], self.nodes[chosen])
 
 

@@ -319,6 +319,11 @@ class ArrayView(Mapping[str, Any]):
         found = self.seen()
         return found.of(~self._are_mates(found))
 
+    def mates(self) -> Seen:
+        """Return which agents of their own teams the sensors show."""
+        found = self.seen()
+        return found.of(self._are_mates(found))
+
     def _are_mates(self, found: Seen) -> BoolArray:
         """Return which of those that are seen are of the team of the agent that sees them, (pairs,)."""
         roster = self.roster
