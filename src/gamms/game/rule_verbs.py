@@ -204,6 +204,11 @@ class RuleVerbs(Settings):
         """Whether agents observe and decide right now."""
         return self._turns.is_deciding
 
+    @property
+    def is_moving(self) -> bool:
+        """Whether agents observe, decide and move right now."""
+        return self._turns.is_moving
+
     @refused_while_deciding
     def publish(self, *, to: object = None, **facts: object) -> None:
         """Publish facts to strategies: they are in `state["facts"]`, read-only all the way down.

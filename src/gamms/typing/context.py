@@ -59,6 +59,10 @@ class IGameState(Protocol):
     def is_deciding(self) -> bool:
         """Whether agents are deciding now."""
 
+    @property
+    def is_moving(self) -> bool:
+        """Whether agents are deciding or moving now: a context that ends has to wait for that."""
+
 
 class IContext(ABC):
     """The engines, the random streams, and the life of a scenario."""

@@ -200,6 +200,11 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     # -- turns -----------------------------------------------------------------------------------------------
 
+    @property
+    def is_closing(self) -> bool:
+        """Whether a person has closed what is shown: False, nothing is."""
+        return False
+
     @refused_while_deciding
     def simulate(self) -> None:
         """End the turn: call the listeners, and add it to the films that are being made."""

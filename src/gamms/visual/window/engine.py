@@ -202,8 +202,13 @@ class WindowEngine(WindowNames, PictureEngine):
         """End the context because the window was closed; in the midst of a turn of `ctx.game`, when it is over."""
         self._will_quit = self._was_closed = True
         game = self.ctx.current_game
-        if game is None or not game.is_deciding:
+        if game is None or not game.is_moving:
             self.ctx.terminate()
+
+    @property
+    def is_closing(self) -> bool:
+        """Whether the window was closed, and the context ends after the turn."""
+        return self._will_quit
 
     def terminate(self) -> None:
         """End the films that are being made, and close the window."""

@@ -1,0 +1,329 @@
+"""Agents that are played by robots: moves go out as waypoints, and a turn waits until the robots have arrived."""
+
+from collections.abc import Sequence
+from functools import partial
+from math import inf
+from typing import Any, Self
+
+import numpy as np
+
+from gamms.arguments import as_name, as_range
+from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, as_feed
+from gamms.bridge.matching import XY, Checks, OnRoute, Route, Tracker, route_along, route_of
+from gamms.context import Context
+from gamms.errors import BadType, BadValue
+from gamms.text import shown
+from gamms.typing import AgentType, IAgent
+from gamms.typing.game import Move
+from gamms.visual.constants import Layer
+from gamms.visual.legend import SIGN, Row, Rows
+
+ROBOTS = "robots"  # in `ctx.game.data`: agent -> where its robot was measured, and what is wrong with that
+_TICK_S = 0.05
+_MOST_POINTS = 2_000  # of one message
+_DECIMALS, _DEGREES = 3, 8
+_MARK_PX, _LINE_PX, _WAY_PX = 9.0, 2, 4
+
+
+def drive(
+    agent: IAgent | str,
+    feed: Feed | Source,
+    *,
+    send: Send | None = None,
+    limit_s: float = 60.0,
+    arrive_m: float = 3.0,
+    checks: Checks | None = None,
+    clock: Clock | None = None,
+) -> "Drive":
+    """Make a rule by which a robot plays an agent: add it with `ctx.game.add(drive("anna", feed))`.
+
+    When all agents have decided, its move goes to the robot as waypoints along the road, and the turn waits until the
+    robot has arrived, for all robots at once. Meanwhile the picture is drawn again. A robot that has not
+    arrived within the limit has its move refused: the agent stays, or is put on the last node that the robot has
+    passed, and there is an event `robot_late`. The robot's way begins where it is, even if its agent is elsewhere.
+
+    `ctx.game.data["robots"]` has for each agent where its robot was measured, how old that fix is, and the place on the
+    roads that it belongs to; see docs/bridge.md.
+
+    Args:
+        agent: an agent on the ground, or its name.
+        feed: the fixes of the robot: a `Feed`, a function that returns what is new, or an iterable, which is read in a
+            thread; a fix is a mapping with `x` and `y`, or `lat` and `lon`, and `t`.
+        send: called with each message for the robot; None: what the feed has as `send`, if it has one.
+        limit_s: how long a turn waits.
+        arrive_m: how near to the end of its way a robot has arrived.
+        checks: which fixes count.
+        clock: by which fixes age and turns wait; None: that of the feed, or of the machine.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it is added to a game, there is no such agent.
+    """
+    name = as_name(getattr(agent, "name", agent), "an agent")
+    own = as_feed(feed, clock)
+    if send is not None and not callable(send):
+        raise BadType(f"send must be a function that takes a message, not {shown(send)}.")
+    limits = as_range(limit_s, "limit_s"), as_range(arrive_m, "arrive_m")
+    if limits[0] == inf:
+        raise BadValue("limit_s must be finite: a robot that never arrives would hold the game for ever.")
+    if checks is not None and not isinstance(checks, Checks):
+        raise BadType(f"checks must be gamms.bridge.Checks(…), not {shown(checks)}.")
+    return Drive(name, own, send or own.send, limits, (checks or Checks()).checked())
+
+
+class Drive:
+    """The rule that `drive` makes.
+
+    Attributes:
+        agent: the name of the agent.
+        feed: the fixes of its robot.
+        rank: before the other rules after a turn.
+    """
+
+    rank = -1
+    __name__ = "drive"
+
+    def __init__(self, agent: str, feed: Feed, send: Send | None, limits: tuple[float, float], checks: Checks) -> None:
+        self.agent, self.feed = agent, feed
+        self._send, (self._limit_s, self._arrive_m), self._checks = send, limits, checks
+        self._tracker: Tracker | None = None  # None: the rule is of a fork, in which no robot drives
+        self._route: Route | None = None
+        self._on: OnRoute | None = None  # where on it the robot is
+        self._turn = -1  # that the robot was last sent off in
+        self._put_on: int | None = None  # node on which the agent of a late robot is to be put
+        self.key = ("robot", agent)
+        self.drawer = partial(self._draw)
+        legend = Rows("", (Row(SIGN, "robot, as measured", sign="ring"),))
+        self.drawer.__dict__.update(artist=f"robot {agent}", layer=Layer.FLAGS, legend=legend)
+
+    def __repr__(self) -> str:
+        """Show the call that made it."""
+        return f"drive({self.agent!r}, …)"
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """Return the rule for a game that looks ahead: the robot does not drive for it."""
+        return type(self)(self.agent, Feed(clock=self.feed.clock), None, (self._limit_s, self._arrive_m), self._checks)
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many fixes came, were taken, and were not, by reason."""
+        own = {} if self._tracker is None else self._tracker.counts
+        return {**self.feed.counts, **own}
+
+    # -- what a game calls --------------------------------------------------------------------------------------
+
+    def prepare(self, ctx: Context) -> None:
+        """Look for the agent, and for robots with another clock."""
+        one = ctx.agent.get_agent(self.agent)
+        if one.type == AgentType.AERIAL:
+            raise BadType(f"Agent {self.agent!r} flies, and gamms.bridge.drive is for agents on the ground.")
+        for other in drives_of(ctx):
+            if other.feed.clock is not self.feed.clock and not _both_wall(other.feed, self.feed):
+                raise BadValue(
+                    f"The robots of {other.agent!r} and {self.agent!r} have different clocks, and wait for each other: "
+                    "give both the same, with clock=…."
+                )
+
+        def to_xy(lat: float, lon: float) -> XY:
+            x, y = ctx.graph.graph.from_latlon(lat=lat, lon=lon)
+            return float(x), float(y)
+
+        self._tracker = Tracker(self._checks, to_xy)
+
+    def check(self, ctx: Context) -> None:
+        """Hold the turn for all robots of the game; the first of their rules does it for all."""
+        drives = [one for one in drives_of(ctx) if one.is_live]
+        if drives and drives[0] is self:
+            hold(ctx, drives)
+
+    def __call__(self, ctx: Context) -> None:
+        """Put the agent of a late robot where that is."""
+        if self._put_on is not None:
+            ctx.agent.get_agent(self.agent).current_node_id = self._put_on
+            self._put_on = None
+
+    # -- a turn -------------------------------------------------------------------------------------------------
+
+    @property
+    def is_live(self) -> bool:
+        """Whether a robot drives for it."""
+        return self._tracker is not None
+
+    def begin(self, ctx: Context, move: Move | None) -> bool:
+        """Send the robot off; return whether there is something to wait for."""
+        is_new, self._turn = self._turn != ctx.game.turn, ctx.game.turn
+        is_staying = move is not None and len(move.path) == 1 and not move.legs
+        if move is None or (is_staying and not is_new):
+            return False  # it is out of the game, or of a team that has moved before
+        self.read()
+        columns = ctx.graph.columns()
+        self._route = self._from_where_it_is(ctx, route_of(ctx.graph.graph, columns, move))
+        self._on = None
+        self.read()
+        if self._has_arrived():
+            return False
+        self._tell(ctx)
+        return True
+
+    def read(self) -> None:
+        """Take the fixes that have come, and find the robot on its way."""
+        tracker, route = self._tracker, self._route
+        if tracker is None:
+            return
+        before = tracker.last
+        tracker.take(self.feed.take())
+        place = tracker.last
+        if route is None or place is None or (place is before and self._on is not None):
+            return
+        low, high = 0.0, inf
+        if self._on is not None and before is not None:
+            slack = self._checks.within_m
+            low = self._on.along - slack
+            high = self._on.along + slack + self._checks.max_speed * (place.at - before.at)
+        self._on = route.place(place.xy, low, high)
+
+    def is_waited_for(self) -> bool:
+        """Whether the robot is on its way."""
+        return not self._has_arrived()
+
+    def note(self, ctx: Context, waited_s: float) -> None:
+        """Write down where the robot is, for rules, pictures and recordings."""
+        tracker = self._tracker
+        if tracker is None:
+            return
+        now, place = self.feed.clock.now(), tracker.last
+        noted: dict[str, Any] = {"status": self._status(now), "waited_s": round(waited_s, _DECIMALS)}
+        if place is not None:
+            noted |= {"x": round(place.xy[0], _DECIMALS), "y": round(place.xy[1], _DECIMALS)}
+            noted["age_s"] = round(tracker.age(now), _DECIMALS)
+            noted |= {} if place.heading is None else {"heading": round(place.heading, _DECIMALS)}
+            on = self._matched_xy()
+            near = ctx.graph.routes.nearest_edge(*on, self._checks.within_m)
+            if near is not None:
+                noted |= {"edge": near.edge_id, "offset_m": round(near.offset, _DECIMALS)}
+                noted["off_m"] = round(float(np.hypot(on[0] - place.xy[0], on[1] - place.xy[1])) + near.distance, 3)
+        ctx.game.data.setdefault(ROBOTS, {})[self.agent] = noted
+
+    def give_up(self, ctx: Context, waited_s: float) -> None:
+        """Refuse the move of a robot that is late."""
+        route, on = self._route, self._on
+        passed = None
+        if route is not None and on is not None and on.off <= self._checks.within_m:
+            passed = route.passed(on.along + self._arrive_m)
+        status = self._status(self.feed.clock.now())
+        here = ctx.agent.get_agent(self.agent).current_node_id
+        ctx.game.refuse(self.agent, f"its robot has not arrived after {waited_s:g} s ({status})")
+        self._put_on = passed if passed != here else None
+        node = here if passed is None else passed
+        ctx.game.emit("robot_late", agent=self.agent, node=node, status=status, waited_s=round(waited_s, _DECIMALS))
+
+    @property
+    def limit_s(self) -> float:
+        """How long a turn waits for it."""
+        return self._limit_s
+
+    # -- parts --------------------------------------------------------------------------------------------------
+
+    def _has_arrived(self) -> bool:
+        route, on, tracker = self._route, self._on, self._tracker
+        if route is None or on is None or tracker is None or self._is_stale(self.feed.clock.now()):
+            return False
+        bound = self._checks.within_m if route.length else self._arrive_m
+        return on.off <= bound and on.along >= route.length - self._arrive_m
+
+    def _is_stale(self, now: float) -> bool:
+        return self._tracker is None or self._tracker.age(now) > self._checks.max_age_s
+
+    def _status(self, now: float) -> str:
+        if self._tracker is None or self._tracker.last is None:
+            return "no fix"
+        if self._is_stale(now):
+            return "stale"
+        return "off road" if self._on is None or self._on.off > self._checks.within_m else "ok"
+
+    def _matched_xy(self) -> XY:
+        """Return the place of the robot on its way, or where it was measured if it is not near it."""
+        place = self._tracker.last if self._tracker is not None else None
+        if self._route is not None and self._on is not None and self._on.off <= self._checks.within_m:
+            return self._route.at(self._on.along)
+        return (0.0, 0.0) if place is None else place.xy
+
+    def _from_where_it_is(self, ctx: Context, planned: Route) -> Route:
+        """Return the planned way, or another one to its end for a robot that is nowhere near it."""
+        place = None if self._tracker is None else self._tracker.last
+        if place is None or planned.place(place.xy).off <= self._checks.within_m:
+            return planned
+        near = ctx.graph.routes.nearest_edge(*place.xy, self._checks.within_m)
+        if near is None:
+            return planned
+        graph, end = ctx.graph.graph, planned.nodes[-1]
+        edge = graph.get_edge(near.edge_id)
+        ways = [(edge.length - near.offset + graph.distance(edge.target, end), edge.source, edge.target)]
+        if edge.source in graph.neighborhoods[edge.target]:
+            ways.append((near.offset + graph.distance(edge.source, end), edge.target, edge.source))
+        far, behind, ahead = min(ways)
+        if far == inf:
+            return planned
+        return route_along(ctx.graph.columns(), (behind, *graph.shortest_path(ahead, end)))
+
+    def _tell(self, ctx: Context) -> None:
+        """Send the robot its way."""
+        if self._send is None or self._route is None:
+            return
+        along = self._on.along if self._on is not None and self._on.off <= self._checks.within_m else 0.0
+        points = self._route.rest(along)[:_MOST_POINTS]
+        message: Message = {"gamms": 1, "type": "waypoints", "agent": self.agent, "turn": ctx.game.turn}
+        message["points"] = points.round(_DECIMALS).tolist()
+        if ctx.graph.crs is not None:
+            lat, lon = ctx.graph.graph.to_latlon(points[:, 0], points[:, 1])
+            message["latlon"] = np.column_stack([lat, lon]).round(_DEGREES).tolist()
+        self._send(message)
+
+    def _draw(self, ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG002 - as drawers are called
+        """Draw where the robot was measured as a ring, a line to it from its agent, and what is left of its way."""
+        place = None if self._tracker is None else self._tracker.last
+        if place is None:
+            return
+        visual = ctx.visual
+        color = visual.drawing.group_colors().get(str(ctx.agent.get_agent(self.agent).team), (90, 90, 90))
+        rest = self._route.rest(self._on.along) if self._route is not None and self._on is not None else ()
+        if len(rest) > 1:
+            visual.render_linestring([(x, y) for x, y in rest], color, _WAY_PX)
+        visual.render_linestring([visual.position_of(self.agent), place.xy], color, _LINE_PX)
+        visual.render_circles([place.xy], _MARK_PX, color, _LINE_PX, in_pixels=True)
+
+
+def drives_of(ctx: Context) -> list[Drive]:
+    """Return the rules of a game by which robots play, in their order."""
+    return [one.rule for one in ctx.game.rules if isinstance(one.rule, Drive)]
+
+
+def hold(ctx: Context, drives: Sequence[Drive]) -> None:
+    """Send robots off, and wait until each has arrived or is late."""
+    clock, moves = drives[0].feed.clock, ctx.game.moves
+    began, waited = clock.now(), 0.0
+    going = [one for one in drives if one.begin(ctx, moves.get(one.agent))]
+    while True:
+        for one in going:
+            one.read()
+        arrived = [one for one in going if not one.is_waited_for()]
+        late = [one for one in going if one not in arrived and waited >= one.limit_s]
+        for one in late:
+            one.give_up(ctx, waited)
+        going = [one for one in going if one not in arrived and one not in late]
+        if not going:
+            break
+        ctx.visual.update()
+        if ctx.visual.is_closing:  # a person has closed the window
+            for one in going:
+                one.give_up(ctx, waited)
+            break
+        clock.sleep(min(_TICK_S, min(one.limit_s for one in going) - waited) or _TICK_S)
+        waited = clock.now() - began
+    for one in drives:
+        one.read()
+        one.note(ctx, waited)
+
+
+def _both_wall(one: Feed, other: Feed) -> bool:
+    return type(one.clock) is type(other.clock) and type(one.clock).__name__ == "WallClock"

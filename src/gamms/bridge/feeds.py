@@ -1,0 +1,225 @@
+"""Where measured positions come from: feeds that other threads may fill, and the clocks by which fixes age."""
+
+import asyncio
+import threading
+import time
+import weakref
+from collections import Counter, deque
+from collections.abc import AsyncIterable, Callable, Iterable, Mapping
+from types import TracebackType
+from typing import Any, NamedTuple, Protocol, Self
+
+from gamms.bridge.lines import Fix, as_fix
+from gamms.errors import BadType, BadValue
+from gamms.text import shown
+
+_MOST_WAITING = 256  # fixes; of more, the oldest are dropped
+_JOIN_S = 1.0
+
+FixLike = Fix | Mapping[str, object]
+Message = dict[str, Any]  # plain values, as docs/bridge.md describes them
+Send = Callable[[Message], object]
+Source = Callable[[], FixLike | Iterable[FixLike] | None] | Iterable[FixLike] | AsyncIterable[FixLike]
+
+
+class Clock(Protocol):
+    """Says what time it is, and waits."""
+
+    def now(self) -> float:
+        """Return seconds since any moment; it never goes back."""
+
+    def sleep(self, seconds: float) -> None:
+        """Wait."""
+
+
+class WallClock:
+    """The clock of the machine."""
+
+    def now(self) -> float:
+        """Return seconds since any moment."""
+        return time.monotonic()
+
+    def sleep(self, seconds: float) -> None:
+        """Wait."""
+        time.sleep(seconds)
+
+
+class SimulatedClock:
+    """A clock that goes on only while it is waited for: games with simulated robots take no time, and are the same.
+
+    Args:
+        start: seconds.
+    """
+
+    def __init__(self, start: float = 0.0) -> None:
+        self._now = start
+
+    def now(self) -> float:
+        """Return the seconds that have been waited."""
+        return self._now
+
+    def sleep(self, seconds: float) -> None:
+        """Go on."""
+        self._now += seconds
+
+
+class Received(NamedTuple):
+    """A fix, and when it came."""
+
+    fix: Fix
+    at: float  # by the clock of the feed
+
+
+class Feed:
+    """The fixes of one robot, as they come; any thread may put some in.
+
+    Args:
+        source: a function that is asked for what is new, and returns None, a fix or several; or an iterable, also an
+            asynchronous one, that a thread reads until it ends or the feed is closed. None: `put` is called.
+        clock: by which fixes age; None: that of the machine.
+        send: takes messages for the robot; None: it gets none.
+
+    Attributes:
+        counts: "received", "bad" (no position), "dropped" (more came than were taken).
+    """
+
+    def __init__(self, source: Source | None = None, *, clock: Clock | None = None, send: Send | None = None) -> None:
+        self.clock: Clock = clock or WallClock()
+        self.send = send
+        self.counts: Counter[str] = Counter()
+        self._waiting: deque[Received] = deque(maxlen=_MOST_WAITING)
+        self._lock = threading.Lock()
+        self._error: Exception | None = None
+        self._ask: Callable[[], object] | None = None
+        self._reader: _Reader | None = None
+        if callable(source):
+            self._ask = source
+        elif isinstance(source, (AsyncIterable, Iterable)) and not isinstance(source, (str, bytes, Mapping)):
+            self._reader = _Reader(self, source)
+        elif source is not None:
+            raise BadType(f"A feed is a function, an iterable of fixes or a gamms.bridge.Feed, not {shown(source)}.")
+
+    def put(self, fix: FixLike) -> None:
+        """Add a fix, at this moment; one without a position is counted and dropped.
+
+        Raises:
+            BadType, BadValue: it is no fix at all.
+        """
+        received = Received(as_fix(fix), self.clock.now())
+        with self._lock:
+            self.counts["received"] += 1
+            if received.fix.flaw is not None:
+                self.counts["bad"] += 1
+                return
+            if len(self._waiting) == self._waiting.maxlen:
+                self.counts["dropped"] += 1
+            self._waiting.append(received)
+
+    def take(self) -> list[Received]:
+        """Return what has come since the last call, and forget it.
+
+        Raises:
+            Exception: what the iterable of the feed has raised, once.
+        """
+        if self._ask is not None:
+            self._put_all(self._ask())
+        with self._lock:
+            taken = list(self._waiting)
+            self._waiting.clear()
+            error, self._error = self._error, None
+        if error is not None:
+            raise error
+        return taken
+
+    def close(self) -> None:
+        """Stop reading the iterable."""
+        if self._reader is not None:
+            self._reader.stop()
+
+    def fail(self, error: Exception) -> None:
+        """Let the next `take` raise an error."""
+        self._error = error
+
+    def _put_all(self, given: Any) -> None:
+        if isinstance(given, (Fix, Mapping)):
+            self.put(given)
+        elif isinstance(given, Iterable) and not isinstance(given, (str, bytes)):
+            for fix in given:
+                self.put(fix)
+        elif given is not None:
+            raise BadType(f"A feed returns None, a fix or several fixes, not {shown(given)}.")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class _Reader:
+    """Reads an iterable in a thread, and lets go of it when its feed is closed or no longer used."""
+
+    def __init__(self, feed: Feed, source: AsyncIterable[FixLike] | Iterable[FixLike]) -> None:
+        self._feed, self._is_stopped = weakref.ref(feed), False
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._task: asyncio.Task[None] | None = None
+        self._thread = threading.Thread(target=self._run, args=(source,), name="gamms feed", daemon=True)
+        self._thread.start()
+
+    def stop(self) -> None:
+        """End the thread, at once where it awaits something, else after the next fix."""
+        self._is_stopped = True
+        loop, task = self._loop, self._task
+        if loop is not None and task is not None and not loop.is_closed():
+            loop.call_soon_threadsafe(task.cancel)
+        if self._thread is not threading.current_thread():
+            self._thread.join(_JOIN_S)
+
+    def _run(self, source: AsyncIterable[FixLike] | Iterable[FixLike]) -> None:
+        try:
+            if isinstance(source, AsyncIterable):
+                asyncio.run(self._await(source))
+            else:
+                for fix in source:
+                    if not self._put(fix):
+                        return
+        except asyncio.CancelledError:
+            return
+        except Exception as error:  # noqa: BLE001 - it is raised where the feed is used
+            feed = self._feed()
+            if feed is not None:
+                feed.fail(error)
+
+    async def _await(self, source: AsyncIterable[FixLike]) -> None:
+        self._loop, self._task = asyncio.get_running_loop(), asyncio.current_task()
+        if self._is_stopped:
+            return
+        async for fix in source:
+            if not self._put(fix):
+                return
+
+    def _put(self, fix: FixLike) -> bool:
+        feed = self._feed()
+        if feed is None or self._is_stopped:
+            return False
+        feed.put(fix)
+        return True
+
+
+def as_feed(source: object, clock: Clock | None) -> Feed:
+    """Return a feed of what a program gives as one.
+
+    Raises:
+        BadType, BadValue: it is none, or it has another clock.
+    """
+    if not isinstance(source, Feed):
+        own: Any = getattr(source, "clock", None) if clock is None else clock
+        given: Any = source
+        if given is None:
+            raise BadType("A feed is a function, an iterable of fixes or a gamms.bridge.Feed, not None.")
+        return Feed(given, clock=own, send=getattr(source, "send", None))
+    if clock is not None and source.clock is not clock:
+        raise BadValue("This feed has a clock of its own: give the clock to Feed(…, clock=…) alone.")
+    return source

@@ -1,0 +1,80 @@
+"""A robot that is simulated: it drives along its waypoints and reports where it is."""
+
+from math import atan2, degrees, hypot
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_int, as_name, as_range
+from gamms.bridge.feeds import Clock, Message, SimulatedClock
+from gamms.bridge.lines import Fix
+from gamms.context import Context
+from gamms.typing import IAgent
+
+
+class SimulatedRobot:
+    """Drives along the waypoints that it is sent, at one speed, and returns a fix whenever it is called.
+
+    It is a feed: `ctx.game.add(gamms.bridge.drive("anna", SimulatedRobot(ctx, "anna")))`. With the same clock, speed
+    and seed it does the same.
+
+    Args:
+        ctx: the context.
+        agent: the agent, or its name: where it begins.
+        clock: by which it drives; None: a `SimulatedClock` of its own. Several robots in one game share a clock.
+        speed: metres per second.
+        noise_m: standard deviation of the error of each coordinate.
+        seed: of the errors.
+
+    Attributes:
+        clock: its clock.
+        xy: where it is.
+    """
+
+    def __init__(
+        self,
+        ctx: Context,
+        agent: IAgent | str,
+        *,
+        clock: Clock | None = None,
+        speed: float = 1.5,
+        noise_m: float = 0.0,
+        seed: int = 0,
+    ) -> None:
+        name = as_name(getattr(agent, "name", agent), "an agent")
+        one = ctx.agent.get_agent(name)
+        self.clock: Clock = clock or SimulatedClock()
+        self._speed, self._noise_m = as_range(speed, "speed"), as_range(noise_m, "noise_m")
+        self._rng = kernels.stream(as_int(seed, "seed"), "simulated robot", name)
+        self.xy: tuple[float, float] = one.xy
+        self._way: list[tuple[float, float]] = []
+        self._heading: float | None = None
+        self._time = self.clock.now()
+
+    def send(self, message: Message) -> None:
+        """Take waypoints; whatever else it is sent stops it."""
+        self._drive()
+        points = message["points"] if message.get("type") == "waypoints" else []
+        self._way = [(float(x), float(y)) for x, y in points]
+
+    def __call__(self) -> Fix:
+        """Return where it is now."""
+        self._drive()
+        x, y = np.array(self.xy) + self._noise_m * self._rng.standard_normal(2)
+        return Fix(t=self._time, x=float(x), y=float(y), heading=self._heading)
+
+    def _drive(self) -> None:
+        """Go on for the time that has passed."""
+        now = self.clock.now()
+        left, self._time = self._speed * (now - self._time), now
+        while self._way and left > 0.0:
+            (x, y), (to_x, to_y) = self.xy, self._way[0]
+            dx, dy = to_x - x, to_y - y
+            apart = hypot(dx, dy)
+            if apart > 0.0:
+                self._heading = degrees(atan2(dx, dy)) % 360.0
+            if apart <= left:
+                self.xy = self._way.pop(0)
+            else:
+                self.xy = (x + dx / apart * left, y + dy / apart * left)
+            left -= apart
