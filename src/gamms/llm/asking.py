@@ -1,0 +1,113 @@
+"""The calls for one decision: asked until an answer counts, within the limits of time, calls, tokens and money."""
+
+import asyncio
+import json
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from gamms.context import Context
+from gamms.llm import server
+from gamms.llm.decisions import ANSWERED
+from gamms.llm.limits import Account, Settings, Spent
+from gamms.llm.questions import Choice, Question, WrongAnswer, choice_of, parsed
+from gamms.plain import Plain
+from gamms.typing.game import AerialState, State
+
+if TYPE_CHECKING:
+    from openai import AsyncOpenAI
+
+_BACKOFF_S = 0.5  # before a request is sent again; then twice as long, and so on
+_RESERVE, _RESERVE_S = 0.1, 0.25  # of the time that the game gives a turn, for the fallback: a share, and at least
+_MOST_OF_AN_ANSWER = 2000  # characters that are kept, and shown to the model again
+_TIMEOUT = "timeout"
+
+
+class Asking:
+    """How a decision is got from a server.
+
+    Args:
+        client: of the server.
+        settings: of the strategy.
+        account: of the game.
+        ctx: of the game; None: in a loop of the program's own.
+
+    Attributes:
+        choice: what the model chose; None: nothing that counts.
+        answer: the same as JSON.
+        log: what came of each call, as plain values.
+        spent: what all calls took.
+    """
+
+    def __init__(self, client: "AsyncOpenAI", settings: Settings, account: Account, ctx: Context | None) -> None:
+        self._client, self._settings, self._account, self._ctx = client, settings, account, ctx
+        self.choice: Choice | None = None
+        self.answer: str | None = None
+        self.log: list[dict[str, Plain]] = []
+        self.spent = Spent()
+        self._end = 0.0
+
+    async def outcome(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
+        """Ask, and return "answer" or why there is none."""
+        loop, settings = asyncio.get_running_loop(), self._settings
+        deadline = None if self._ctx is None else self._ctx.game.deadline_s
+        last = None if deadline is None else loop.time() + _time_to_ask(deadline)
+        with suppress(TimeoutError):
+            async with asyncio.timeout_at(last), self._account.gate(settings.at_once):
+                self._end = min(loop.time() + settings.seconds, last or float("inf"))
+                async with asyncio.timeout_at(self._end):
+                    return await self._attempts(request, question, state)
+        return _TIMEOUT
+
+    async def _attempts(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
+        outcome, messages = "", request["messages"]
+        for number in range(self._settings.attempts):
+            body = {**request, "messages": messages}
+            reserved = len(json.dumps(body)), self._settings.longest_answer  # a token has at least one byte
+            limit = self._account.reserve(self._ctx, *reserved)
+            if limit:
+                return f"limit: {limit}"
+            reply = await self._call(body, reserved)
+            if reply.text is None:
+                outcome, wait = reply.problem, max(reply.wait_s, _BACKOFF_S * 2**number)
+                is_in_time = asyncio.get_running_loop().time() + wait < self._end
+                if not reply.is_passing or not is_in_time or number + 1 == self._settings.attempts:
+                    return outcome
+                await asyncio.sleep(wait)
+                continue
+            try:
+                answer = server.without_secrets(parsed(reply.text), self._client)
+                self.choice = choice_of(answer, question, state, self._ctx)
+            except WrongAnswer as error:
+                outcome = f"wrong answer: {error}"
+                said = {"role": "assistant", "content": reply.text[:_MOST_OF_AN_ANSWER]}
+                again = {"role": "user", "content": f"That does not count: {error}. Answer again."}
+                messages = [*messages, said, again]
+            else:
+                self.answer = json.dumps(answer, sort_keys=True)
+                return ANSWERED
+        return outcome
+
+    async def _call(self, body: dict[str, Plain], reserved: tuple[int, int]) -> server.Reply:
+        """Send one request, and count what it took: all that was reserved if the server does not say."""
+        loop = asyncio.get_running_loop()
+        began, reply = loop.time(), server.Reply(None, _TIMEOUT)
+        try:
+            reply = await server.ask(self._client, body)
+            return reply
+        finally:
+            tokens = reserved if reply.tokens is None else reply.tokens
+            self._account.settle(reserved, tokens)
+            self.spent.add(*tokens, calls=1)
+            entry = {
+                "outcome": reply.problem or ANSWERED,
+                "text": None if reply.text is None else reply.text[:_MOST_OF_AN_ANSWER],
+                "input_tokens": tokens[0],
+                "output_tokens": tokens[1],
+                "seconds": round(loop.time() - began, 3),
+            }
+            self.log.append(entry)
+
+
+def _time_to_ask(deadline_s: float) -> float:
+    """Return how many seconds of a turn may go by before the fallback plays."""
+    return max(deadline_s / 2, deadline_s - max(_RESERVE * deadline_s, _RESERVE_S))

@@ -1,0 +1,159 @@
+"""What was decided with a language model: kept in a file, and in recordings, so that games play without the server."""
+
+import json
+import os
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, field
+from hashlib import sha256
+from pathlib import Path
+from types import UnionType
+from typing import Any, Self
+
+from gamms import recorder
+from gamms.arguments import as_path
+from gamms.errors import BadFile, MissingFile, MissingFolder
+from gamms.limits import refuse_above
+from gamms.plain import Plain
+from gamms.text import reason, shown
+
+EVENT = "llm"
+"""The kind of the events that decisions are in results and recordings."""
+
+ANSWERED = "answer"
+"""The outcome of a decision of the model's; any other says why the fallback has decided."""
+
+_FORMAT = "gamms llm decisions 1"
+_BYTES_PER_LETTER = 40  # of memory for each byte of JSON: `{"":0}` takes most
+_MOST = 1 << 53  # that a count may be
+_IN_LOG = "log"
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What an agent decided in a turn.
+
+    Attributes:
+        turn: from 1.
+        agent: its name.
+        request: the digest of what was asked.
+        outcome: "answer", or why the fallback has decided.
+        answer: what the model chose, as JSON; None: nothing that counts.
+        calls: how often the server was asked.
+        input_tokens: of the questions.
+        output_tokens: of the answers.
+        cost: of both, by the prices of the strategy.
+        log: what came of each call; not in events.
+    """
+
+    turn: int
+    agent: str
+    request: str
+    outcome: str
+    answer: str | None
+    calls: int
+    input_tokens: int
+    output_tokens: int
+    cost: float
+    log: list[dict[str, Plain]] = field(default_factory=list, compare=False)
+
+    @classmethod
+    def of(cls, plain: Mapping[str, Any]) -> "Self":
+        """Return the decision that plain values of any origin are.
+
+        Raises:
+            BadFile: they are none; the message says which value is at fault.
+        """
+        for name, kind in _KINDS.items():
+            value = plain.get(name)
+            is_right = isinstance(value, kind) and not isinstance(value, bool)
+            if not is_right or (isinstance(value, (int, float)) and not 0 <= value < _MOST):
+                raise BadFile(f"its {name!r} is {shown(value)}")
+        return cls(**{name: plain[name] for name in _KINDS})
+
+    def as_event(self) -> dict[str, Plain]:
+        """Return what an event of the decision holds, besides its turn."""
+        return {name: value for name, value in asdict(self).items() if name not in ("turn", _IN_LOG)}
+
+
+_KINDS: dict[str, type | UnionType] = {
+    **dict.fromkeys(("agent", "request", "outcome"), str),
+    "answer": str | None,
+    **dict.fromkeys(("turn", "calls", "input_tokens", "output_tokens"), int),
+    "cost": int | float,
+}
+
+
+def digest(asked: Plain) -> str:
+    """Return the digest of what was asked."""
+    written = json.dumps(asked, sort_keys=True, ensure_ascii=False, separators=(",", ":"))
+    return sha256(written.encode("utf-8", "surrogatepass")).hexdigest()[:32]
+
+
+class DecisionFile:
+    """Decisions that are found by the digests of what was asked.
+
+    Args:
+        path: a file of lines of JSON, to which decisions are added, and which is made when the first one is; or a
+            recording, `.ggr`, which is only read; None: nothing is kept.
+
+    Raises:
+        BadFile (ValueError): it is no such file.
+        TooLarge (ValueError): it would take more memory than is allowed.
+        MissingFile (FileNotFoundError): there is no such recording.
+        MissingFolder (FileNotFoundError): there is no folder for the file.
+    """
+
+    def __init__(self, path: str | os.PathLike[str] | None) -> None:
+        self._path: Path | None = None if path is None else as_path(path, "calls")
+        self._known: dict[str, Decision] = {}
+        if self._path is None:
+            return
+        self._is_recording = self._path.suffix == ".ggr"
+        if self._is_recording and not self._path.is_file():
+            raise MissingFile("calls", self._path)
+        if not self._path.parent.is_dir():
+            raise MissingFolder(self._path.name, self._path.parent)
+        if self._path.is_file():
+            for decision in self._in_recording() if self._is_recording else self._in_lines():
+                self._known[decision.request] = decision
+
+    def __str__(self) -> str:
+        """Name the file."""
+        return "no file" if self._path is None else repr(str(self._path))
+
+    def get(self, request: str) -> Decision | None:
+        """Return the decision of a request; None if there is none."""
+        return self._known.get(request)
+
+    def add(self, decision: Decision) -> None:
+        """Keep a decision; the last one of a request counts."""
+        if self._path is None or self._is_recording:
+            return
+        self._known[decision.request] = decision
+        is_new = not self._path.exists() or not self._path.stat().st_size
+        lines = [{"format": _FORMAT}] if is_new else []
+        with self._path.open("a", encoding="utf-8") as file:
+            file.write("".join(json.dumps(line) + "\n" for line in [*lines, asdict(decision)]))
+
+    def _in_lines(self) -> Iterator[Decision]:
+        path = self._path or Path()
+        refuse_above(path.stat().st_size * _BYTES_PER_LETTER, f"Reading {str(path)!r}")
+        with path.open("rb") as file:
+            for number, line in enumerate(file, 1):
+                try:
+                    plain = json.loads(line)
+                    if not isinstance(plain, dict) or (number == 1 and plain.get("format") != _FORMAT):
+                        raise BadFile(f"it does not begin with the format {_FORMAT!r}, or has a line that is no object")
+                    if number > 1:
+                        yield Decision.of(plain)
+                except (ValueError, RecursionError) as error:
+                    raise BadFile(
+                        f"{str(path)!r} holds no decisions of language models, in line {number}: {reason(error)}. Give "
+                        "calls= the name of a new file, or of one that gamms.llm has written."
+                    ) from None
+
+    def _in_recording(self) -> Iterator[Decision]:
+        with recorder.open(self._path or "") as recording:
+            for event in recording.events():
+                if event["kind"] == EVENT:
+                    yield Decision.of(event)
