@@ -1,4 +1,4 @@
-"""The example that trains pursuers, in a short version."""
+"""The examples that train pursuers, in short versions."""
 
 import runpy
 import sys
@@ -9,16 +9,34 @@ import pytest
 import gamms
 
 pytest.importorskip("torch", reason='torch is not installed: pip install "gamms[train]"')
+pytest.importorskip("sb3_contrib", reason='sb3-contrib is not installed: pip install "gamms[train]"')
 
-FILE = Path(__file__).parents[2] / "examples" / "rl" / "ppo.py"
+FOLDER = Path(__file__).parents[2] / "examples" / "rl"
 
 
-def test_the_example_trains_and_compares(monkeypatch, capsys, tmp_path):
-    options = ["--iterations", "1", "--seeds", "2", "--games", "20", "--held-out", "20", "--record"]
-    monkeypatch.setattr(sys, "argv", [str(FILE), *options, str(tmp_path / "game.ggr")])
-    runpy.run_path(str(FILE), run_name="__main__")
+@pytest.mark.parametrize("name", ["ppo", "sb3"])
+def test_an_example_trains_and_compares(name, monkeypatch, capsys, tmp_path):
+    file = FOLDER / f"{name}.py"
+    options = ["--iterations", "1", "--seeds", "2", "--games", "20", "--held-out", "20", "--out", str(tmp_path)]
+    monkeypatch.setattr(sys, "argv", [str(file), *options, "--record", str(tmp_path / "game.ggr")])
+    monkeypatch.syspath_prepend(FOLDER)
+    runpy.run_path(str(file), run_name="__main__")
     with gamms.recorder.open(tmp_path / "game.ggr") as recording:
         assert 0 < recording.turns <= 150
     printed = capsys.readouterr().out
-    assert "seed 2, iteration 1" in printed
+    assert "seed 2: " in printed
     assert "more than chase: interquartile mean" in printed
+
+
+def test_a_policy_of_the_example_plays_the_same_games_alone_and_in_a_batch(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(FOLDER)
+    pursuit = runpy.run_path(str(FOLDER / "pursuit.py"))
+    train = runpy.run_path(str(FOLDER / "ppo.py"))["train"]
+    train(1, tmp_path / "red.safetensors", 1, 10)
+    scenario = pursuit["SCENARIO"]
+    red = gamms.rl.policy(tmp_path / "red.safetensors", observation=pursuit["observe"])
+    with scenario.batch(5, seed=3, strategies={"red": red}) as games:
+        games.run()
+        assert games.slow is None
+        for game in range(5):
+            assert games.result(game) == scenario.play(seed=3 + game, strategies={"red": red})

@@ -9,6 +9,7 @@ from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks
 
 from gamms import rl
+from gamms.errors import BadValue
 from gamms.scenario import Scenario
 
 
@@ -46,3 +47,75 @@ def test_the_last_observation_of_a_game_is_kept():
     for slot in range(6):
         assert infos[slot]["TimeLimit.truncated"]
         assert (infos[slot]["terminal_observation"]["observation"] != observed["observation"][slot]).any()
+
+
+def test_the_turns_of_agents_that_are_out_are_not_learned_of():
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+    env = rl.sb3_env(
+        scene(side=4).replace(
+            teams={
+                "red": {"count": 1, "strategy": "gamms.strategies:random_walk"},
+                "blue": {"count": 3, "sensors": ["near"]},
+            },
+            rules=[tag, "last_team"],
+        ),
+        num_games=8,
+        team="blue",
+    )
+    valid = []
+    step = env.step_wait
+
+    def noted():
+        played = step()
+        valid.append([info.get("valid", True) for info in played[3]])
+        return played
+
+    env.step_wait = noted
+    model = MaskablePPO(
+        "MultiInputPolicy", env, n_steps=16, batch_size=1000, n_epochs=1, seed=1, device="cpu", **env.rollouts
+    )
+    model.learn(16 * env.num_envs)
+    is_valid = np.array(valid).T.ravel()
+    rollouts = model.rollout_buffer
+    assert 0 < is_valid.sum() < len(is_valid)
+    assert len(rollouts.advantages) == is_valid.sum()
+    assert sum(len(batch.actions) for batch in rollouts.get(64)) == is_valid.sum()
+    own = rollouts.observations["observation"]
+    assert own[:, :2].any(axis=1).all()  # the place of an agent that is there; of one that is out 0, 0
+
+
+def test_a_model_that_was_loaded_needs_the_rollouts_of_its_environment(tmp_path):
+    env = rl.sb3_env(scene(), num_games=2, team="red")
+    MaskablePPO("MultiInputPolicy", env, n_steps=8, batch_size=16, device="cpu", **env.rollouts).save(
+        tmp_path / "m.zip"
+    )
+    model = MaskablePPO.load(tmp_path / "m.zip", env, device="cpu")
+    with pytest.raises(BadValue, match=r"load\(path, env, \*\*env.rollouts\)"):
+        model.learn(32)
+    MaskablePPO.load(tmp_path / "m.zip", env, device="cpu", **env.rollouts).learn(32)
+    env.close()
+
+
+def test_a_model_is_saved_as_a_policy_that_plays_as_it_does(tmp_path):
+    env = rl.sb3_env(scene(), num_games=4, team="red", seed=5)
+    model = MaskablePPO("MultiInputPolicy", env, n_steps=8, batch_size=64, seed=1, device="cpu", **env.rollouts)
+    model.learn(512)
+    rl.save_policy(model, tmp_path / "red.safetensors", env)
+    model.save(tmp_path / "red.zip")
+    red = rl.policy(tmp_path / "red.safetensors")
+    trusted = rl.policy(tmp_path / "red.zip", trusted=True)
+    env.seed(9)
+    observed = env.reset()
+    with scene().batch(4, seed=9, strategies={"red": red}) as games:
+        for _ in range(3):
+            chosen, _ = model.predict(observed, action_masks=get_action_masks(env), deterministic=True)
+            observed, *_ = env.step(chosen)
+            games.step()
+            going = ~games.is_over
+            places = env.learners.games.observe("red").node
+            assert (games.observe("red").node[going] == places[going]).all()
+    env.close()
+    results = [scene().play(seed=3, strategies={"red": one}) for one in (red, trusted)]
+    assert results[0] == results[1]
+    with pytest.raises(BadValue, match="is a pickle"):
+        rl.policy(tmp_path / "red.zip")

@@ -5,11 +5,13 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from sb3_contrib.common.maskable.buffers import MaskableDictRolloutBuffer
 from stable_baselines3 import PPO
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
-from gamms.errors import UnknownName
+from gamms.errors import BadValue, UnknownName
+from gamms.ir.obstacles import BoolArray
 from gamms.rl.gym_envs import GamesEnv
 
 _METHODS = ("action_masks",)
@@ -22,6 +24,63 @@ def loaded(file: Path) -> Any:
     data, _, _ = load_from_zip_file(file, device="cpu")
     is_masked = "maskable" in str(getattr(data.get("policy_class"), "__module__", ""))
     return (MaskablePPO if is_masked else PPO).load(file, device="cpu")
+
+
+class Validity:
+    """Which slots took part in the last turn, for the rollouts of a model; a model that is saved has none.
+
+    Attributes:
+        now: (slots,) None: of no environment.
+    """
+
+    def __init__(self) -> None:
+        self.now: BoolArray | None = None
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Validity, ()
+
+
+class LivingRollouts(MaskableDictRolloutBuffer):  # type: ignore[misc] # as above
+    """Rollouts without the turns of agents that were out of their games: nothing is learned of them.
+
+    Args:
+        given: see `sb3_contrib.common.maskable.buffers.MaskableDictRolloutBuffer`.
+        validity: of the environment.
+        more: see `given`.
+    """
+
+    buffer_size: int
+    n_envs: int
+    observations: dict[str, Any]
+
+    def __init__(self, *given: Any, validity: Validity, **more: Any) -> None:
+        super().__init__(*given, **more)
+        self._validity, self._shape = validity, (self.buffer_size, self.n_envs)
+        self._is_valid = np.ones(self._shape, np.bool_)
+
+    def reset(self) -> None:
+        """Empty it, and make it as large as it was."""
+        if hasattr(self, "_shape"):  # not while it is made
+            self.buffer_size, self.n_envs = self._shape
+        super().reset()
+
+    def add(self, *given: Any, **more: Any) -> None:
+        """Add a turn of all slots."""
+        if self._validity.now is None:
+            raise BadValue(
+                "A model that was loaded needs the rollouts of its environment: load(path, env, **env.rollouts)."
+            )
+        self._is_valid[self.pos] = self._validity.now
+        super().add(*given, **more)
+
+    def compute_returns_and_advantage(self, last_values: Any, dones: Any) -> None:
+        """Work out what was gained, and then leave out the turns that do not count."""
+        super().compute_returns_and_advantage(last_values, dones)
+        rows = np.flatnonzero(self.swap_and_flatten(self._is_valid))
+        for name in ("actions", "values", "log_probs", "advantages", "returns", "action_masks"):
+            setattr(self, name, self.swap_and_flatten(getattr(self, name))[rows])
+        self.observations = {key: self.swap_and_flatten(one)[rows] for key, one in self.observations.items()}
+        self.buffer_size, self.n_envs, self.generator_ready = len(rows), 1, True
 
 
 class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always there to be checked
@@ -37,6 +96,11 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
     def __init__(self, games: GamesEnv) -> None:
         self._games, self.learners, self._actions = games, games.learners, np.zeros(games.num_envs, np.int64)
         self._seed: int | None = None
+        self._validity = Validity()
+        self.rollouts: dict[str, Any] = {
+            "rollout_buffer_class": LivingRollouts,
+            "rollout_buffer_kwargs": {"validity": self._validity},
+        }
         super().__init__(games.num_envs, games.single_observation_space, games.single_action_space)
 
     def reset(self) -> dict[str, Any]:
@@ -57,7 +121,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
     def step_wait(self) -> tuple[Any, Any, Any, list[dict[str, Any]]]:
         """Play it."""
         observed, rewards, terminated, truncated, infos = self._games.step(self._actions)
-        ends = terminated | truncated
+        ends, self._validity.now = terminated | truncated, infos["valid"]
         of_slots: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         for slot in np.flatnonzero(~infos["valid"]).tolist():
             of_slots[slot]["valid"] = False
