@@ -4,14 +4,16 @@
 
 `driving.py` has the rule by which a robot plays an agent; read it first. `lines.py` has the messages, `feeds.py` where
 fixes come from, `matching.py` where on the roads they are, `simulated.py` a robot for trying things out. A client of
-contexts: May import: `scenario`, `rules`, `recordings` and below. A way to reach robots is one class with `feed(agent)`
-and `send(message)`.
+contexts: May import: `scenario`, `rules`, `recordings` and below. `links.py` has the ways to reach robots, to which a
+class may be added, and `rules.py` what is exchanged in every turn.
 """
 
 from gamms.bridge.driving import Drive, drive
 from gamms.bridge.feeds import Clock, Feed, SimulatedClock, WallClock
 from gamms.bridge.lines import BadLine, Fix
+from gamms.bridge.links import Link, Process, Udp, WebSocketServer
 from gamms.bridge.matching import Checks
+from gamms.bridge.rules import positions, publish, traffic
 from gamms.bridge.simulated import SimulatedRobot
 
 __all__ = [
@@ -21,8 +23,15 @@ __all__ = [
     "Drive",
     "Feed",
     "Fix",
+    "Link",
+    "Process",
     "SimulatedClock",
     "SimulatedRobot",
+    "Udp",
     "WallClock",
+    "WebSocketServer",
     "drive",
+    "positions",
+    "publish",
+    "traffic",
 ]

@@ -19,6 +19,7 @@ LONGEST_LINE = 1 << 16  # bytes
 _FAR = 1e9  # map units
 _NUMBERS = ("t", "lat", "lon", "x", "y", "heading")
 
+Id = Annotated[int, msgspec.Meta(ge=-(1 << 63), le=(1 << 63) - 1)]
 Name = Annotated[str, msgspec.Meta(max_length=200)]
 
 
@@ -68,9 +69,9 @@ class Roads(msgspec.Struct, frozen=True, tag="roads", tag_field="type"):
     """
 
     turn: int
-    close: list[int] = []
-    open: list[int] = []
-    travel_time: dict[int, Annotated[float, msgspec.Meta(gt=0.0)]] = {}
+    close: list[Id] = []
+    open: list[Id] = []
+    travel_time: dict[Id, Annotated[float, msgspec.Meta(gt=0.0)]] = {}
     gamms: Literal[1] = 1
 
 

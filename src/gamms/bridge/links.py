@@ -1,0 +1,434 @@
+"""Ways to reach robots and other programs by lines of JSON: UDP, WebSocket, and the pipes of a process.
+
+A link never blocks a game: what cannot be sent at once is counted and dropped, and so is what comes in too large a
+number. A further way is a class that calls `_take` for each line and has `_transmit`.
+"""
+
+import socket
+import subprocess
+import threading
+from abc import ABC, abstractmethod
+from collections import Counter, deque
+from collections.abc import Sequence
+from queue import Empty, Full, Queue
+from time import monotonic
+from types import TracebackType
+from typing import IO, TYPE_CHECKING, Any, Self
+
+from gamms.arguments import as_count, as_items, as_name
+from gamms.bridge.feeds import Clock, Feed, Message
+from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, Roads, line_of, parse
+from gamms.errors import BadType, BadValue, MissingExtra
+from gamms.text import shown
+
+if TYPE_CHECKING:
+    from asyncio import AbstractEventLoop, Event
+
+    from websockets.asyncio.server import Server, ServerConnection
+
+Address = tuple[str, int]
+
+_MOST_ROADS = 256  # messages that wait
+_MOST_AT_ONCE = 1_000  # datagrams that are read in one look
+_MOST_UNSENT = 1_000  # lines that wait to be sent
+_DATAGRAM = 65_507  # bytes that fit into one, by IPv4
+_MOST_BAD = 100  # lines of one viewer
+_MOST_VIEWERS = 64
+_MOST_BUFFERED = 1 << 20  # bytes for one viewer
+_GRACE_S = 2.0
+_CLOSE_S = 0.2  # that a peer has to answer when it is disconnected
+_PORTS = 1 << 16
+
+
+class Link(ABC):
+    """Exchanges lines of JSON with another program.
+
+    Attributes:
+        counts: lines that were "received", and of these "bad" and "unknown" (of an agent that nothing asks for);
+            "dropped" (more came than were taken); "sent" and "unsent" (there was no room, or no one to send to).
+    """
+
+    def __init__(self, clock: Clock | None = None) -> None:
+        self.counts: Counter[str] = Counter()
+        self._clock, self._feeds = clock, dict[str, Feed]()
+        self._roads: deque[Roads] = deque(maxlen=_MOST_ROADS)
+        self._has_news = threading.Condition()
+
+    def feed(self, agent: str) -> Feed:
+        """Return the fixes of the robot of an agent; what is sent to the robot goes out by this link."""
+        name = as_name(agent, "an agent")
+        if name not in self._feeds:
+            self._feeds[name] = Feed(self._look, clock=self._clock, send=self.send)
+        return self._feeds[name]
+
+    def send(self, message: Message) -> None:
+        """Send a message as one line; it is dropped and counted where that is not possible at once."""
+        line = line_of(str(message.get("type", "")), message)
+        if len(line) <= LONGEST_LINE and self._transmit(line):
+            self._count("sent")
+        else:
+            self._count("unsent")
+
+    def roads(self, turn: int, wait_s: float = 0.0) -> Roads | None:
+        """Return what has come about the roads for a turn, once it is there; None: nothing did in time.
+
+        What came for earlier turns is forgotten.
+        """
+        ends = monotonic() + wait_s
+        with self._has_news:
+            while True:
+                self._look()
+                while self._roads and self._roads[0].turn < turn:
+                    self._roads.popleft()
+                found = next((one for one in self._roads if one.turn == turn), None)
+                left = ends - monotonic()
+                if found is not None or left <= 0.0 or not self._may_come():
+                    return found
+                self._has_news.wait(min(left, 0.01))
+
+    @abstractmethod
+    def close(self) -> None:
+        """End the connection, and the threads that serve it."""
+
+    @abstractmethod
+    def _transmit(self, line: bytes) -> bool:
+        """Send a line, or return False where that is not possible at once."""
+
+    def _look(self) -> None:
+        """Take the lines that have come."""
+        return  # links with a thread of their own have done so
+
+    def _may_come(self) -> bool:
+        """Return whether more lines may come."""
+        return True
+
+    def _count(self, what: str) -> None:
+        with self._has_news:
+            self.counts[what] += 1
+
+    def _take(self, line: bytes | str) -> bool:
+        """Take a line that has come; return whether it is one."""
+        self._count("received")
+        try:
+            message = parse(line)
+        except BadLine:
+            self._count("bad")
+            return False
+        with self._has_news:
+            if isinstance(message, Roads):
+                if len(self._roads) == self._roads.maxlen:
+                    self.counts["dropped"] += 1
+                self._roads.append(message)
+                self._has_news.notify_all()
+                return True
+            feed = self._feeds.get(message.agent)
+            if feed is None:
+                self.counts["unknown"] += 1
+        if feed is not None and isinstance(message, Fix):
+            feed.put(message)
+        return True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+
+class Udp(Link):
+    """Exchanges lines by UDP, one in each datagram. UDP tells nobody apart: listen where no stranger can send.
+
+    Args:
+        listen: host and port where datagrams are read; port 0 takes a free one. None: nothing comes in.
+        to: host and port that lines are sent to; None: nothing goes out.
+        clock: by which fixes age; None: that of the machine.
+
+    Attributes:
+        address: where it listens; None if it does not.
+
+    Raises:
+        BadType, BadValue: an address is none, or there is neither.
+        OSError: the port is taken.
+    """
+
+    def __init__(self, listen: Address | None = None, to: Address | None = None, *, clock: Clock | None = None) -> None:
+        super().__init__(clock)
+        if listen is None and to is None:
+            raise BadValue("A link by UDP needs listen=(host, port), to=(host, port), or both.")
+        self._to = None if to is None else as_address(to, "to", 1)
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            self._socket.setblocking(False)
+            if listen is not None:
+                self._socket.bind(as_address(listen, "listen", 0))
+        except BaseException:
+            self._socket.close()
+            raise
+        self.address: Address | None = None if listen is None else self._socket.getsockname()[:2]
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _transmit(self, line: bytes) -> bool:
+        if self._to is None or len(line) > _DATAGRAM:
+            return False
+        try:
+            self._socket.sendto(line, self._to)
+        except OSError:  # no room, no route, or closed
+            return False
+        return True
+
+    def _look(self) -> None:
+        if self.address is None:
+            return
+        for _ in range(_MOST_AT_ONCE):
+            try:
+                line = self._socket.recv(LONGEST_LINE + 1)
+            except BlockingIOError:
+                return
+            except ConnectionError:  # a datagram that was sent before met no one
+                continue
+            except OSError:
+                return
+            self._take(line)
+
+
+class Process(Link):
+    """Starts another program, and exchanges lines with its standard input and output.
+
+    Args:
+        command: the program and its arguments; no shell reads them.
+        clock: by which fixes age; None: that of the machine.
+
+    Raises:
+        BadType: the command is no list of texts.
+        OSError: the program cannot be started.
+    """
+
+    def __init__(self, command: Sequence[str], *, clock: Clock | None = None) -> None:
+        super().__init__(clock)
+        words = [as_name(word, "a part of a command") for word in as_items(command, "command", "texts")]
+        if not words:
+            raise BadValue("command must begin with the program that is started, not be empty.")
+        self._process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=subprocess.PIPE)  # noqa: S603 - the caller's
+        self._unsent: Queue[bytes | None] = Queue(_MOST_UNSENT)
+        self._threads = [
+            threading.Thread(target=work, name=f"gamms {name}", daemon=True)
+            for name, work in (("lines in", self._read), ("lines out", self._write))
+        ]
+        for thread in self._threads:
+            thread.start()
+
+    def close(self) -> None:
+        """End the program: it gets the end of its input, and is killed if it does not end by that."""
+        self._stop_writing()
+        try:
+            self._process.wait(_GRACE_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+        for thread in self._threads:
+            thread.join(_GRACE_S)
+        for pipe in (self._process.stdin, self._process.stdout):
+            if pipe is not None:
+                _close_quietly(pipe)
+
+    def _stop_writing(self) -> None:
+        while True:
+            try:
+                self._unsent.put_nowait(None)
+            except Full:
+                try:
+                    self._unsent.get_nowait()
+                except Empty:
+                    continue
+            else:
+                return
+
+    def _transmit(self, line: bytes) -> bool:
+        try:
+            self._unsent.put_nowait(line)
+        except Full:
+            return False
+        return self._may_come()
+
+    def _may_come(self) -> bool:
+        return self._threads[0].is_alive() or bool(self._roads)
+
+    def _read(self) -> None:
+        pipe = self._process.stdout
+        is_rest = False  # of a line that is too long
+        while pipe is not None and (line := pipe.readline(LONGEST_LINE + 1)):
+            is_whole = line.endswith(b"\n")
+            if not is_rest:
+                self._take(line.rstrip(b"\n") if is_whole else line)
+            is_rest = not is_whole
+
+    def _write(self) -> None:
+        pipe = self._process.stdin
+        while pipe is not None and (line := self._unsent.get()) is not None:
+            try:
+                pipe.write(line + b"\n")
+                pipe.flush()
+            except OSError:  # the program has ended
+                break
+        if pipe is not None:
+            _close_quietly(pipe)
+
+
+class WebSocketServer(Link):
+    """Offers lines to any number of viewers and robots, which connect to it by WebSocket.
+
+    It is a server because viewers come and go while a game is played, and pages in a browser can only be clients. One
+    that reads too slowly, or sends nothing but bad lines, is disconnected.
+
+    Args:
+        port: 0 takes a free one.
+        host: "127.0.0.1" lets programs of this machine connect, "0.0.0.0" those of all others, too.
+        origins: of pages in browsers that may connect, such as "http://localhost:8000"; programs that are no browsers
+            name none, and may.
+        clock: by which fixes age; None: that of the machine.
+
+    Attributes:
+        url: where it can be reached.
+
+    Raises:
+        MissingExtra (ImportError): websockets is not installed.
+        OSError: the port is taken.
+    """
+
+    def __init__(
+        self, port: int = 0, host: str = "127.0.0.1", *, origins: Sequence[str] = (), clock: Clock | None = None
+    ) -> None:
+        super().__init__(clock)
+        try:
+            import websockets  # noqa: F401 - it is imported where it is used
+        except ImportError:
+            raise MissingExtra("A WebSocket server", "web") from None
+        self._listen = as_address((host, port), "(host, port)", 0)
+        self._origins: list[Any] = [None, *(as_name(one, "an origin") for one in as_items(origins, "origins", "texts"))]
+        self._viewers: set[ServerConnection] = set()
+        self._pending = 0  # lines on their way to the thread
+        self._loop: AbstractEventLoop | None = None
+        self._stop: Event | None = None
+        self._errors: list[OSError] = []
+        self.url = ""
+        is_ready = threading.Event()
+        self._thread = threading.Thread(target=self._run, args=(is_ready,), name="gamms websocket", daemon=True)
+        self._thread.start()
+        is_ready.wait()
+        if self._errors:
+            self._thread.join()
+            raise self._errors[0]
+
+    @property
+    def viewers(self) -> int:
+        """How many are connected."""
+        return len(self._viewers)
+
+    def close(self) -> None:
+        """Disconnect all, and stop serving."""
+        loop, stop = self._loop, self._stop
+        if loop is not None and stop is not None and self._thread.is_alive():
+            loop.call_soon_threadsafe(stop.set)
+            self._thread.join()
+
+    def _transmit(self, line: bytes) -> bool:
+        loop = self._loop
+        if loop is None or not self._viewers or self._pending >= _MOST_UNSENT:
+            return False
+        self._pending += 1
+        try:
+            loop.call_soon_threadsafe(self._broadcast, line.decode())
+        except RuntimeError:  # it was closed
+            return False
+        return True
+
+    def _broadcast(self, line: str) -> None:
+        from websockets.asyncio.server import broadcast
+
+        self._pending -= 1
+        slow = {one for one in self._viewers if one.transport.get_write_buffer_size() > _MOST_BUFFERED}
+        for viewer in slow:
+            viewer.transport.abort()
+        self._viewers -= slow
+        broadcast(self._viewers, line)
+
+    def _run(self, is_ready: threading.Event) -> None:
+        import asyncio
+
+        try:
+            asyncio.run(self._serve(is_ready))
+        except OSError as error:
+            self._errors.append(error)
+        finally:
+            is_ready.set()
+
+    async def _serve(self, is_ready: threading.Event) -> None:
+        import asyncio
+
+        from websockets.asyncio.server import serve
+
+        self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
+        host, port = self._listen
+        serving = serve(
+            self._talk,
+            host,
+            port,
+            origins=self._origins,
+            compression=None,  # a short message could become a very long one
+            max_size=LONGEST_LINE,
+            close_timeout=_CLOSE_S,
+        )
+        async with serving as server:
+            self.url = _url_of(server)
+            is_ready.set()
+            await self._stop.wait()
+
+    async def _talk(self, viewer: "ServerConnection") -> None:
+        from websockets.exceptions import ConnectionClosed
+
+        if len(self._viewers) >= _MOST_VIEWERS:
+            await viewer.close(1013, "too many viewers")
+            return
+        self._viewers.add(viewer)
+        bad = 0
+        try:
+            async for line in viewer:
+                bad += not self._take(line)
+                if bad >= _MOST_BAD:
+                    await viewer.close(1008, "too many bad lines")
+                    return
+        except ConnectionClosed:
+            return
+        finally:
+            self._viewers.discard(viewer)
+
+
+def as_address(value: object, name: str, least_port: int) -> Address:
+    """Return a host and a port.
+
+    Raises:
+        BadType, BadValue: it is none.
+    """
+    if not isinstance(value, (tuple, list)) or len(value) != 2:
+        raise BadType(f"{name} must be (host, port), such as ('127.0.0.1', 9000), not {shown(value)}.")
+    port = as_count(value[1], "A port", least_port)
+    if port >= _PORTS:
+        raise BadValue(f"A port must be less than {_PORTS}, not {port}.")
+    return as_name(value[0], "a host"), port
+
+
+def _url_of(server: "Server") -> str:
+    host, port = next(iter(server.sockets)).getsockname()[:2]
+    return f"ws://{host}:{port}"
+
+
+def _close_quietly(pipe: IO[bytes]) -> None:
+    try:
+        pipe.close()
+    except OSError:  # what was not written has no reader any more
+        return

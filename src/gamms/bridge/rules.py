@@ -1,0 +1,158 @@
+"""Rules that exchange messages with other programs in every turn: where agents are, and what changes on the roads."""
+
+from collections.abc import Callable, Iterable
+
+import numpy as np
+
+from gamms.arguments import as_context, as_items, as_range
+from gamms.bridge.feeds import Message, Send
+from gamms.bridge.lines import Roads
+from gamms.bridge.links import Link
+from gamms.context import Context
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.plain import as_json
+from gamms.rules.endings import Rank, with_hooks
+from gamms.text import shown, shown_as_called
+from gamms.typing import AgentType, IAgent, Rule
+
+_DECIMALS, _DEGREES = 3, 8
+_LAST = Rank.END + 1  # when it is known whether the game is over
+_SLOWEST_S = 1e9
+
+
+@shown_as_called
+def publish(to: Link | Send, agents: Iterable[str] | None = None) -> Rule:
+    """Make a rule that tells other programs after each turn where agents are.
+
+    It sends a message "position" for each living agent, and then one "turn"; docs/bridge.md has their fields.
+
+    Args:
+        to: a link, or a function that is called with each message, a dict.
+        agents: names of those that are published; None: all.
+
+    Raises:
+        BadType: `to` or `agents` is not one of these.
+        UnknownName (KeyError): when it is added to a game, there is no such agent.
+    """
+    send = sender_of(to)
+    names = None if agents is None else frozenset(as_items(agents, "agents", "names of agents"))
+
+    def prepare(ctx: Context) -> None:
+        for name in sorted(names or ()):
+            ctx.agent.get_agent(name)
+
+    def publish(ctx: Context) -> None:
+        messages = positions(ctx)
+        for message in messages:
+            if names is None or message["agent"] in names:
+                send(message)
+        over = ctx.game.over
+        send(
+            _message("turn", ctx, agents=len(messages), crs=ctx.graph.crs, over=None if over is None else as_json(over))
+        )
+
+    return with_hooks(publish, prepare=prepare, rank=_LAST)
+
+
+def positions(ctx: Context) -> list[Message]:
+    """Return where the living agents are, as messages in the order of their names.
+
+    Raises:
+        BadType: `ctx` is no context.
+    """
+    agents = as_context(ctx, "gamms.bridge.positions").game.agents
+    places = [_xyz(agent) for agent in agents]
+    messages = [
+        _message("position", ctx, agent=agent.name, team=_team(agent.team), node=agent.current_node_id, **place)
+        for agent, place in zip(agents, places, strict=True)
+    ]
+    if ctx.graph.crs is not None and agents:
+        xy = np.array([(place["x"], place["y"]) for place in places], np.float64)
+        lat, lon = ctx.graph.graph.to_latlon(xy[:, 0], xy[:, 1])
+        for message, one, other in zip(
+            messages, lat.round(_DEGREES).tolist(), lon.round(_DEGREES).tolist(), strict=True
+        ):
+            message["lat"], message["lon"] = one, other
+    return messages
+
+
+@shown_as_called
+def traffic(link: Link, wait_s: float = 5.0) -> Rule:
+    """Make a rule for the phase "before" that lets another program close, open and slow roads.
+
+    Before each turn it sends a message "turn", and waits for a line "roads" with the same number. Where none comes in
+    time, the roads stay as they are, and there is an event `traffic_late`. Ids of edges that are not on the map are
+    counted in `link.counts["unknown"]`.
+
+    Args:
+        link: to the program.
+        wait_s: how long a turn waits for it.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+    """
+    if not isinstance(link, Link):
+        raise BadType(f"traffic needs a link, such as gamms.bridge.Process([…]), not {shown(link)}.")
+    seconds = as_range(wait_s, "wait_s")
+
+    def traffic(ctx: Context) -> None:
+        turn = ctx.game.turn
+        link.send(_message("turn", ctx))
+        roads = link.roads(turn, seconds)
+        if roads is None:
+            ctx.game.emit("traffic_late", waited_s=seconds)
+        else:
+            link.counts["unknown"] += change_roads(ctx, roads)
+
+    return traffic
+
+
+def change_roads(ctx: Context, roads: Roads) -> int:
+    """Close, open and slow roads; return how many of the edges that are named are not there."""
+    graph, closed = ctx.graph.graph, frozenset(ctx.graph.closed_roads)
+    opened = [edge for edge in dict.fromkeys(roads.open) if edge in closed]
+    if opened:
+        ctx.graph.open_roads(opened)
+    shut = [edge for edge in dict.fromkeys(roads.close) if _is_edge(ctx, edge)]
+    slowed = {edge: seconds for edge, seconds in roads.travel_time.items() if _is_edge(ctx, edge)}
+    for edge, seconds in slowed.items():
+        graph.update_edge({"id": edge, "travel_time": min(seconds, _SLOWEST_S)})
+    if shut:
+        ctx.graph.close_roads(shut)
+    wanted = len(set(roads.open)) + len(set(roads.close)) + len(roads.travel_time)
+    return wanted - len(opened) - len(shut) - len(slowed)
+
+
+def sender_of(to: object) -> Callable[[Message], object]:
+    """Return the function that sends messages to a link, or that is given itself.
+
+    Raises:
+        BadType: it is neither.
+    """
+    send = to.send if isinstance(to, Link) else to
+    if not callable(send):
+        raise BadType(f"Messages go to a link or to a function that takes a dict, not {shown(to)}.")
+    return send
+
+
+def _is_edge(ctx: Context, edge: int) -> bool:
+    try:
+        ctx.graph.graph.get_edge(edge)
+    except (UnknownName, BadValue):
+        return False
+    return True
+
+
+def _team(team: object) -> str | int | None:
+    return team if team is None or type(team) in (str, int) else str(team)  # type: ignore[return-value] # as it says
+
+
+def _xyz(agent: IAgent) -> dict[str, float]:
+    if agent.type == AgentType.AERIAL:
+        return {axis: round(value, _DECIMALS) for axis, value in zip("xyz", agent.position, strict=True)}
+    x, y = agent.xy
+    return {"x": round(x, _DECIMALS), "y": round(y, _DECIMALS)}
+
+
+def _message(kind: str, ctx: Context, **fields: object) -> Message:
+    return {"gamms": 1, "type": kind, "turn": ctx.game.turn, **fields}
