@@ -96,7 +96,14 @@ def test_waypoints_lead_along_the_road():
         ctx.game.add(drive("anna", robot))
         ctx.game.step()
         assert robot.sent == [
-            {"gamms": 1, "type": "waypoints", "agent": "anna", "turn": 0, "points": [[0, 0], [50, 50], [100, 0]]}
+            {
+                "gamms": 1,
+                "type": "waypoints",
+                "agent": "anna",
+                "turn": 0,
+                "way": 1,
+                "points": [[0, 0], [50, 50], [100, 0]],
+            }
         ]
 
 
@@ -110,6 +117,16 @@ def test_a_robot_that_never_arrives_does_not_hold_the_game_for_longer_than_the_l
         {"turn": 1, "kind": "robot_late", "agent": "anna", "node": 0, "status": "ok", "waited_s": 7.0}
     ]
     assert "its robot has not arrived after 7 s (ok)" in ctx.game.observation("anna")["blocked"]
+
+
+def test_waypoints_are_sent_again_every_second_from_where_the_robot_is(ctx):
+    robot = Scripted(SimulatedClock(), (0, 0), *((x, 0.0) for x in range(100)))
+    ctx.game.add(drive("anna", robot, limit_s=2.5))
+    ctx.game.step()
+    assert [one["way"] for one in robot.sent] == [1, 1, 1]
+    assert [one["points"][0][0] for one in robot.sent] == pytest.approx([0, 20, 40], abs=3)
+    ctx.game.step()
+    assert robot.sent[-1]["way"] == 2
 
 
 def test_a_robot_without_a_fix_is_waited_for_until_the_limit(ctx):

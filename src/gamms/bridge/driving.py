@@ -20,6 +20,7 @@ from gamms.visual.legend import SIGN, Row, Rows
 
 ROBOTS = "robots"  # in `ctx.game.data`: agent -> where its robot was measured, and what is wrong with that
 _TICK_S = 0.05
+_REPEAT_S = 1.0  # after which waypoints are sent again, for a robot that has lost them
 _MOST_POINTS = 2_000  # of one message
 _DECIMALS, _DEGREES = 3, 8
 _MARK_PX, _LINE_PX, _WAY_PX = 9.0, 2, 4
@@ -90,6 +91,7 @@ class Drive:
         self._route: Route | None = None
         self._on: OnRoute | None = None  # where on it the robot is
         self._turn = -1  # that the robot was last sent off in
+        self._way, self._told_at = 0, 0.0  # the number of its way, and when it was sent
         self._put_on: int | None = None  # node on which the agent of a late robot is to be put
         self.key = ("robot", agent)
         self.drawer = partial(self._draw)
@@ -162,8 +164,14 @@ class Drive:
         self.read()
         if self._has_arrived():
             return False
+        self._way += 1
         self._tell(ctx)
         return True
+
+    def remind(self, ctx: Context) -> None:
+        """Send the robot its way again, if that was long ago."""
+        if self.feed.clock.now() - self._told_at >= _REPEAT_S:
+            self._tell(ctx)
 
     def read(self) -> None:
         """Take the fixes that have come, and find the robot on its way."""
@@ -267,12 +275,14 @@ class Drive:
         return route_along(ctx.graph.columns(), (behind, *graph.shortest_path(ahead, end)))
 
     def _tell(self, ctx: Context) -> None:
-        """Send the robot its way."""
+        """Send the robot its way, from where it is."""
+        self._told_at = self.feed.clock.now()
         if self._send is None or self._route is None:
             return
         along = self._on.along if self._on is not None and self._on.off <= self._checks.within_m else 0.0
         points = self._route.rest(along)[:_MOST_POINTS]
         message: Message = {"gamms": 1, "type": "waypoints", "agent": self.agent, "turn": ctx.game.turn}
+        message["way"] = self._way
         message["points"] = points.round(_DECIMALS).tolist()
         if ctx.graph.crs is not None:
             lat, lon = ctx.graph.graph.to_latlon(points[:, 0], points[:, 1])
@@ -313,6 +323,8 @@ def hold(ctx: Context, drives: Sequence[Drive]) -> None:
         going = [one for one in going if one not in arrived and one not in late]
         if not going:
             break
+        for one in going:
+            one.remind(ctx)
         ctx.visual.update()
         if ctx.visual.is_closing:  # a person has closed the window
             for one in going:

@@ -47,14 +47,18 @@ class SimulatedRobot:
         self._speed, self._noise_m = as_range(speed, "speed"), as_range(noise_m, "noise_m")
         self._rng = kernels.stream(as_int(seed, "seed"), "simulated robot", name)
         self.xy: tuple[float, float] = one.xy
+        self._number: int | None = None  # of its way
         self._way: list[tuple[float, float]] = []
         self._heading: float | None = None
         self._time = self.clock.now()
 
     def send(self, message: Message) -> None:
-        """Take waypoints; whatever else it is sent stops it."""
+        """Take waypoints, once for each way; whatever else it is sent stops it."""
         self._drive()
         points = message["points"] if message.get("type") == "waypoints" else []
+        if points and message["way"] == self._number:
+            return
+        self._number = message.get("way")
         self._way = [(float(x), float(y)) for x, y in points]
 
     def __call__(self) -> Fix:
