@@ -41,7 +41,7 @@ class LoopbackServer:
                 try:
                     request = json.loads(self.rfile.read(int(self.headers["content-length"])))
                     outer.requests.append(request)
-                    outer.headers.append(dict(self.headers))
+                    outer.headers.append({name.lower(): value for name, value in self.headers.items()})
                     outer.respond(self, request)
                 except OSError:  # the client has gone
                     pass

@@ -1,6 +1,7 @@
 """One request to an OpenAI-compatible server: bounded in size, and no secret of the client gets out of here."""
 
 import json
+import logging
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -25,6 +26,10 @@ _HIDDEN = "<hidden>"
 _PUBLIC_HEADERS = re.compile(r"accept|content-type|user-agent|x-stainless-.*|openai-(organization|project|beta)")
 _VARIABLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]{0,99}")
 _AGAIN = frozenset({408, 409, 425, 429})  # statuses after which a request may be sent again, as after those from 500 on
+_LOGGERS = (  # of the libraries, which log addresses, and at DEBUG what servers send in headers
+    *("openai", "openai._base_client", "httpx", "httpx2"),
+    *(f"httpcore{version}.{part}" for version in ("", "2") for part in ("connection", "http11", "http2", "proxy")),
+)
 _UNSPOKEN = frozenset({401, 403, 407})  # statuses whose texts may show parts of keys
 
 
@@ -105,12 +110,13 @@ async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
     Nothing that the client raises gets out, with its headers: neither as an error nor as the context of one.
     """
     reply: Reply | None = None
+    secrets = _secrets_of(client)
+    _hide_in_logs(secrets)
     try:
         body = await _body(client, dict(request))
     except Exception as error:  # noqa: BLE001 - whatever a library of HTTP raises
         reply = _reply_of_error(error)
     reply = _reply_in(body) if reply is None else reply
-    secrets = _secrets_of(client)
     text = None if reply.text is None else hidden(reply.text, secrets)
     return reply._replace(text=text, problem=hidden(reply.problem, secrets))
 
@@ -129,6 +135,31 @@ def hidden(value: Any, secrets: Iterable[str]) -> Any:
 def without_secrets(value: Any, client: "AsyncOpenAI | None") -> Any:
     """Return a plain value of JSON without the secrets of a client."""
     return value if client is None else hidden(value, _secrets_of(client))
+
+
+class _HidingFilter(logging.Filter):
+    """Hides secrets in what a library logs."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.secrets: set[str] = set()
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Let every record pass, without the secrets."""
+        message = record.getMessage()
+        safe = hidden(message, sorted(self.secrets, key=len, reverse=True))
+        if safe != message:
+            record.msg, record.args = safe, ()
+        return True
+
+
+_filter = _HidingFilter()
+
+
+def _hide_in_logs(secrets: Iterable[str]) -> None:
+    _filter.secrets.update(secrets)
+    for name in _LOGGERS:
+        logging.getLogger(name).addFilter(_filter)  # which adds it once
 
 
 def _library() -> Any:
