@@ -38,19 +38,23 @@ def everything_written(folder):
 
 
 @pytest.mark.parametrize("is_own", [False, True], ids=["address", "client"])
-@pytest.mark.parametrize("leak", LEAKS.values(), ids=LEAKS)
-def test_a_server_that_sends_the_key_back_gets_it_nowhere(server, tmp_path, caplog, leak, is_own):
-    server.script = leak
+def test_a_server_that_sends_the_key_back_gets_it_nowhere(server, tmp_path, caplog, is_own):
+    leaks = iter(LEAKS.values())
+
+    def script(request):
+        return next(leaks)(request)
+
+    server.script = script
     client = openai.AsyncOpenAI(base_url=server.url, api_key=KEY) if is_own else server.url
     options = {} if is_own else {"key_variable": "LOOPBACK_KEY"}
-    strategy = Strategy(client, "m", "Go.", attempts=2, seconds=0.4, calls=tmp_path / "calls.jsonl", **options)
+    strategy = Strategy(client, "m", "Go.", attempts=1, calls=tmp_path / "calls.jsonl", **options)
     with caplog.at_level(logging.DEBUG), new_game(strategy) as ctx:
         ctx.logger.propagate = True
         ctx.game.add_channel("radio", range_m=100)
         ctx.record.start(tmp_path / "game.ggr", sensed=True)
-        result = ctx.game.run(2)
-        ctx.record.stop()
+        result = ctx.game.run(len(LEAKS))
     assert server.headers[0]["authorization"] == f"Bearer {KEY}"
+    assert [one["body"] for one in result.messages] == ["it is <hidden>!"]
     result.save(tmp_path / "result.json")
     with gamms.recorder.open(tmp_path / "game.ggr") as recording:
         recorded = str([*recording.events(), *recording.steps(), recording.header])

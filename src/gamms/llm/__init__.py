@@ -14,3 +14,6 @@ from gamms.llm.server import connect
 from gamms.llm.strategy import MissingDecision, Strategy
 
 __all__ = ["MissingDecision", "Options", "Strategy", "connect"]
+
+FOR_SCENARIOS = {"Strategy": Strategy}
+"""What scenario files may name, where their reader allows it."""

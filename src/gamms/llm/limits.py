@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from json import dumps
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
-from gamms.arguments import as_choice, as_count, as_float, as_mapping, misspelt
+from gamms.arguments import as_choice, as_count, as_float, as_mapping
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.llm.decisions import ANSWERED, EVENT, Decision
@@ -77,8 +77,7 @@ class Settings:
         known = Options.__annotations__
         for name in given:
             if name not in known:
-                hint = misspelt([name], known)
-                raise UnknownName("option of gamms.llm.Strategy:", name, () if hint else known)
+                raise UnknownName("keyword of gamms.llm.Strategy:", name, (*known, "template", "fallback", "calls"))
         checked = {name: _CHECKS[name](value, name) for name, value in given.items() if name in _CHECKS}
         settings = cls(**checked)
         if settings.max_cost is not None and not settings.price_in and not settings.price_out:

@@ -71,10 +71,11 @@ def connect(base_url: str, key_variable: str | None = None) -> "AsyncOpenAI":
         MissingKey (KeyError): there is no such variable.
         MissingExtra (ImportError): the library `openai` is not installed.
     """
-    address, key = _as_address(base_url), _key_in(key_variable)
-    openai = _library()
+    address, openai = _as_address(base_url), _library()
     http = openai.DefaultAsyncHttpxClient(follow_redirects=False, event_hooks={"response": [_refuse_errors]})
-    client: AsyncOpenAI = openai.AsyncOpenAI(base_url=address, api_key=key, max_retries=0, http_client=http)
+    client: AsyncOpenAI = openai.AsyncOpenAI(
+        base_url=address, api_key=_key_in(key_variable), max_retries=0, http_client=http
+    )
     return as_client(client)
 
 

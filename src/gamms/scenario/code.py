@@ -1,8 +1,9 @@
 """The code that a scenario names: found without importing any of it, then imported, and called.
 
 A name in a file may mean three things, and nothing else. In the folder of the file: a function that is defined there.
-Of GAMMS: what the modules in `OFFERED` list. Of an installed package: what an entry point of the group
-`gamms.scenario` names, or, if the caller allows the package, what that defines itself.
+Of GAMMS: what the modules in `OFFERED` list, and those in `ON_REQUEST` if the caller allows them. Of an installed
+package: what an entry point of the group `gamms.scenario` names, or, if the caller allows the package, what that
+defines itself.
 """
 
 import ast
@@ -30,6 +31,7 @@ from gamms.text import shown
 from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies", "gamms.rl")
+ON_REQUEST = ("gamms.llm",)  # likewise, but only if the caller allows it: it sends what agents know to a server
 GROUP = "gamms.scenario"  # of entry points
 RULES = "gamms.rules"  # the module of rules that are named without one
 GIVEN_LATER = ("ctx", "state", "states", "arrays")  # first parameters that the game gives, not the file
@@ -91,7 +93,7 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
     for name in names:
         if not _is_dotted(name):
             raise BadValue(f"{shown(name)} in allow is not the name of a package.")
-        if name.partition(".")[0] in _REFUSED:
+        if name.partition(".")[0] in _REFUSED and name not in ON_REQUEST:
             raise BadValue(f"{shown(name)} cannot be allowed: scenarios never name all of GAMMS, nor of Python itself.")
     return names
 
@@ -170,7 +172,7 @@ def offered(module: str) -> Mapping[str, Function]:
 
     They are those of its `__all__`, or its `FOR_SCENARIOS`.
     """
-    if module not in OFFERED:
+    if module not in (*OFFERED, *ON_REQUEST):
         return {}
     found = importlib.import_module(module)
     chosen: Mapping[str, Function] | None = getattr(found, "FOR_SCENARIOS", None)
@@ -218,7 +220,13 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
         return _in(folder or Path(), Found(path, text, dotted, function, file, None))
     found = Found(path, text, left, function, None, None)
     if left.partition(".")[0] == "gamms":
-        if left not in OFFERED:
+        if left in ON_REQUEST and left not in sources.allow:
+            raise ScenarioError(
+                path,
+                f"{left!r} sends what agents know to a server, with a key of yours. If you trust this file with that: "
+                f"--allow {left}, or allow=[{left!r}] in Python.",
+            )
+        if left not in (*OFFERED, *ON_REQUEST):
             hint = nearest(left, OFFERED) or f" Scenarios may name what is in {', '.join(OFFERED)}."
             raise ScenarioError(path, f"{left!r} is not offered to scenarios.{hint}")
         return found
@@ -307,7 +315,7 @@ def _checked(found: Found, *, is_imported_allowed: bool) -> Found:
                 f"{found.wanted!r} is not defined in {found.file}, only imported there. Name it where it is.",
             )
         names: Iterable[str] = own | others if is_imported_allowed else own
-    elif found.module in OFFERED:
+    elif found.module in (*OFFERED, *ON_REQUEST):
         names = offered(found.module)
     else:
         return found

@@ -1,0 +1,69 @@
+"""A scenario file may name a language model, if the one who reads it allows that."""
+
+import pytest
+from loopback import KEY, outcomes
+
+import gamms
+from gamms.scenario import ScenarioError
+
+
+def file_of(folder, address, **more):
+    given = {"client": address, "model": "loop-1", "instructions": "Go.", "key_variable": "LOOPBACK_KEY", **more}
+    lines = "".join(f"        {key}: {value}\n" for key, value in given.items())
+    text = (
+        "max_turns: 2\nmap: {grid: {width: 6, height: 1}}\nteams:\n  red:\n    count: 2\n    strategy:\n"
+        f"      function: gamms.llm:Strategy\n      with:\n{lines}"
+    )
+    (folder / "game.yaml").write_text(text)
+    return folder / "game.yaml"
+
+
+def test_a_scenario_is_played_and_shares_its_limits(server, tmp_path):
+    file = file_of(tmp_path, server.url, max_calls=3)
+    scenario = gamms.scenario.load(file, allow=["gamms.llm"])
+    result = scenario.play(seed=1, record=tmp_path / "game.ggr")
+    assert outcomes(result).count("answer") == 3
+    assert scenario.play(seed=1) == result
+    assert scenario.check()
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording:
+        assert KEY not in str(recording.header)
+        assert gamms.scenario.from_recording(recording, allow=["gamms.llm"]).play(seed=1) == result
+
+
+def test_no_server_is_asked_unless_that_is_allowed(server, tmp_path):
+    file = file_of(tmp_path, server.url)
+    scenario = gamms.scenario.load(file)
+    for use in (scenario.check, scenario.play):
+        with pytest.raises(
+            ScenarioError, match=r"teams\.red\.strategy: 'gamms\.llm' sends what agents know.*--allow gamms\.llm"
+        ):
+            use()
+    gamms.scenario.load(file, allow=["gamms.llm"]).play(seed=1, record=tmp_path / "game.ggr")
+    server.requests.clear()
+    with gamms.recorder.open(tmp_path / "game.ggr") as recording, pytest.raises(ScenarioError, match="allow"):
+        gamms.scenario.from_recording(recording).play()
+    assert server.requests == []
+
+
+def test_only_the_strategy_may_be_named(server, tmp_path):
+    file = file_of(tmp_path, server.url)
+    file.write_text(file.read_text().replace("gamms.llm:Strategy", "gamms.llm:connect"))
+    with pytest.raises(ScenarioError, match="no function 'connect'"):
+        gamms.scenario.load(file, allow=["gamms.llm"]).play()
+    with pytest.raises(ValueError, match="cannot be allowed"):
+        gamms.scenario.load(file, allow=["gamms"])
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"key_variable": KEY}, "never the key itself"),
+        ({"api_key": KEY}, "Unknown keyword of gamms.llm.Strategy: 'api_key'"),
+        ({"calss": "x"}, "Did you mean 'calls'"),
+        ({"max_cost": 1}, "max_cost needs price_in and price_out"),
+    ],
+)
+def test_what_a_file_says_wrongly_is_named_without_a_key(server, tmp_path, given, message):
+    with pytest.raises(ScenarioError, match=message) as raised:
+        gamms.scenario.load(file_of(tmp_path, server.url, **given), allow=["gamms.llm"]).play()
+    assert KEY not in str(raised.value)
