@@ -86,7 +86,9 @@ def test_every_call_is_in_the_file(server, strategy_of, tmp_path):
         ctx.game.run(1)
     header, line = map(json.loads, calls.read_text().splitlines())
     assert header == {"format": "gamms llm decisions 1"}
-    assert [one["text"] for one in line["log"]] == ["hello", '{"move": 1}']
+    assert [one["answered"] for one in line["log"]] == ["hello", '{"move": 1}']
+    assert "Your moves:" in line["log"][0]["asked"]
+    assert line["log"][1]["asked"] == "That does not count: it is no JSON. Answer again."
     assert [one["outcome"] for one in line["log"]] == ["answer", "answer"]
     assert all(one["seconds"] >= 0 for one in line["log"])
     assert (line["agent"], line["turn"], line["answer"], line["calls"]) == ("anna", 1, '{"move": 1}', 2)

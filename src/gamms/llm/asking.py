@@ -100,7 +100,8 @@ class Asking:
             self.spent.add(*tokens, calls=1)
             entry = {
                 "outcome": reply.problem or ANSWERED,
-                "text": None if reply.text is None else reply.text[:_MOST_OF_AN_ANSWER],
+                "asked": body["messages"][-1]["content"],
+                "answered": None if reply.text is None else reply.text[:_MOST_OF_AN_ANSWER],
                 "input_tokens": tokens[0],
                 "output_tokens": tokens[1],
                 "seconds": round(loop.time() - began, 3),
