@@ -13,6 +13,7 @@ from gamms.bridge.feeds import Clock, Feed, SimulatedClock, WallClock
 from gamms.bridge.lines import BadLine, Fix
 from gamms.bridge.links import Link, Process, Udp, WebSocketServer
 from gamms.bridge.matching import Checks
+from gamms.bridge.rosbridge import RosBridge, rosbridge
 from gamms.bridge.rules import positions, publish, traffic
 from gamms.bridge.simulated import SimulatedRobot
 
@@ -25,6 +26,7 @@ __all__ = [
     "Fix",
     "Link",
     "Process",
+    "RosBridge",
     "SimulatedClock",
     "SimulatedRobot",
     "Udp",
@@ -33,5 +35,6 @@ __all__ = [
     "drive",
     "positions",
     "publish",
+    "rosbridge",
     "traffic",
 ]
