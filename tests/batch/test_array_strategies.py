@@ -36,10 +36,9 @@ def test_an_array_strategy_plays_the_same_alone_and_in_batches(same_as_one_by_on
 
 
 def test_it_plays_in_games_that_have_no_array_form():
-    noisy = {**SEEING, "sensors": {"near": {**SEEING["sensors"]["near"], "delay_turns": 1}}}
-    scenario = scene(**noisy)
+    scenario = scene(**SEEING, settings={"time_budget": 60.0})
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:
-        assert "a delay" in games.slow
+        assert games.slow == "a time budget"
         games.run()
         assert plain(games.result(1)) == plain(scenario.play(seed=4, strategies={"red": hunt}))
 

@@ -42,7 +42,16 @@ def agents_seen(games, number, viewer, sensor):
         ("AGENT_RANGE", {"sensor_range": 40.0, "detection": halved}),
         ("AGENT_RANGE", {"sensor_range": 40.0, "position_noise_m": 9.0}),
         ("AGENT_RANGE", {"sensor_range": 25.0, "at": 12, "position_noise_m": 7.0, "detection": 0.7}),
+        ("AGENT_RANGE", {"sensor_range": 25.0, "false_alarm_rate": 1.5}),
+        ("AGENT_RANGE", {"sensor_range": 25.0, "false_alarm_rate": 2.5, "position_noise_m": 9.0, "detection": 0.5}),
+        ("AGENT_RANGE", {"sensor_range": 25.0, "at": 12, "false_alarm_rate": 1.5, "team": "red"}),
+        ("AGENT_RANGE", {"sensor_range": 35.0, "delay_turns": 2}),
+        ("AGENT", {"false_alarm_rate": 0.5, "position_noise_m": 4.0}),
         ("AGENT_ARC", {"sensor_range": 30.0, "at": 12, **FIELD}),
+        ("AGENT_ARC", {"sensor_range": 30.0, **FIELD}),
+        ("AGENT_ARC", {"sensor_range": 30.0, "false_alarm_rate": 1.5, **FIELD}),
+        ("AGENT_ARC", {"sensor_range": 30.0, "delay_turns": 1, **FIELD}),
+        ("OCCLUDED_AGENT", {"sensor_range": 35.0, "false_alarm_rate": 1.5, **FIELD}),
         ("OCCLUDED_AGENT", {"sensor_range": 35.0}),
         ("OCCLUDED_AGENT", {"sensor_range": 35.0, "at": 7, "team": ["red"], **FIELD}),
     ],
@@ -50,6 +59,7 @@ def agents_seen(games, number, viewer, sensor):
 def test_agents_see_whom_their_sensors_show(kind, keywords):
     with scene(max_turns=4).build(seed=1) as ctx:
         ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
+        ctx.agent.get_agent("red_2").orientation = (3.0, 4.0)
         for name, agent in ctx.agent.agents.items():
             if agent.team == "red":
                 agent.register_sensor("eye", ctx.sensor.create_sensor(f"{name}/eye", kind, **keywords))
@@ -96,13 +106,14 @@ def test_dead_agents_see_none_and_are_not_seen():
             assert (view.seen().mask == expected).all()
 
 
-@pytest.mark.parametrize("keywords", [{"false_alarm_rate": 1.0}, {"delay_turns": 1}])
-def test_a_sensor_that_has_no_array_form_is_named(keywords):
+def test_a_sensor_that_has_no_array_form_is_named():
     with scene().build(seed=1) as ctx:
-        ctx.agent.get_agent("red_1").register_sensor("eye", ctx.sensor.create_sensor("e", "AGENT_RANGE", **keywords))
+        shared = ctx.sensor.create_sensor("e", "AGENT_RANGE", at=12, detection=0.5)
+        for name in ("red_1", "red_2"):
+            ctx.agent.get_agent(name).register_sensor("eye", shared)
         with ctx.game.batch(2) as games:
             assert games.slow is None  # random walks see nothing
-            with pytest.raises(BadValue, match="sensor 'eye' of agent 'red_1', which has"):
+            with pytest.raises(BadValue, match="sensor 'eye' of agent 'red_1', which draws at a fixed place"):
                 games.observe("red").seen()
 
 
@@ -155,6 +166,8 @@ sensors = st.fixed_dictionaries(
         "exclude": st.just("blue"),
         "detection": st.sampled_from([0.5, halved]),
         "position_noise_m": st.sampled_from([4.0, 12.0]),
+        "false_alarm_rate": st.sampled_from([0.4, 2.0]),
+        "delay_turns": st.sampled_from([1, 3]),
     },
 )
 
@@ -173,7 +186,7 @@ def test_agents_that_act_on_what_they_see_play_as_alone(carried, strategies, see
         for i, (name, agent) in enumerate(ctx.agent.agents.items()):
             for number in {i % len(carried), i * i % len(carried)}:
                 kind, keywords = carried[number]
-                field = FIELD if kind == "AGENT_ARC" and "at" in keywords else {}
+                field = FIELD if "ARC" in kind else {}
                 eye = ctx.sensor.create_sensor(f"{name}/{number}", kind, **keywords, **field)
                 agent.register_sensor(f"eye {number}", eye)
             agent.register_strategy(strategies[agent.team == "red"](ctx))

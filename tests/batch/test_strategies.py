@@ -6,7 +6,9 @@ from batch_scenes import plain
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+import gamms
 from gamms.scenario import Scenario
+from gamms.sensor.ground import AgentSensor
 from gamms.strategies import (
     assign,
     chase,
@@ -132,15 +134,18 @@ def test_what_strategies_remember_is_forgotten_when_their_game_is_reset():
 
 
 def test_strategies_are_blind_or_need_sensors_with_array_forms():
-    noisy = hunted(sight={"false_alarm_rate": 1.0})
-    with noisy.build(seed=1) as ctx:
+    class Mine(AgentSensor):
+        pass
+
+    with hunted().build(seed=1) as ctx:
         agent = ctx.agent.get_agent("red_1")
+        agent.register_sensor("mine", Mine(ctx, "mine", gamms.sensor.SensorType.AGENT_RANGE, 25.0, owner=agent.name))
         agent.register_strategy(first(goto(ctx, 3, otherwise=None), patrol(ctx, [1, 2])))
         with ctx.game.batch(2) as games:
             assert games.slow is None
         agent.register_strategy(mix(0.5, stay, chase(ctx)))
         with ctx.game.batch(2) as games:
-            assert games.slow == "the sensor 'near' of agent 'red_1', which has false alarms or a delay"
+            assert games.slow == "the sensor 'mine' of agent 'red_1', which is of a class of its own"
             games.run()
 
 
@@ -178,13 +183,30 @@ def test_agents_with_equal_strategies_are_asked_together():
             games.step()
 
 
-SIGHTS = st.sampled_from([{}, {"detection": 0.5}, {"sensor_range": 1e6}])
+SIGHTS = st.sampled_from(
+    [
+        {},
+        {"detection": 0.5},
+        {"sensor_range": 1e6},
+        {"type": "AGENT_ARC", "fov": 2.5},
+        {"false_alarm_rate": 0.8, "delay_turns": 2},
+    ]
+)
 
 
 @settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(red=st.sampled_from([*MADE]), blue=st.sampled_from([*MADE]), seed=st.integers(0, 1000), sight=SIGHTS)
 def test_any_strategies_play_the_same_with_any_sight(red, blue, seed, sight, same_as_one_by_one):
     same_as_one_by_one(hunted(sight=sight), [seed], {"red": MADE[red], "blue": MADE[blue]})
+
+
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+def test_false_alarms_are_late_in_arrays_as_alone(order, same_as_one_by_one):
+    sight = {"delay_turns": 2, "false_alarm_rate": 0.9, "detection": 0.7, "position_noise_m": 5.0}
+    scenario = hunted(sight=sight, settings={} if order is None else {"order": order})
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+    back = {"rule": "respawn", "with": {"after": 3}}
+    same_as_one_by_one(scenario.replace(rules=[tag, back]), [1, 2], {"red": MADE["chase"], "blue": MADE["flee"]})
 
 
 def test_teams_that_play_one_after_another_see_what_has_moved(same_as_one_by_one):

@@ -62,6 +62,10 @@ class AgentLook(NamedTuple):
         chance: returns probabilities of noticing agents at distances, (agents,); None: `chances` says them.
         noise: the standard deviation of the error of a reported place along each axis, map units; 0.0: no error.
         nearest: returns the ids of the nodes that are nearest to places x and y.
+        turns: whether the cone turns with the agent that carries it.
+        false_alarms: how many agents are to be expected in a look that are reported falsely.
+        covers: returns the ids of the nodes that are in view from a node, or from `place`, all around if it turns.
+        delay: how many turns old the look is that is reported.
     """
 
     radius: float
@@ -76,6 +80,15 @@ class AgentLook(NamedTuple):
     chance: "Callable[[FloatArray], FloatArray] | None" = None
     noise: float = 0.0
     nearest: "Callable[[FloatArray, FloatArray], IntArray] | None" = None
+    turns: bool = False
+    false_alarms: float = 0.0
+    covers: "Callable[[int], IntArray] | None" = None
+    delay: int = 0
+
+    @property
+    def what(self) -> "AgentLook":
+        """The same without what is others for each sensor though they look alike."""
+        return self._replace(hides=None, draws=None, nearest=None, covers=None)
 
 
 class NodeLook(NamedTuple):
@@ -86,7 +99,9 @@ class NodeLook(NamedTuple):
         place: (x, y) to look from, or None: from the node of the agent that carries it.
         cone: heading (cos, sin) and full opening angle; None: all around.
         height: of its sight lines above the ground; None: obstacles hide nothing.
-        from_node: returns the ids of the nodes that it shows from a node, or from `place`; None: what the rest says.
+        from_node: returns the ids of the nodes that it shows from a node, or from `place`, and all around if the cone
+            turns; None: what the rest says.
+        turns: whether the cone turns with the agent that carries it.
     """
 
     radius: float | None
@@ -94,6 +109,7 @@ class NodeLook(NamedTuple):
     cone: tuple[tuple[float, float], float] | None = None
     height: float | None = None
     from_node: "Callable[[int], IntArray] | None" = None
+    turns: bool = False
 
 
 def _no_points() -> FloatArray:

@@ -80,14 +80,14 @@ def in_view(
 
 
 def in_cone(
-    dx: FloatArray, dy: FloatArray, heading: tuple[float, float], fov: float
+    dx: FloatArray, dy: FloatArray, heading: tuple[float | FloatArray, float | FloatArray], fov: float
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return whether each offset lies within `fov` radians around `heading`, the rim included.
 
     Args:
         dx: (points,) offsets from the observer.
         dy: (points,) offsets from the observer.
-        heading: `(cos, sin)` of the direction of view, of any positive length.
+        heading: `(cos, sin)` of the direction of view, of any positive length; or those of each offset.
         fov: full opening angle in radians.
 
     An offset of zero counts as straight ahead.

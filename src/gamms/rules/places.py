@@ -328,8 +328,9 @@ def _why_not_looked(agents: Iterable[IAgent]) -> str | None:
             of_agents, of_nodes = getattr(sensor, "in_arrays", None), getattr(sensor, "nodes_in_arrays", None)
             look = "is of a class of its own" if of_agents is None else of_agents(agent.name)
             look = look if of_nodes is None else of_nodes()
-            if isinstance(look, str):
-                return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {look}"
+            why = look if isinstance(look, str) else "turns with its agent" if look.turns else None
+            if why is not None:
+                return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {why}"
     return None
 
 

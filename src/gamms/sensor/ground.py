@@ -200,18 +200,17 @@ class MapSensor(GroundSensor):
         if not self._is_ours:
             return "is of a class of its own"
         is_all_around = self.fov == FULL_CIRCLE
-        if not is_all_around and self._at is None:
-            return "turns with its agent"
         return NodeLook(
             self.range,
             None if self._at is None else coordinates(self.ctx, self._at),
             None if is_all_around else (self.orientation, self.fov),
             self._observer_height if self._is_occluded else None,
             None if not self._is_occluded and (_LEAST < self.range < _MOST or self.range == inf) else self._ids_from,
+            turns=not is_all_around and self._at is None,
         )
 
     def _ids_from(self, node_id: int) -> IntArray:
-        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        heading = ALL_AROUND if self.fov == FULL_CIRCLE or self._at is None else self.orientation
         return np.array([*self._look(self.place(node_id), heading).nodes], np.int64)
 
     @of_data
@@ -341,7 +340,9 @@ class AgentSensor(DetectingSensor, GroundSensor):
             return self._named(reports)
 
     def _covered(self, node_id: int | None) -> tuple[IntArray, FloatArray]:
-        heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
+        return self._covered_ahead(node_id, ALL_AROUND if self.fov == FULL_CIRCLE else self.heading())
+
+    def _covered_ahead(self, node_id: int | None, heading: Heading) -> tuple[IntArray, FloatArray]:
         place = self.place(node_id)
         nodes = nodes_ahead(self.ctx, place, self.range, self.fov, heading)
         if self._is_occluded:
@@ -357,8 +358,6 @@ class AgentSensor(DetectingSensor, GroundSensor):
         notice, detection = self._notice, None if self._notice is None else self._notice.detection
         reasons = {
             "is of a class of its own": not self._is_ours,
-            "has false alarms or a delay": notice is not None and bool(notice.false_alarm_rate or notice.delay_turns),
-            "turns with its agent": self.fov != FULL_CIRCLE and self._at is None,
             "draws at a fixed place for several agents": notice is not None
             and notice.needs_look
             and self._at is not None
@@ -382,7 +381,15 @@ class AgentSensor(DetectingSensor, GroundSensor):
             detection if callable(detection) else None,
             0.0 if notice is None else notice.position_noise_m or 0.0,
             self.ctx.graph.graph.nearest_node,
+            self.fov != FULL_CIRCLE and self._at is None,
+            0.0 if notice is None else notice.false_alarm_rate or 0.0,
+            self._covered_from,
+            0 if notice is None else notice.delay_turns or 0,
         )
+
+    def _covered_from(self, node_id: int) -> IntArray:
+        is_around = self.fov == FULL_CIRCLE or self._at is None
+        return self._covered_ahead(node_id, ALL_AROUND if is_around else self.orientation)[0]
 
     def _hidden_from(self, node_id: int, others: IntArray) -> BoolArray:
         nodes = NodeColumns(others, self.ctx.graph.graph.positions(others))

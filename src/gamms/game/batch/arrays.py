@@ -10,11 +10,12 @@ from gamms.errors import BadValue
 from gamms.game.batch.channels import Outbox, Radio, Scene, why_not_sent
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
+from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.movement import Movement
-from gamms.game.batch.sight import sees_all_nodes, why_not_seen
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.sight import DELAYS, sees_all_nodes, turns_with_its_agent, why_not_seen
+from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import movement_of, why_not_moved
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, TurnPart
 from gamms.game.batch.view import FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayStrategy, ArrayView
@@ -58,6 +59,9 @@ class ArrayEngine:
         roster, movement = Roster.of(game.agents), movement_of(game)
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
+        if any(map(turns_with_its_agent, roster.agents)):
+            self.state.headings = self._headings_of(roster)
+        self.state.shared[DELAYS] = DelayedLooks(self.state)
         if settings["team_memory"]:
             self.state.share_memories()
         self._last: int | None = settings["max_turns"]
@@ -78,6 +82,14 @@ class ArrayEngine:
         self._conflicts = form_of(settings["conflicts"])
         self._checks = [form_of(one.rule.check) for one in game.rules if hasattr(one.rule, "check")]
         self._publish_facts(game.facts)
+
+    def _headings_of(self, roster: Roster) -> Headings:
+        block, streets = self._game.ctx.agent.block, self.state.streets
+        rows = [block.row_of(name) for name in roster.names]
+        fixed = [(np.nan, np.nan) if block.heading[row] is None else block.heading[row] for row in rows]
+        nodes = [(block.previous[row], block.node[row]) for row in rows]
+        before = [-1 if node == here else int(streets.rows(node)) for node, here in nodes]
+        return Headings(streets, np.array(fixed, np.float64).reshape(-1, 2), np.array(before), self.state.start)
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return GameArrays(roster, movement, seeds, start)
@@ -147,9 +159,10 @@ class ArrayEngine:
                 moves = np.isin(np.arange(len(is_given)), members)
                 wanted, is_decided = np.where(moves, actions, state.movement.idle), is_given | ~moves
             part = None if members is None else TurnPart(number, len(self._parts), members)
-            chosen, own_deeds = self._decided(turn, wanted, is_decided)
             those = np.zeros(state.node.shape, np.bool_)  # of the part, in the games that go on
             those[turn.games] = turn.alive if members is None else turn.alive & moves
+            state.shared[DELAYS].note(turn.games, those[turn.games])
+            chosen, own_deeds = self._decided(turn, wanted, is_decided)
             own_deeds += _deeds_of(turn, deeds, those)
             self._outboxes += [box.those(those[box.at, box.senders]) for box in outboxes]
             self._play_part(turn, chosen, own_deeds, part)

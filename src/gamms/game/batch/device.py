@@ -18,7 +18,7 @@ from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
-from gamms.game.batch.sight import reports_elsewhere
+from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import IS_LEGAL, PORTABLE, ArrayView
@@ -386,7 +386,8 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
         (bool(settings["deeds"]), "deeds"),
         (bool(settings["channels"]), "channels"),
         (bool(settings["plans"]), "plans of teams"),
-        (any(map(reports_elsewhere, game.agents)), "sensors with position noise"),
+        (any(map(reports_elsewhere, game.agents)), "sensors with position noise, false alarms or delays"),
+        (any(map(turns_with_its_agent, game.agents)), "sensors that turn with their agents"),
         (any(one.phase not in {"before", "after"} for one in game.rules), "rules of other phases"),
         (any(agent.type is AgentType.AERIAL or agent.speed is not None for agent in game.agents), "flights or speeds"),
         (conflicts is not None and not hasattr(conflicts, TRIGGER), f"the conflicts {as_code(conflicts)}"),

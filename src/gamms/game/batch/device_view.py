@@ -340,7 +340,7 @@ def is_portable(one: Lookout) -> bool:
     """Whether what sensors show can be worked out on a device, with the same result to the bit."""
     look = one.look
     plain = look.place is None and look.cone is None and look.hides is None and look.chances is None
-    plain = plain and look.chance is None and not look.noise
+    plain = plain and look.chance is None and not (look.noise or look.false_alarms or look.delay)
     return plain and (look.radius == np.inf or 1e-150 < look.radius < 1e150)
 
 

@@ -11,16 +11,18 @@ from gamms import kernels
 from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.state import GameArrays
+from gamms.game.batch.surroundings import KnownViews
 from gamms.game.streets import Streets
 from gamms.ir.chances import chances_at
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import AgentLook
+from gamms.ir.sensed import AgentLook, NodeLook
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.sensor_engine import SensorType
 
+DELAYS = "delayed looks"  # the key under which a batch shares what sensors are still to report
 SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in the cache of the processor
 _FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
@@ -93,13 +95,15 @@ class Lookout(NamedTuple):
     order: IntArray
 
 
-def looks_of(agent: IAgent, names: Sequence[str]) -> list[AgentLook]:
+def looks_of(agent: IAgent, names: Sequence[str], *, may_lack_forms: bool = False) -> list[AgentLook]:
     """Return how the sensors of an agent show agents: those of these names, or all that show agents."""
     carried, found = getattr(agent, "sensors", {}), []
     for name in names or carried:
         if name in carried and carried[name].type in SHOWING_AGENTS:
             why = why_not_seen(agent, name)
             if why is not None:
+                if may_lack_forms:
+                    continue
                 raise BadValue(f"{why[0].upper()}{why[1:]}, and so has no array form.")
             found.append(carried[name].in_arrays(agent.name))
     return found
@@ -109,7 +113,15 @@ def reports_elsewhere(agent: IAgent) -> bool:
     """Whether sensors of an agent may show others on nodes where these are not."""
     sensors = [one for one in getattr(agent, "sensors", {}).values() if one.type in SHOWING_AGENTS]
     looks = [sensor.in_arrays(agent.name) for sensor in sensors if hasattr(sensor, "in_arrays")]
-    return any(isinstance(look, AgentLook) and look.noise > 0.0 for look in looks)
+    return any(isinstance(look, AgentLook) and (look.noise or look.false_alarms or look.delay) for look in looks)
+
+
+def turns_with_its_agent(agent: IAgent) -> bool:
+    """Whether a sensor of an agent has a field of view that turns with it."""
+    sensors = getattr(agent, "sensors", {}).values()
+    looks = [one.in_arrays(agent.name) for one in sensors if hasattr(one, "in_arrays")]
+    looks += [one.nodes_in_arrays() for one in sensors if hasattr(one, "nodes_in_arrays")]
+    return any(not isinstance(look, str) and look.turns for look in looks)
 
 
 def why_not_seen(agent: IAgent, name: str) -> str | None:
@@ -127,7 +139,9 @@ def sees_all_nodes(sensor: Any, agent: IAgent) -> bool:
     if sensor.type not in SHOWING_AGENTS:
         return True
     look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else None
-    if not isinstance(look, AgentLook) or look.chances is not None or look.chance is not None or look.noise:
+    if not isinstance(look, AgentLook) or look.chances is not None or look.chance is not None:
+        return False
+    if look.noise or look.false_alarms or look.delay:
         return False
     return look.radius == np.inf and look.cone is None and look.hides is None
 
@@ -138,8 +152,14 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in SHOWING_AGENTS})
 
 
-def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str]) -> list[Lookout]:
+def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str], *, may_lack_forms: bool = False) -> list[Lookout]:
     """Return the sensors of agents of a roster, those that look alike together; of these names, or all.
+
+    Args:
+        roster: of the batch.
+        numbers: of the agents.
+        names: of sensors.
+        may_lack_forms: whether those without an array form are left out.
 
     Raises:
         UnknownName (KeyError): no agent carries one of a name.
@@ -152,8 +172,8 @@ def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str]) -> list[Lo
     found: dict[tuple[AgentLook, int], tuple[AgentLook, list[tuple[int, int]], list[tuple[str, str] | None]]] = {}
     for column, number in enumerate(numbers.tolist()):
         carried = Counter[AgentLook]()  # an agent may carry several that look alike
-        for order, look in enumerate(looks_of(agents[number], names)):
-            key = look._replace(hides=None, draws=None, nearest=None)
+        for order, look in enumerate(looks_of(agents[number], names, may_lack_forms=may_lack_forms)):
+            key = look.what
             _, columns, draws = found.setdefault((key, carried[key]), (look, [], []))
             columns.append((column, order))
             draws.append(look.draws)
@@ -193,13 +213,12 @@ def seen(
     world, roster, found = _World(state, games), len(state.roster.names), list[tuple[IntArray, ...]]()
     for lookout in looks:
         if len(lookout.columns) and len(lookout.others):
-            for at, carriers, others in _pairs(world, lookout, asked, with_own=with_own):
+            for at, carriers, others, nodes in _reports(world, lookout, asked, with_own=with_own):
                 looking = at * len(agents) + lookout.columns[carriers]
-                nodes = _reported(world, lookout, (at, carriers, others))
                 found.append((looking * roster + lookout.others[others], nodes, lookout.order[carriers]))
     none = np.zeros(0, np.int64)
     keys, nodes, order = (np.concatenate(parts) for parts in zip((none, none, none), *found, strict=True))
-    if len(looks) > 1:  # of what several sensors show, the last one counts
+    if len(looks) > 1 or any(one.look.false_alarms for one in looks):  # of what several sensors show, the last counts
         by_key = np.lexsort((order, keys))
         kept = by_key[np.append(np.diff(keys[by_key]) != 0, True)[: len(keys)]]
         keys, nodes = keys[kept], nodes[kept]
@@ -231,6 +250,36 @@ class _World:
 
 
 Pairs = tuple[IntArray, IntArray, IntArray]  # games of the view, and carriers and others of a lookout, by their places
+Reports = tuple[IntArray, IntArray, IntArray, IntArray]  # likewise, and rows of nodes
+
+
+def _reports(world: _World, lookout: Lookout, asked: BoolArray, *, with_own: bool) -> Iterator[Reports]:
+    """Yield who is reported to whom, and where."""
+    look = lookout.look
+    if look.delay:
+        yield _of_own(lookout, world.state.shared[DELAYS].due(world.games, lookout, asked), with_own=with_own)
+        return
+    blocks = _pairs(world, lookout, asked, with_own=with_own or look.false_alarms > 0.0)
+    if not look.false_alarms:
+        for pairs in blocks:
+            at, carriers, others = pairs
+            yield *pairs, _displaced(world, lookout, pairs, world.node[at, lookout.others[others]])
+        return
+    none = (np.zeros(0, np.int64),) * 3
+    at, carriers, others = (np.concatenate(columns) for columns in zip(none, *blocks, strict=True))
+    reports = at, carriers, others, world.node[at, lookout.others[others]]
+    reports = _with_false_alarms(world, lookout, asked, reports)
+    nodes = _displaced(world, lookout, reports[:3], reports[3])
+    yield _of_own(lookout, (*reports[:3], nodes), with_own=with_own)
+
+
+def _of_own(lookout: Lookout, reports: Reports, *, with_own: bool) -> Reports:
+    """Return the reports, but with `with_own` without those of agents of themselves."""
+    if with_own or lookout.look.place is None:
+        return reports
+    is_other = lookout.carriers[reports[1]] != lookout.others[reports[2]]
+    at, carriers, others, nodes = (column[is_other] for column in reports)
+    return at, carriers, others, nodes
 
 
 def _pairs(world: _World, lookout: Lookout, asked: BoolArray, *, with_own: bool) -> Iterator[Pairs]:
@@ -300,7 +349,36 @@ def _offsets(world: _World, lookout: Lookout, pairs: Pairs) -> tuple[FloatArray,
 def _ahead(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
     """Return which pairs are in the field of view; None: all."""
     cone = lookout.look.cone
-    return None if cone is None else kernels.in_cone(*_offsets(world, lookout, pairs), *cone)
+    if cone is None:
+        return None
+    if not lookout.look.turns:
+        return kernels.in_cone(*_offsets(world, lookout, pairs), *cone)
+    at, carriers, _ = pairs
+    looking = lookout.carriers[carriers]
+    those = world.games[at], looking, world.node[at, looking]
+    return in_turned_cone(world.state, those, _offsets(world, lookout, pairs), cone)
+
+
+def in_turned_cone(
+    state: GameArrays,
+    looking: tuple[IntArray, IntArray, IntArray],
+    offsets: tuple[FloatArray, FloatArray],
+    cone: tuple[tuple[float, float], float],
+) -> BoolArray:
+    """Return what is in fields of view that turn with their agents, (looks,); without a heading, they look all around.
+
+    Args:
+        state: of the batch.
+        looking: the games, agents and rows of the nodes where they are, (looks,) each.
+        offsets: how far east and north that is, (looks,) each.
+        cone: as those of an `AgentLook`.
+    """
+    if state.headings is None:
+        raise BadValue("A field of view that turns with its agent is for agents that are carried by a batch.")
+    (cos, sin), ((x, y), fov) = state.headings.of(*looking), cone
+    heading = x * cos - y * sin, x * sin + y * cos
+    found: BoolArray = kernels.in_cone(*offsets, heading, fov) | ((heading[0] == 0.0) & (heading[1] == 0.0))
+    return found
 
 
 def _unhidden(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
@@ -308,7 +386,10 @@ def _unhidden(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None
     look, (at, carriers, others) = lookout.look, pairs
     if look.hides is None:
         return None
-    key = "hidden", look._replace(hides=None, draws=None, chances=None, teams=None, others=())
+    key = (
+        "hidden",
+        look.what._replace(chances=None, chance=None, teams=None, others=(), noise=0.0, false_alarms=0.0, delay=0),
+    )
     known = world.state.shared.setdefault(key, _KnownSights(world.state.streets, look.hides))
     starts = world.node[at, lookout.carriers[carriers]] if look.place is None else np.zeros_like(at)
     is_hidden: BoolArray = known.hidden(starts, world.node[at, lookout.others[others]])
@@ -363,18 +444,79 @@ def _noticed(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
 
 def _drawn(world: _World, lookout: Lookout, pairs: Pairs, purpose: str, *which: str) -> BitArray:
     """Return 64 random bits for each pair, as `Look.bits` draws them."""
-    state, (at, carriers, others) = world.state, pairs
+    at, carriers, others = pairs
+    return _bits(world, lookout, (at, carriers), world.state.roster.keys[lookout.others[others]], purpose, *which)
+
+
+def _bits(
+    world: _World, lookout: Lookout, looks: tuple[IntArray, IntArray], names: BitArray, purpose: str, *which: str | int
+) -> BitArray:
+    """Return 64 random bits for each look, (looks,), and the hash of a name; or for several, (looks, names)."""
+    state, (at, carriers) = world.state, looks
     games = world.games[at]
     used, number = np.unique(carriers, return_inverse=True)
     keys = np.array([state.purposes(purpose, *(lookout.draws[i] or ()), *which) for i in used.tolist()])
-    names = state.roster.keys[lookout.others[others]]
-    return kernels.draw_bits_rows(keys[number, games], names, state.turn[games])
+    shape = (-1,) + (1,) * (names.ndim - 1)
+    return kernels.draw_bits_rows(keys[number, games].reshape(shape), names, state.turn[games].reshape(shape))
 
 
-def _reported(world: _World, lookout: Lookout, pairs: Pairs) -> IntArray:
-    """Return the rows of the nodes where agents are reported, (pairs,)."""
+def _with_false_alarms(world: _World, lookout: Lookout, asked: BoolArray, reports: Reports) -> Reports:
+    """Return the reports and false ones, as `Look.false_alarms` draws them."""
+    look, state = lookout.look, world.state
+    at, carriers = np.nonzero(asked[:, lookout.columns])
+    if not len(at):
+        return reports
+    no_name = kernels.name_keys([""])
+
+    def one(some: IntArray, purpose: str, *which: str | int) -> BitArray:
+        return _bits(world, lookout, (at[some], carriers[some]), no_name, purpose, *which)
+
+    every = np.arange(len(at))
+    counts = np.array([kernels.poisson(bits, look.false_alarms) for bits in one(every, "false alarms").tolist()])
+    looking, shown_agents = lookout.carriers[carriers], lookout.others
+    may_be = world.alive[at][:, shown_agents]
+    if look.place is None:
+        may_be &= looking[:, None] != shown_agents
+    number = np.full((len(world.games), len(lookout.columns)), -1)
+    number[at, carriers] = every
+    may_be[number[reports[0], reports[1]], reports[2]] = False
+    ends, rows = _covered(world, lookout, at, looking)
+    sizes, found = np.diff(ends), [reports]
+    for i in range(int(counts.max(initial=0))):
+        some = np.flatnonzero((counts > i) & may_be.any(axis=1) & (sizes > 0))
+        if not len(some):
+            break
+        names = np.broadcast_to(state.roster.keys[shown_agents], (len(some), len(shown_agents)))
+        lots = _bits(world, lookout, (at[some], carriers[some]), names, "false alarm", i)
+        chosen = np.where(may_be[some], lots, 0).argmax(axis=1)
+        may_be[some, chosen] = False
+        places = kernels.below_many(one(some, "false alarm", "place", i), sizes[some])
+        found.append((at[some], carriers[some], chosen, rows[ends[some] + places]))
+    first, second, third, nodes = (np.concatenate(columns) for columns in zip(*found, strict=True))
+    return first, second, third, nodes
+
+
+def _covered(world: _World, lookout: Lookout, at: IntArray, looking: IntArray) -> tuple[IntArray, IntArray]:
+    """Return the nodes that agents have in view as offsets (looks + 1,) and rows, one after the other."""
+    look, shared, streets = lookout.look, world.state.shared, world.state.streets
+    key = "covered", look.what
+    if key not in shared:
+        shared[key] = KnownViews(streets, NodeLook(look.radius, look.place, from_node=look.covers))
+    node = world.node[at, looking]
+    ends, rows = shared[key].of(node)
+    if not look.turns or look.cone is None:
+        return ends, rows
+    which, (x, y) = np.repeat(np.arange(len(at)), np.diff(ends)), streets.axes
+    here = node[which]
+    seen = (world.games[at[which]], looking[which], here)
+    kept = in_turned_cone(world.state, seen, (x[rows] - x[here], y[rows] - y[here]), look.cone)
+    counts = np.bincount(which[kept], minlength=len(at))
+    return np.concatenate((np.zeros(1, np.int64), np.cumsum(counts))), rows[kept]
+
+
+def _displaced(world: _World, lookout: Lookout, pairs: Pairs, nodes: IntArray) -> IntArray:
+    """Return the rows of the nodes where agents are reported that are seen on nodes, (pairs,)."""
     look, streets = lookout.look, world.state.streets
-    nodes: IntArray = world.node[pairs[0], lookout.others[pairs[2]]]
     if not look.noise or look.nearest is None or not len(nodes):
         return nodes
     errors = (kernels.normals(_drawn(world, lookout, pairs, "position noise", axis).tolist()) for axis in "xy")

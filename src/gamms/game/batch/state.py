@@ -11,6 +11,7 @@ from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.movement import Movement, Paths, Places
+from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -79,6 +80,43 @@ class LastMoves(NamedTuple):
     dropped: BoolArray
 
 
+class Headings:
+    """Which way agents look in all games: where that was set, else as they have moved last.
+
+    Args:
+        streets: of the map.
+        fixed: (agents, 2) `(cos, sin)` where the heading was set; NaN: it follows the moves.
+        before: (agents,) rows of the nodes on which agents were before they began; -1: where they began.
+        start: (games, agents) rows, where they began.
+    """
+
+    def __init__(self, streets: Streets, fixed: FloatArray, before: IntArray, start: IntArray) -> None:
+        self._axes, self._fixed, self._before = streets.axes, fixed, before
+        self._previous = np.where(before < 0, start, before)  # (games, agents) where they were before they moved last
+
+    def begin(self, games: IntArray, start: IntArray) -> None:
+        """Begin games again, on these nodes."""
+        self._previous[games] = np.where(self._before < 0, start, self._before)
+
+    def moved(self, games: IntArray, node: IntArray, which: BoolArray) -> None:
+        """Note that some agents, (games, agents), have moved or stayed, from nodes."""
+        self._previous[games] = np.where(which, node, self._previous[games])
+
+    def put(self, games: IntArray, agents: IntArray, node: IntArray) -> None:
+        """Note that agents are on nodes as if they had always been there."""
+        self._previous[games, agents] = node
+
+    def of(self, games: IntArray, agents: IntArray, node: IntArray) -> tuple[FloatArray, FloatArray]:
+        """Return cos and sin of the headings of agents that are on nodes, (looks,) each; both 0.0: none."""
+        (x, y), before = self._axes, self._previous[games, agents]
+        dx, dy = x[node] - x[before], y[node] - y[before]
+        far = np.hypot(dx, dy)
+        goes, fixed = far > 0.0, self._fixed[agents]
+        far = np.where(goes, far, 1.0)
+        follows = np.isnan(fixed[:, 0])
+        return np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
+
+
 class GameArrays:
     """The state of all games of a batch.
 
@@ -108,6 +146,7 @@ class GameArrays:
         shared: what was worked out once for all games, from what does not change, by what it is.
         places: where agents on edges are, in games by metres; None: all are on their nodes.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
+        headings: which way agents look, if their sensors turn with them.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
     """
 
@@ -138,6 +177,7 @@ class GameArrays:
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.now: dict[Hashable, Any] = {}
+        self.headings: Headings | None = None
         self.memory_of = np.arange(len(roster.names))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}
@@ -155,6 +195,8 @@ class GameArrays:
         self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
         self.blocked[games] = False
         self.movement.clear(games)
+        if self.headings is not None:
+            self.headings.begin(games, start)
         self.last_moves.took_part[games] = self.last_moves.dropped[games] = False
         self.last_deeds = [deeds.those(~np.isin(deeds.at, games)) for deeds in self.last_deeds]
         self.deeds.forget(games)

@@ -56,6 +56,11 @@ class NodeLookout(NamedTuple):
 
     views: "KnownViews"
     columns: IntArray  # (carriers,) numbers in the view
+    cone: tuple[tuple[float, float], float] | None = None  # that turns with its agent, of what the views show around
+
+
+Ahead = Callable[[IntArray, IntArray, IntArray, tuple[tuple[float, float], float]], BoolArray]
+"""Returns which nodes are in the fields of view of agents: games, agents, rows of nodes (pairs,) each, and the cone."""
 
 
 def node_sensors_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
@@ -84,7 +89,11 @@ def node_lookouts(
             if name in carried and carried[name].type in SHOWING_NODES:
                 look = _look_of(agents[number], name)
                 found.setdefault(look._replace(from_node=None), (look, []))[1].append(column)
-    return [NodeLookout(KnownViews(streets, look), np.unique(columns)) for look, columns in found.values()]
+    made = []
+    for look, columns in found.values():
+        views = KnownViews(streets, look._replace(cone=None) if look.turns else look)
+        made.append(NodeLookout(views, np.unique(columns), look.cone if look.turns else None))
+    return made
 
 
 def _look_of(agent: IAgent, name: str) -> NodeLook:
@@ -99,7 +108,7 @@ def _look_of(agent: IAgent, name: str) -> NodeLook:
     return found
 
 
-def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], nodes: int) -> SeenNodes:
+def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], nodes: int, ahead: Ahead) -> SeenNodes:
     """Return which nodes some agents see.
 
     Args:
@@ -107,15 +116,20 @@ def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], n
         asked: (games, agents) which of them are asked.
         looks: their sensors.
         nodes: how many there are on the map.
+        ahead: says what is in fields of view that turn with their agents.
     """
     shape, none = (*node.shape, nodes), np.zeros(0, np.int64)
     parts = [(none, none, none)]
-    for views, columns in looks:
+    for views, columns, cone in looks:
         at, carriers = np.nonzero(asked[:, columns])
         viewers = columns[carriers]
         runs, rows = views.of(node[at, viewers])
         counts = np.diff(runs)
-        parts.append((np.repeat(at, counts), np.repeat(viewers, counts), rows))
+        part = np.repeat(at, counts), np.repeat(viewers, counts), rows
+        if cone is not None:
+            is_ahead = ahead(*part, cone)
+            part = part[0][is_ahead], part[1][is_ahead], rows[is_ahead]
+        parts.append(part)
     if len(looks) == 1:
         return SeenNodes(shape, *parts[1])
     at, viewers, rows = (np.concatenate(columns) for columns in zip(*parts, strict=True))

@@ -157,6 +157,11 @@ class MovesOfTurn:
         """
         state, games = self._state, self.games
         state.counts["moves"][games] += moves.ends != self.node
+        if state.headings is not None:
+            members = np.s_[:] if part is None else part.members
+            moves_now = np.zeros(self.node.shape, np.bool_)
+            moves_now[:, members] = self.alive[:, members]
+            state.headings.moved(games, self.node, moves_now)
         if part is None:
             self.starts, self.ends, self._played = self.node, moves.ends, moves.paths
             state.blocked[games] = in_conflict
@@ -389,6 +394,8 @@ class ArrayTurn(MovesOfTurn):
             self.node[at, agents] = self._state.start[self.games[at], agents]
             self.alive[at, agents] = True
             self._state.movement.clear(self.games[at], agents)
+            if self._state.headings is not None:
+                self._state.headings.put(self.games[at], agents, self.node[at, agents])
             self.emit("respawned", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
 
     def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:

@@ -14,7 +14,7 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Places
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.sight import Seen, lookouts, names_of, seen
+from gamms.game.batch.sight import Seen, in_turned_cone, lookouts, names_of, seen
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
@@ -306,13 +306,20 @@ class ArrayView(Mapping[str, Any]):
 
         Raises:
             UnknownName (KeyError): no agent carries such a sensor that shows nodes.
-            BadValue: a sensor has no array form, such as one whose field of view turns with its agent.
+            BadValue: a sensor has no array form.
             TooLarge: the agents see more than 268 million nodes together.
         """
         shared, key = self._state.shared, ("nodes", self.agents.tobytes(), names)
         if key not in shared:
             shared[key] = node_lookouts(self.streets, self.roster.agents, self.agents, names)
-        return seen_nodes(self.node, self.mask, shared[key], len(self.streets.counts))
+        return seen_nodes(self.node, self.mask, shared[key], len(self.streets.counts), self._are_ahead)
+
+    def _are_ahead(
+        self, at: IntArray, viewers: IntArray, nodes: IntArray, cone: tuple[tuple[float, float], float]
+    ) -> BoolArray:
+        (x, y), here = self.streets.axes, self.node[at, viewers]
+        looking = self.games[at], self.agents[viewers], here
+        return in_turned_cone(self._state, looking, (x[nodes] - x[here], y[nodes] - y[here]), cone)
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
