@@ -22,7 +22,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms import belief as belief, bridge as bridge, context as context, errors as errors, game as game
     from gamms import limits as limits, llm as llm, osm as osm
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rl as rl, rules as rules
-    from gamms import scenario as scenario, strategies as strategies, testing as testing
+    from gamms import scenario as scenario, solve as solve, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
     from gamms.game.batch import array_rule, array_strategy, portable_form
     from gamms.typing import logger
@@ -62,7 +62,7 @@ _MODULES = {
         "recordings",
         "rendering",
     ),
-    *("rl", "rules", "scenario", "sensor", "strategies", "testing", "typing", "visual"),
+    *("rl", "rules", "scenario", "sensor", "solve", "strategies", "testing", "typing", "visual"),
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),

@@ -62,6 +62,7 @@ from gamms.kernels.fields_of_view import (
     unit_quaternion,
     yaw,
 )
+from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
 from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import (
     Arcs,

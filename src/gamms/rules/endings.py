@@ -353,12 +353,12 @@ def _leader(ctx: Context) -> Hashable:
 def _leaders(turn: ArrayTurn, at: IntArray) -> list[Hashable]:
     """Return what `_leader` returns, of several games."""
     teams = [team for team in turn.roster.teams if team is not None]
-    scores = np.stack([turn.scores(team)[at] for team in teams], axis=1) if teams else np.zeros((len(at), 0))
-    winners: list[Hashable] = []
-    for row in scores:
-        best = np.flatnonzero(row == row.max(initial=-np.inf))
-        winners.append(teams[best[0]] if len(best) == 1 < len(teams) else None)
-    return winners
+    if len(teams) < 2:
+        return [None] * len(at)
+    scores = np.stack([turn.scores(team)[at] for team in teams], axis=1)
+    is_best = scores == scores.max(axis=1, keepdims=True)
+    leaders = np.where(is_best.sum(axis=1) == 1, is_best.argmax(axis=1), len(teams))
+    return [[*teams, None][leader] for leader in leaders.tolist()]
 
 
 def _as_goal(goal: object, team: Hashable) -> frozenset[int] | str:

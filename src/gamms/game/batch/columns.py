@@ -45,6 +45,12 @@ class GameLog(ABC, Generic[P]):
         for game in games.tolist():
             self._of_game[game] = []
 
+    def clear(self) -> None:
+        """Forget the entries of all games."""
+        self._pending.clear()
+        for entries in filter(None, self._of_game):
+            entries.clear()
+
     @abstractmethod
     def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
         """Return the game of each entry, and the entry; those of one game in their order."""

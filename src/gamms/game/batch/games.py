@@ -16,10 +16,11 @@ from gamms.game.batch.device_view import DeviceView, moved
 from gamms.game.batch.given import Given, acting, as_given
 from gamms.game.batch.libraries import ArrayLibrary
 from gamms.game.batch.one_by_one import OneByOneEngine
+from gamms.game.batch.state import Columns
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
@@ -216,6 +217,36 @@ class Batch:
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
         self._begun[games] = len(self._log or ())
+
+    def columns(self) -> Columns:
+        """Return what the next turns of all games follow from besides turn, scores and seeds, for `load`.
+
+        That is where agents are and what rules and strategies remember, as arrays (games, …), of which rows can be
+        taken, repeated and put together.
+
+        Raises:
+            BadValue: the games are not played in NumPy's arrays.
+        """
+        return self._arrays("columns").state.columns()
+
+    def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
+        """Let all games be at the moments that `columns` of such games say, with their own seeds and without events.
+
+        Args:
+            columns: a row for each game.
+            turn: how many turns were played.
+            scores: key -> (games,) numbers; None: none.
+
+        Raises:
+            BadValue: the games are not played in NumPy's arrays.
+        """
+        self._arrays("load").state.load(columns, turn, scores or {})
+
+    def _arrays(self, what: str) -> ArrayEngine:
+        if not isinstance(self._engine, ArrayEngine) or self.library is not None:
+            why = self.slow or self.library
+            raise BadValue(f"{what} is for games that are played in NumPy's arrays; these are not, because of {why}.")
+        return self._engine
 
     # -- seeing -------------------------------------------------------------------------------------------------
 

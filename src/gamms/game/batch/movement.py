@@ -220,9 +220,11 @@ class Movement:
     Attributes:
         idle: the action of agents that decide nothing.
         follows_edges: whether the first legal nodes are the own one and its neighbours.
+        remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
     """
 
     idle, follows_edges = 0, True
+    remembers: tuple[str, ...] = ()
 
     def __init__(self, streets: Streets) -> None:
         self.streets = streets
@@ -352,6 +354,8 @@ class ByEdges(Movement):
         begun: (games, agents) the number of the neighbour to which an agent has covered part of the edge; 0: to none.
         covered: (games, agents) how much of it.
     """
+
+    remembers = ("begun", "covered")
 
     def __init__(self, streets: Streets, speeds: Sequence[float | None]) -> None:
         super().__init__(streets)

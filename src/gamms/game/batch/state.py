@@ -17,6 +17,8 @@ from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
+Columns = dict[Hashable, np.ndarray[Any, Any]]
+"""What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
 
 
 class Emitted(NamedTuple):
@@ -64,6 +66,12 @@ class EventLog(GameLog[Emitted]):
         super().forget(games)
         for unread in self._unread.values():
             unread[:] = [emitted.those(~np.isin(emitted.games, games)) for emitted in unread]
+
+    def clear(self) -> None:
+        """Forget the events of all games."""
+        super().clear()
+        for unread in self._unread.values():
+            unread.clear()
 
     def _entries(self, noted: Emitted) -> Iterator[tuple[int, dict[str, Any]]]:
         kind, games, turns, fields = noted
@@ -219,6 +227,37 @@ class GameArrays:
         shares = np.array([team is not None for team in teams], np.bool_)[team_of]
         numbers = np.where(shares, team_of, len(teams) + np.arange(len(team_of)))
         self.memory_of = np.unique(numbers, return_inverse=True)[1]
+
+    def columns(self) -> Columns:
+        """Return what the next turns follow from, copies by name, (games, …) each.
+
+        That is where agents are and what rules and strategies remember, and not the turn, scores, seeds and logs, deeds
+        and messages, and how agents moved in the last turn.
+        """
+        found: Columns = {"node": self.node, "start": self.start, "alive": self.alive}
+        found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
+        found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
+        if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were
+            found["stops"] = self.stops
+        return {name: one.copy() for name, one in found.items()}
+
+    def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
+        """Put all games where others were, by their `columns`, without events and errors."""
+        for name, values in columns.items():
+            if isinstance(name, tuple):
+                self.kept[name[0]][name[1]][:] = values
+            else:
+                getattr(self.movement if name in self.movement.remembers else self, str(name))[:] = values
+        self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False
+        self.over = [None] * len(self)
+        for errors in filter(None, self.errors):
+            errors.clear()
+        for numbers in (*self.scores.values(), *self.has_score.values()):
+            numbers[:] = 0
+        for key, points in scores.items():
+            self.add_score(key, np.arange(len(self)), points)
+        self.events.clear()
+        self.now.clear()
 
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""

@@ -59,6 +59,8 @@ class ByMetres(Movement):
         is_ahead: (edges,) which edges lead in the direction of their streets.
     """
 
+    remembers = ("edge", "share")
+
     idle = STOP
     _arrays: tuple[IntArray, ...]
 

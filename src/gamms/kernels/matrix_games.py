@@ -1,0 +1,84 @@
+"""Zero-sum matrix games, many of one size at once: values and optimal mixed strategies, by the simplex method.
+
+One linear program a game costs a general solver a millisecond or more; value iteration needs a hundred thousand. Here
+the tableaus of all games are one array, and each pivot is one operation on it.
+"""
+
+import numpy as np
+
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+
+_TINY = 1e-12  # what counts as 0 in a tableau, whose entries are about 1
+_FAST_PIVOTS = 60  # pivots by the steepest column; then by Bland's rule, which cannot go round in a circle
+
+
+def saddle_points(payoffs: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Return what each player gets for sure by one action: the best of the worst of rows and of columns, (games,) each.
+
+    Where both are equal, that is the value of the game.
+
+    Args:
+        payoffs: (games, rows, columns), what the player who chooses the row gets from the other one.
+    """
+    return payoffs.min(axis=2).max(axis=1), payoffs.max(axis=1).min(axis=1)
+
+
+def solve_matrix_games(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the values of zero-sum games, (games,), and optimal strategies, (games, rows) and (games, columns).
+
+    Where there is a saddle point, the strategies are the first actions that reach it.
+
+    Args:
+        payoffs: (games, rows, columns), what the player who chooses the row gets from the other one.
+    """
+    low, high = saddle_points(payoffs)
+    values, games = low.copy(), np.arange(len(payoffs))
+    rows, columns = (np.zeros((*payoffs.shape[:1], n)) for n in payoffs.shape[1:])
+    rows[games, payoffs.min(axis=2).argmax(axis=1)] = 1.0
+    columns[games, payoffs.max(axis=1).argmin(axis=1)] = 1.0
+    mixed = np.flatnonzero(high - low > _TINY * np.maximum(1.0, abs(low)))
+    if len(mixed):
+        values[mixed], rows[mixed], columns[mixed] = _by_simplex(payoffs[mixed])
+    return values, rows, columns
+
+
+def _by_simplex(payoffs: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Solve games without a saddle point: maximise the sum of y with A y <= 1, for payoffs A between 1 and 2."""
+    games, rows, columns = payoffs.shape
+    least = payoffs.min(axis=(1, 2), keepdims=True)
+    spread = payoffs.max(axis=(1, 2), keepdims=True) - least
+    tableau = np.zeros((games, rows + 1, columns + rows + 1))
+    tableau[:, :rows, :columns] = (payoffs - least) / spread + 1.0
+    tableau[:, :rows, columns:-1] = np.eye(rows)
+    tableau[:, :rows, -1], tableau[:, -1, :columns] = 1.0, -1.0
+    basis = np.broadcast_to(np.arange(columns, columns + rows), (games, rows)).copy()
+    going, pivots = np.arange(games), 0
+    while len(going):
+        costs = tableau[going, -1, :-1]
+        is_open = costs.min(axis=1) < -_TINY
+        going, costs = going[is_open], costs[is_open]
+        if len(going):
+            entering = costs.argmin(axis=1) if pivots < _FAST_PIVOTS else (costs < -_TINY).argmax(axis=1)
+            _pivot(tableau, basis, going, entering)
+            pivots += 1
+    total = tableau[:, -1, -1]
+    at, row = np.nonzero(basis < columns)
+    ys, xs = np.zeros((games, columns)), np.maximum(tableau[:, -1, columns:-1], 0.0)
+    ys[at, basis[at, row]] = np.maximum(tableau[at, row, -1], 0.0)
+    xs, ys = xs / xs.sum(axis=1, keepdims=True), ys / ys.sum(axis=1, keepdims=True)
+    return (1.0 / total - 1.0) * spread[:, 0, 0] + least[:, 0, 0], xs, ys
+
+
+def _pivot(tableau: FloatArray, basis: IntArray, games: IntArray, entering: IntArray) -> None:
+    """Let one column of each of these games enter its basis."""
+    now, each = tableau[games], np.arange(len(games))
+    column = now[each, :, entering]  # (games, rows + 1)
+    may_leave: BoolArray = column[:, :-1] > _TINY
+    ratios = np.where(may_leave, now[:, :-1, -1] / np.where(may_leave, column[:, :-1], 1.0), np.inf)
+    is_least = ratios <= ratios.min(axis=1, keepdims=True) + _TINY
+    leaving = np.where(is_least, basis[games], tableau.shape[2]).argmin(axis=1)
+    pivot_rows = now[each, leaving] / column[each, leaving][:, None]
+    now -= column[:, :, None] * pivot_rows[:, None, :]
+    now[each, leaving] = pivot_rows
+    tableau[games], basis[games, leaving] = now, entering

@@ -1,0 +1,84 @@
+"""What agents are shown by their sensors in the states of a solved game."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from gamms.context import Context
+from gamms.solve.table import Table
+from gamms.solve.worlds import as_sorted
+from gamms.typing import IAgent
+
+_CHANCY = ("detection", "position_noise_m", "false_alarm_rate", "delay_turns")  # what makes a sensor unreliable
+
+
+class Observer:
+    """Puts agents where they are in states, and lets their sensors look.
+
+    Args:
+        ctx: a context with the game.
+        table: its states.
+    """
+
+    def __init__(self, ctx: Context, table: Table) -> None:
+        self._table = table
+        self._agents = [ctx.agent.get_agent(name) for name in table.roster.names]
+        self._seen: dict[tuple[int, ...], tuple[str, ...]] = {}
+
+    def observe(self, state: int) -> tuple[str, ...]:
+        """Return what each agent knows of a state: where it is and what its sensors show; "" if it is out."""
+        table = self._table
+        nodes, alive = table.nodes[state].tolist(), table.alive[state].tolist()
+        places = tuple(node if is_alive else -1 for node, is_alive in zip(nodes, alive, strict=True))
+        if places not in self._seen:
+            for agent, node in zip(self._agents, places, strict=True):
+                agent.alive = node >= 0
+                if node >= 0:
+                    agent.prev_node_id = agent.current_node_id = node
+            self._seen[places] = tuple([self._look(agent) if agent.alive else "" for agent in self._agents])
+        return self._seen[places]
+
+    def _look(self, agent: IAgent) -> str:
+        return repr(as_sorted(dict(agent.get_state())))
+
+    def is_reliable(self, agent: int) -> bool:
+        """Return whether the sensors of an agent show what is there, without chance, noise and delay."""
+        sensors = self._agents[agent].sensors.values()
+        return not any(getattr(sensor, name, None) for sensor in sensors for name in _CHANCY)
+
+
+@contextmanager
+def observing(table: Table) -> Iterator[Observer]:
+    """Observe the states of a table; its own context is ended afterwards."""
+    with table.setup.scenario.build(table.setup.seed) as ctx:
+        yield Observer(ctx, table)
+
+
+def what_teams_see(table: Table) -> dict[str, str]:
+    """Return for each team that decides whether its sensors show where all are; see `Solution.sees`."""
+    with observing(table) as observer:
+        return {team: _seen_by(table, observer, side) for side, team in enumerate(table.setup.teams)}
+
+
+def _seen_by(table: Table, observer: Observer, side: int) -> str:
+    """Return "full", "team" or "agent" for a team: at two states that look alike it does not see where all are."""
+    members = table.members(side).tolist()
+    groups = [(agent,) for agent in members]
+    if not all(observer.is_reliable(agent) for agent in members):
+        return "agent"
+    if all(_tells_apart(table, observer, group) for group in groups):
+        return "full"
+    return "team" if len(members) > 1 and _tells_apart(table, observer, tuple(members)) else "agent"
+
+
+def _tells_apart(table: Table, observer: Observer, agents: tuple[int, ...]) -> bool:
+    """Return whether some agents together know where all are, in all states in which one of them is there."""
+    known: dict[tuple[str, ...], tuple[tuple[int, ...], tuple[bool, ...]]] = {}
+    states = [state for state in range(len(table)) if table.offsets[state] < table.offsets[state + 1]]
+    for state in states:
+        if not table.alive[state, list(agents)].any():
+            continue
+        places = tuple(table.nodes[state].tolist()), tuple(table.alive[state].tolist())
+        seen = observer.observe(state)
+        if known.setdefault(tuple(seen[agent] for agent in agents), places) != places:
+            return False
+    return True

@@ -1,0 +1,434 @@
+"""What a game is worth and how to play it: `solve`, and what it returns."""
+
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property
+from typing import Any, Literal, NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_choice, as_count, as_float, as_int, as_mapping
+from gamms.context import Context
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.ir.graph import FloatArray
+from gamms.scenario import Scenario
+from gamms.solve.information import what_teams_see
+from gamms.solve.stages import Bound, Responses, Rewards, Stages
+from gamms.solve.table import Outcomes, Shape, Table, Transition, explore
+from gamms.solve.worlds import Setup
+from gamms.text import shown
+from gamms.typing.game import State, Strategy
+
+Reward = Literal["score", "win", "turns"] | Callable[[Transition], float]
+"""What a team gets, and the other one pays.
+
+"score": by how much its score changes more than that of the other team; "win": 1 if it wins, -1 if the other one does;
+"turns": -1 for each turn, so that it wants the game to be short; or a function of a `Transition`.
+"""
+REWARDS = ("score", "win", "turns")
+MAX_STATES = 200_000
+_MEMORY = "gamms.solve"  # the key of the memory of agents
+
+
+class Choice(NamedTuple):
+    """A joint action of a team, and how often it is chosen.
+
+    Attributes:
+        share: from 0 to 1.
+        nodes: agent -> the node that it goes to.
+    """
+
+    share: float
+    nodes: Mapping[str, int]
+
+
+class SolvedStrategy:
+    """How a team plays in a solved game: `scenario.play(strategies={"red": solution.strategy("red")})`.
+
+    It reads where all agents are from the context, whatever their sensors show. Where a joint action is drawn, all
+    agents of the team draw the same one.
+
+    Args:
+        stages: of the game.
+        team: the number of the team, 0 or 1.
+
+    Attributes:
+        team: its name.
+    """
+
+    def __init__(self, stages: Stages, team: int) -> None:
+        self._stages, self._side = stages, team
+        self.team = stages.table.setup.teams[team]
+
+    def __repr__(self) -> str:
+        """Name the team."""
+        return f"SolvedStrategy({shown(self.team)})"
+
+    def __call__(self, ctx: Context) -> Strategy:
+        """Return the strategy of an agent in a game."""
+        table, roster = self._stages.table, self._stages.table.roster
+
+        def strategy(state: State) -> None:
+            memory, turn = state["memory"], state["turn"]
+            agents = ctx.agent.agents
+            living = [agents[name] if name in agents and agents[name].alive else None for name in roster.names]
+            moved = self._moved_before(ctx)
+            nodes = [
+                -1 if one is None else one.prev_node_id if one.name in moved else one.current_node_id for one in living
+            ]
+            number = self._state_at(nodes, turn, memory.get(_MEMORY))
+            memory[_MEMORY] = number
+            choice = self._choice(number, turn, {name: agents[name].current_node_id for name in moved})
+            drawn = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, turn))
+            action = int(np.searchsorted(np.cumsum(choice), drawn * choice.sum(), side="right"))
+            action = min(action, int(np.flatnonzero(choice)[-1]))
+            state["action"] = table.actions_of(number, self._side, action)[state["name"]]
+
+        return strategy
+
+    def _moved_before(self, ctx: Context) -> list[str]:
+        """Return the living agents that move before this team in a turn."""
+        table = self._stages.table
+        if table.order == 0 or (table.order < 0) == (self._side == 0):
+            return []
+        names = [table.roster.names[agent] for agent in table.members(1 - self._side).tolist()]
+        return [name for name in names if name in ctx.agent.agents and ctx.agent.agents[name].alive]
+
+    def _state_at(self, nodes: list[int], turn: int, before: int | None) -> int:
+        """Return the state in which agents are on these nodes, -1: out; of several one that follows the one before."""
+        table = self._stages.table
+        found = table.states_at(nodes, turn)
+        if len(found) > 1 and before is not None:
+            later = table.usual.after[table.offsets[before] : table.offsets[before + 1]]
+            found = [number for number in found if number in later] or found
+        if not found:
+            raise BadValue(
+                f"In turn {turn} agents are where the solved game does not get to: {self._named(nodes)}. Its start is "
+                f"that of seed={table.setup.seed}, and its rules and other strategies those that were given to solve."
+            )
+        return found[0]
+
+    def _named(self, nodes: Sequence[int]) -> dict[str, int | None]:
+        names = self._stages.table.roster.names
+        return {name: None if node < 0 else node for name, node in zip(names, nodes, strict=True)}
+
+    def _choice(self, number: int, turn: int, moved: Mapping[str, int]) -> FloatArray:
+        """Return the shares of the joint actions of the team, given where others have moved in this turn."""
+        shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
+        if not moved:
+            return shares[:, 0]
+        table, other = self._stages.table, 1 - self._side
+        for action in range(int(table.sizes[number, other])):
+            wanted = table.actions_of(number, other, action)
+            if all(wanted[name] == node for name, node in moved.items()):
+                return shares[:, action]
+        return shares[:, 0]  # a conflict has stopped them
+
+
+def shares_of(stages: Stages, number: int, left: int, side: int) -> FloatArray:
+    """Return the shares of a team's joint actions in a state, (actions, actions of the other team)."""
+    table = stages.table
+    rows, columns = table.sizes[number].tolist()
+    grid = table.offsets[number] + np.arange(rows * columns).reshape(1, rows, columns)
+    play = stages.play(Shape(np.array([number]), grid), left)
+    shares: FloatArray = play.first[0] if side == 0 else play.second[0].T
+    return shares
+
+
+class Solution:
+    """The values of all states of a game, and how to play it; made by `solve` and `best_response`.
+
+    Attributes:
+        table: the states and transitions.
+        team: whose values these are; in a game of two teams the other one gets the opposite.
+        value: of the start.
+        information: "full": each team knows where all are, and its agents decide together.
+        error: how far `value` may be from that of the game with full information, by the numbers alone; inf: it is not
+            known, as in games without a last turn.
+    """
+
+    information = "full"
+
+    def __init__(self, table: Table, stages: Stages, team: str) -> None:
+        self.table, self._stages, self.team = table, stages, team
+        self._side = table.setup.teams.index(team)
+        self._sign = 1.0 if self._side == 0 else -1.0
+        self.error = stages.error
+        self.value = self._sign * float(stages.values[-1][0]) + 0.0
+
+    def __repr__(self) -> str:
+        """Show the value of the start."""
+        return f"Solution(value={self.value:.6g}, team={self.team!r}, {len(self.table)} states)"
+
+    @cached_property
+    def sees(self) -> dict[str, str]:
+        """What the agents of each team that decides are shown by their sensors, in all states.
+
+        "full": each agent is shown where all are; "team": its agents together are; "agent": they are not.
+        """
+        return what_teams_see(self.table)
+
+    @cached_property
+    def bound(self) -> Bound:
+        """What `value` is to that of the game in which agents know no more than their sensors show.
+
+        It is at least that where the team itself is not shown everything, at most that where the other one is not.
+        """
+        numeric = self._stages.side
+        blind = [team for team, seen in self.sees.items() if seen != "full"]
+        sides: set[Bound] = {"upper" if team == self.team else "lower" for team in blind}
+        if numeric != "exact":
+            sides.add(numeric if self._side == 0 else _OPPOSITE[numeric])
+        return sides.pop() if len(sides) == 1 else "none" if sides else "exact"
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether `value` is that of the game, up to `error`."""
+        return self.bound == "exact"
+
+    # -- values -------------------------------------------------------------------------------------------------
+
+    def value_at(self, places: Mapping[str, int | None], turn: int = 0) -> float:
+        """Return what the team gets from a state on.
+
+        Args:
+            places: agent -> its node, None: it is out. Those that are not there are where they begin.
+            turn: how many turns were played.
+
+        Raises:
+            UnknownName (KeyError): there is no such agent.
+            BadValue: the game does not get there, or rules remember more than where agents are.
+        """
+        return self._value_of(self._number(places, turn), as_count(turn, "turn", 0))
+
+    def values(self, agent: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> dict[int, float]:
+        """Return what the team gets by where an agent is: node -> value, of all nodes that it gets to.
+
+        Args:
+            agent: the one that is on one node after the other.
+            places: see `value_at`.
+            turn: how many turns were played.
+
+        Raises:
+            UnknownName, BadValue: see `value_at`.
+        """
+        nodes = self.table.nodes[:, self._agent(agent)]
+        found = {}
+        for node in np.unique(nodes).tolist():
+            numbers = self.table.states_at(self._nodes({**(places or {}), agent: node}), turn)
+            if len(numbers) == 1:
+                found[node] = self._value_of(numbers[0], turn)
+        return found
+
+    def policy(self, team: str, places: Mapping[str, int | None] | None = None, turn: int = 0) -> list[Choice]:
+        """Return what a team does in a state: its joint actions that have a share, the largest first.
+
+        Where a team moves after the other one, this is its answer to the other one's best joint action.
+
+        Args:
+            team: either of the two.
+            places: see `value_at`.
+            turn: how many turns were played.
+
+        Raises:
+            UnknownName, BadValue: see `value_at`.
+        """
+        side, number = self._side_of(team), self._number(places or {}, turn)
+        shares = shares_of(self._stages, number, self._stages.left(turn, side), side)
+        if (shares != shares[:, :1]).any():
+            other = shares_of(self._stages, number, self._stages.left(turn, 1 - side), 1 - side)
+            shares = shares[:, [int(other[:, 0].argmax())]]
+        chosen = sorted(enumerate(shares[:, 0].tolist()), key=lambda item: -item[1])
+        return [Choice(share, self.table.actions_of(number, side, action)) for action, share in chosen if share > 0.0]
+
+    def _value_of(self, number: int, turn: int) -> float:
+        last = self.table.last_turn
+        left = -1 if last is None or self.table.by_turn else max(0, min(len(self._stages.values) - 1, last - turn))
+        return self._sign * float(self._stages.values[left][number]) + 0.0
+
+    def _agent(self, name: str) -> int:
+        if name not in self.table.roster.names:
+            raise UnknownName("agent", name, self.table.roster.names)
+        return self.table.roster.names.index(name)
+
+    def _nodes(self, places: Mapping[str, int | None]) -> list[int]:
+        nodes: list[int] = np.where(self.table.alive[0], self.table.nodes[0], -1).tolist()
+        for name, node in as_mapping(places, "places").items():
+            nodes[self._agent(name)] = -1 if node is None else as_int(node, f"places[{shown(name)}]")
+        return nodes
+
+    def _number(self, places: Mapping[str, int | None], turn: int) -> int:
+        nodes = self._nodes(places)
+        found = self.table.states_at(nodes, turn)
+        where = dict(zip(self.table.roster.names, [None if node < 0 else node for node in nodes], strict=True))
+        if not found:
+            raise BadValue(f"The game does not go on with {where} in turn {turn}: it does not get there, or is over.")
+        if len(found) > 1:
+            raise BadValue(f"There are {len(found)} states with {where}, because rules or strategies remember more.")
+        return found[0]
+
+    def _side_of(self, team: str) -> int:
+        if team not in self.table.setup.teams:
+            raise UnknownName("team that was solved for", team, self.table.setup.teams)
+        return self.table.setup.teams.index(team)
+
+    # -- play ---------------------------------------------------------------------------------------------------
+
+    def strategy(self, team: str | None = None) -> SolvedStrategy:
+        """Return how a team plays, for `scenario.play(strategies={team: …})`.
+
+        Args:
+            team: either of the two; None: the one whose values these are.
+
+        Raises:
+            UnknownName (KeyError): it was not solved for this team.
+        """
+        return SolvedStrategy(self._stages, self._side if team is None else self._side_of(team))
+
+    def best_response(self, team: str, against: SolvedStrategy) -> "Solution":
+        """Return the values for a team of its best answer to a strategy of the other one, from this or an equal game.
+
+        Raises:
+            UnknownName (KeyError): it was not solved for this team.
+            BadValue: the strategy is not one of the other team, or counts turns in a game without a last one.
+        """
+        side, stages = self._side_of(team), against._stages
+        if stages.table is not self.table or against._side == side:
+            raise BadValue(f"against={against!r} is not a strategy of the other team from a solution of this game.")
+        if stages.counts_down(1 - side):
+            raise BadValue(
+                f"{against!r} plays by how many turns are left of a game without a last turn. Solve it with turns= or "
+                "discount=, so that there is a best response."
+            )
+        answered = Responses(self.table, self._stages.rewards, self._stages.tolerance, stages, side)
+        return Solution(self.table, answered, team)
+
+    def nash_conv(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
+        """Return what both teams together could gain by answering best, as OpenSpiel defines it; 0 in equilibrium.
+
+        Args:
+            strategies: of both teams; None: those of this solution. See `gamms.solve.nash_conv` for others.
+
+        Raises:
+            BadValue: see `best_response`.
+        """
+        first, second = self.table.setup.teams
+        given = {**{team: self.strategy(team) for team in (first, second)}, **(strategies or {})}
+        # What each has now adds up to 0.
+        return self.best_response(first, given[second]).value + self.best_response(second, given[first]).value
+
+    def exploitability(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
+        """Return `nash_conv` per team."""
+        return self.nash_conv(strategies) / len(self.table.setup.teams)
+
+
+_OPPOSITE: dict[Bound, Bound] = {"lower": "upper", "upper": "lower", "none": "none"}
+
+
+def solve(
+    scenario: Scenario,
+    *,
+    team: str | None = None,
+    reward: Reward = "score",
+    turns: int | None = None,
+    discount: float = 1.0,
+    seed: int | None = None,
+    max_states: int = MAX_STATES,
+) -> Solution:
+    """Return the values of a small game of two teams, and how both play best, by value iteration.
+
+    Every turn is played by the scenario's own rules, from every state that the game can reach. A game with a last turn
+    is solved from there backwards; another one until values change no more. Teams that move at once play a matrix game
+    in each state; those that take turns see what the other one does. See docs/solve.md.
+
+    Args:
+        scenario: of two teams.
+        team: whose values are given; None: the first one.
+        reward: what it gets; see `Reward`.
+        turns: the game is cut after so many turns; None: as the scenario says.
+        discount: what a reward counts one turn later, above 0 and up to 1.
+        seed: of the start; None: that of the scenario, or 0.
+        max_states: how many states there may be.
+
+    Raises:
+        BadType, BadValue: an argument is impossible, or the game has something that is not solved, such as draws.
+        UnknownName (KeyError): there is no such team.
+        TooLarge: the game has more states than are allowed; the message says how many, and what would fit.
+    """
+    teams = teams_of(scenario, team)
+    if len(teams) != 2:
+        raise BadValue(
+            f"A game of {len(teams)} teams ({', '.join(map(shown, teams))}) is not solved: only those of two are. Let "
+            "all but one play strategies, and use best_response."
+        )
+    setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
+    table = explore(setup, by_winner=reward not in ("score", "turns"))
+    return Solution(table, Stages(table, rewards_of(table, reward, discount), TOLERANCE), teams[0])
+
+
+TOLERANCE = 1e-10  # of values of games without a last turn
+
+
+def teams_of(scenario: Scenario, team: str | None) -> tuple[str, ...]:
+    """Return the teams of a scenario, a given one first.
+
+    Raises:
+        BadType: it is no scenario.
+        UnknownName (KeyError): there is no such team.
+    """
+    if not isinstance(scenario, Scenario):
+        raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
+    teams = tuple(name for name, spec in scenario.spec.teams.items() if spec.count or spec.agents)
+    if team is not None and team not in teams:
+        raise UnknownName("team", team, teams)
+    return tuple(sorted(teams, key=lambda one: one != (team or teams[0])))
+
+
+def setup_of(
+    scenario: Scenario,
+    teams: tuple[str, ...],
+    others: Mapping[str, Any],
+    *,
+    turns: int | None,
+    seed: int | None,
+    max_states: int,
+) -> Setup:
+    """Return which game is looked at, of checked arguments."""
+    start = seed if seed is not None else 0 if scenario.spec.seed is None else scenario.spec.seed
+    last = None if turns is None else as_count(turns, "turns")
+    return Setup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, "max_states"))
+
+
+def rewards_of(table: Table, reward: Reward, discount: float) -> Rewards:
+    """Return what the first team gets by row.
+
+    Raises:
+        BadType, BadValue: there is no such reward, or it is always 0.
+    """
+    share = as_float(discount, "discount")
+    if not 0.0 < share <= 1.0:
+        raise BadValue(f"discount must be above 0 and at most 1, not {shown(discount)}.")
+    if not callable(reward):
+        as_choice(reward, "reward", REWARDS)
+    usual = _rewards(table, table.usual, reward)
+    last = None if table.last is None else _rewards(table, table.last, reward)
+    if not usual.any() and (last is None or not last.any()):
+        why = {"score": "no rule gives points", "win": "no turn ends with a winner"}.get(str(reward), "it is always 0")
+        raise BadValue(
+            f"With reward={shown(reward)} all play is worth 0, because {why}: give another of {REWARDS}, or a function."
+        )
+    return Rewards(usual, last, share)
+
+
+def _rewards(table: Table, outcomes: Outcomes, reward: Reward) -> FloatArray:
+    teams, mine = table.roster.teams, table.roster.teams.index(table.setup.teams[0])
+    if callable(reward):
+        given = [as_float(reward(transition), "reward") for transition in table.transitions(outcomes)]
+        return np.array(given, np.float64)
+    if reward == "turns":
+        return np.full(len(outcomes.after), -1.0)
+    if reward == "win":
+        return np.where(outcomes.winner == mine, 1.0, np.where(outcomes.winner >= 0, -1.0, 0.0))
+    others = [place for place in range(len(teams)) if place != mine]
+    gains: FloatArray = outcomes.gains[:, mine] - outcomes.gains[:, others].sum(axis=1) / max(1, len(others))
+    return gains

@@ -1,0 +1,400 @@
+"""All states that a game can reach, and where each joint action leads: what values are computed from."""
+
+from collections.abc import Hashable, Iterator, Mapping, Sequence
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadValue, TooLarge
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.solve.worlds import GOES_ON, SAME, TOLERANCE, Played, Setup, Shift, States, World, joined, world_of
+from gamms.text import shown
+
+_SHORT = 3  # turns: a game that lasts no longer has its states turn by turn, rather than be compared between turns
+_MORE_SCORE = 1024.0
+_CHECKED = 100  # states that were reached in several ways whose turns are played again, where games have a context
+
+
+class Transition(NamedTuple):
+    """One turn of a game, for a function as `reward=`.
+
+    Attributes:
+        before, after: agent -> the node where it was and is, None if it is out.
+        gains: team -> by how much its score has changed.
+        is_over: whether the game ended.
+        winner: the team that has won; None: none.
+    """
+
+    before: Mapping[str, int | None]
+    after: Mapping[str, int | None]
+    gains: Mapping[Hashable, float]
+    is_over: bool
+    winner: Hashable
+
+
+class Outcomes(NamedTuple):
+    """What joint actions lead to, (rows,) each.
+
+    Attributes:
+        after: the states that follow.
+        gains: (rows, teams) by how much scores change.
+        winner: the number of the team that wins, NO_WINNER, or GOES_ON.
+    """
+
+    after: IntArray
+    gains: FloatArray
+    winner: IntArray
+
+
+class Shape(NamedTuple):
+    """The states in which the teams have equally many joint actions.
+
+    Attributes:
+        states: (n,) their numbers.
+        rows: (n, actions of the first team, actions of the second) rows of the table.
+    """
+
+    states: IntArray
+    rows: IntArray
+
+
+class Table:
+    """The states of a game and its transitions.
+
+    States are numbered as they were found, state 0 is the start. A row is a state and a joint action; those of a state
+    follow each other, those of one joint action of the first team, too. A state in which the game is over has none.
+
+    Attributes:
+        setup: which game it is.
+        roster: the agents.
+        order: -1 where the first team moves before the second, 1 where it moves after it, 0 where they move at once.
+        last_turn: the turn after which the game ends; None: not known.
+        by_turn: whether the turn is part of the state.
+        by_scores: whether the scores so far are.
+        nodes: (states, agents) where agents are.
+        alive: (states, agents)
+        level: (states,) the turn at which a state was found first.
+        parents: (states, 2) the state and the row from which it was found first; -1 for the start.
+        legal: (states, agents, most) ids of nodes; behind the last one -1.
+        counts: (states, agents) how many choices an agent has, 1 if it decides nothing.
+        sizes: (states, 2) how many joint actions the teams have.
+        offsets: (states + 1,) where the rows of a state begin.
+        usual: outcomes of the rows in turns that are not the last one.
+        last: outcomes of the rows in the last turn; None: the same.
+    """
+
+    def __init__(self, setup: Setup, world: World, parts: "_Parts", *, by_turn: bool) -> None:
+        self.setup, self.roster, self.last_turn = setup, world.roster, world.terms.last_turn
+        self.order, self.by_turn, self.by_scores = _order_of(world, setup.teams), by_turn, world.with_scores
+        states = len(parts.nodes)
+        self.nodes, self.alive = np.array(parts.nodes), np.array(parts.alive)
+        self.level, self.parents = np.array(parts.level), np.array(parts.parents).reshape(-1, 2)
+        most = max((one.shape[2] for one in parts.legal), default=1)
+        self.legal = np.full((states, len(self.roster.names), most), -1)
+        self.counts, self.sizes = np.ones(self.nodes.shape, np.int64), np.zeros((states, 2), np.int64)
+        for ids, legal, counts, sizes in zip(parts.played, parts.legal, parts.counts, parts.sizes, strict=True):
+            self.legal[ids, :, : legal.shape[2]], self.counts[ids], self.sizes[ids] = legal, counts, sizes
+        self.offsets = np.concatenate(([0], np.cumsum(self.sizes.prod(axis=1))))
+        rows = np.concatenate(parts.rows) if parts.rows else np.zeros((0, 2), np.int64)
+        place = self.offsets[rows[:, 0]] + rows[:, 1]
+        self.usual = _in_order(parts.usual, place)
+        self.last = _in_order(parts.last, place) if parts.last else None
+
+    def __len__(self) -> int:
+        return len(self.nodes)
+
+    def members(self, team: int) -> IntArray:
+        """Return the numbers of the agents of the first or the second team."""
+        return self.roster.members(self.setup.teams[team])
+
+    @cached_property
+    def shapes(self) -> list[Shape]:
+        """The states from which turns were played, by how many joint actions they have."""
+        shapes, played = [], np.flatnonzero(np.diff(self.offsets))
+        for rows, columns in np.unique(self.sizes[played], axis=0).tolist():
+            states = played[(self.sizes[played] == (rows, columns)).all(axis=1)]
+            grid = np.arange(rows * columns).reshape(rows, columns)
+            shapes.append(Shape(states, self.offsets[states][:, None, None] + grid))
+        return shapes
+
+    def actions_of(self, state: int, team: int, action: int) -> dict[str, int]:
+        """Return agent -> the node that it goes to by a joint action of the first or the second team."""
+        chosen = {}
+        for agent in reversed(self.members(team).tolist()):
+            action, own = divmod(action, int(self.counts[state, agent]))
+            chosen[self.roster.names[agent]] = int(self.legal[state, agent, own])
+        return chosen
+
+    def row_of(self, state: int, actions: Sequence[int]) -> int:
+        """Return the row of a state and the joint actions of the teams."""
+        return int(self.offsets[state] + actions[0] * self.sizes[state, 1] + actions[1])
+
+    def states_at(self, places: Sequence[int], turn: int | None) -> list[int]:
+        """Return the states in which the game goes on and agents are on these nodes, -1: out of the game.
+
+        Args:
+            places: of all agents, in order.
+            turn: how many turns were played; it counts where it is part of the state.
+        """
+        return self._at.get((turn if self.by_turn else None, *places), [])
+
+    @cached_property
+    def _at(self) -> dict[tuple[int | None, ...], list[int]]:
+        found: dict[tuple[int | None, ...], list[int]] = {}
+        places, levels = np.where(self.alive, self.nodes, -1).tolist(), self.level.tolist()
+        for state in np.flatnonzero(np.diff(self.offsets)).tolist():
+            found.setdefault((levels[state] if self.by_turn else None, *places[state]), []).append(state)
+        return found
+
+    def transitions(self, outcomes: Outcomes) -> Iterator[Transition]:
+        """Yield what happens in each row, for functions that look at one at a time."""
+        names, teams = self.roster.names, self.roster.teams
+        where = [
+            {name: node if is_alive else None for name, node, is_alive in zip(names, nodes, alive, strict=True)}
+            for nodes, alive in zip(self.nodes.tolist(), self.alive.tolist(), strict=True)
+        ]
+        sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
+        for source, after, gains, winner in zip(sources.tolist(), *(one.tolist() for one in outcomes), strict=True):
+            won = teams[winner] if winner >= 0 else None
+            gained = dict(zip(teams, gains, strict=True))
+            yield Transition(where[source], where[after], gained, winner != GOES_ON, won)
+
+
+def _order_of(world: World, teams: Sequence[Any]) -> int:
+    order = world.terms.order
+    if order is None or len(teams) < 2:
+        return 0
+    parts = [next(number for number, part in enumerate(order) if team in part) for team in teams]
+    return int(np.sign(parts[0] - parts[1]))
+
+
+def _in_order(parts: "list[Outcomes]", place: IntArray) -> Outcomes:
+    """Put parts together, by the rows where they belong."""
+    at = np.argsort(place)
+    after, gains, winner = (np.concatenate(columns)[at] for columns in zip(*parts, strict=True))
+    return Outcomes(after, gains, winner)
+
+
+class _Parts:
+    """What was found of a game so far, part by part."""
+
+    def __init__(self) -> None:
+        self.nodes: list[IntArray] = []
+        self.alive: list[BoolArray] = []
+        self.level: list[int] = []
+        self.parents: list[tuple[int, int]] = []
+        self.played: list[IntArray] = []  # the states of which `legal`, `counts` and `sizes` are
+        self.legal: list[IntArray] = []
+        self.counts: list[IntArray] = []
+        self.sizes: list[IntArray] = []
+        self.rows: list[IntArray] = []  # (rows, 2) states and numbers of joint actions, of which outcomes are
+        self.usual: list[Outcomes] = []
+        self.last: list[Outcomes] = []
+
+
+class _DependsOn(Exception):
+    """Turns go differently at another time, or with other scores."""
+
+
+def explore(setup: Setup, *, by_winner: bool) -> Table:
+    """Return all states of a game that can be reached from its start, and its transitions.
+
+    Args:
+        setup: which game.
+        by_winner: whether it counts who wins.
+
+    Raises:
+        TooLarge: there are more states than there may be.
+        BadValue: the game has something that is not solved, such as draws.
+    """
+    world = world_of(setup)
+    last = world.terms.last_turn
+    by_turn = last is not None and last <= _SHORT
+    try:
+        while True:
+            try:
+                explorer = _Explorer(world, setup, by_turn=by_turn, by_winner=by_winner)
+                return Table(setup, world, explorer.explore(), by_turn=by_turn)
+            except _DependsOn as what:
+                by_turn = by_turn or what.args[0] == "turn"
+                world.with_scores = world.with_scores or what.args[0] == "scores"
+    finally:
+        world.close()
+
+
+class _Explorer:
+    """Plays all turns from all states, level by level."""
+
+    def __init__(self, world: World, setup: Setup, *, by_turn: bool, by_winner: bool) -> None:
+        self._world, self._setup, self._by_turn, self._by_winner = world, setup, by_turn, by_winner
+        self._members = [world.roster.members(team) for team in setup.teams]
+        self._last = world.terms.last_turn
+        self._known: dict[bytes, int] = {}
+        self._found = _Parts()
+        self._new: list[States] = []  # of the next level
+        self._again: list[tuple[int, States, int]] = []  # states that were reached in other ways, too, at another turn
+
+    def explore(self) -> _Parts:
+        """Return what was found."""
+        start = self._world.start()
+        self._number(start, np.full(1, GOES_ON), 0, np.full((1, 2), -1))
+        turn = 0
+        while self._new and (self._last is None or turn < self._last):
+            frontier = joined(self._new)
+            ids = np.array([self._known[key] for key in frontier.keys])
+            self._new = []
+            if self._by_turn:
+                self._known = {}
+            self._expand(frontier, ids, turn)
+            turn += 1
+        why_not = self._world.why_not()
+        if why_not:
+            raise BadValue(f"This game is not solved: {why_not}")
+        self._check_again()
+        return self._found
+
+    def _expand(self, frontier: States, ids: IntArray, turn: int) -> None:
+        """Play all turns from some states, that of a turn."""
+        legal = self._world.legal(frontier, turn)
+        counts = np.ones(frontier.nodes.shape, np.int64)
+        for members in self._members:
+            counts[:, members] = np.maximum(1, (legal[:, members] >= 0).sum(axis=2))
+        sizes = np.ones((len(ids), 2), np.int64)
+        for team, members in enumerate(self._members):
+            sizes[:, team] = counts[:, members].prod(axis=1)
+        found = self._found
+        for name, part in (("played", ids), ("legal", legal), ("counts", counts), ("sizes", sizes)):
+            getattr(found, name).append(part)
+        numbers = sizes.prod(axis=1)
+        sources = np.repeat(np.arange(len(ids)), numbers)
+        actions = np.arange(len(sources)) - np.repeat(np.cumsum(numbers) - numbers, numbers)
+        for begin in range(0, len(sources), self._world.rows):
+            source, action = sources[begin : begin + self._world.rows], actions[begin : begin + self._world.rows]
+            states = frontier.take(source)
+            chosen = self._decoded(action, counts[source], sizes[source])
+            played = self._play(states, chosen, turn)
+            rows = np.column_stack((ids[source], action))
+            found.rows.append(rows)
+            found.usual.append(self._outcomes(played, turn + 1, rows))
+            if self._world.terms.has_last_rule and self._last is not None and not self._by_turn:
+                late = played if turn == self._last - 1 else self._play_last(states, chosen, self._last - 1)
+                found.last.append(Outcomes(found.usual[-1].after, late.gains, late.winner))
+
+    def _decoded(self, action: IntArray, counts: IntArray, sizes: IntArray) -> IntArray:
+        """Return the action of each agent, (rows, agents), of numbers of joint actions."""
+        chosen = np.zeros(counts.shape, np.int64)
+        for members, joint in zip(self._members, np.divmod(action, sizes[:, 1]), strict=False):
+            left = joint
+            for agent in reversed(members.tolist()):
+                left, chosen[:, agent] = np.divmod(left, counts[:, agent])
+        return chosen
+
+    def _play(self, states: States, chosen: IntArray, turn: int) -> Played:
+        """Play turns, and once more with another seed, turn and scores, to see whether they depend on these."""
+        world = self._world
+        played = world.play(states, chosen, turn)
+        shift = Shift(seed=True, turns=self._other_turn(turn), scores=0.0 if world.with_scores else _MORE_SCORE)
+        other = world.play(states, chosen, turn, shift)
+        for snapshots, twins in zip(played.states.snapshots, other.states.snapshots, strict=True):
+            snapshots.extend(twins)
+        differs = played.differs(other, by_winner=self._by_winner)
+        if differs.any():
+            row = np.flatnonzero(differs)[:1]
+            self._explain(states.take(row), chosen[row], turn, shift)
+        return played
+
+    def _play_last(self, states: States, chosen: IntArray, turn: int) -> Played:
+        """Play the last turn, which may go by the scores so far if it counts who wins."""
+        return self._play(states, chosen, turn) if self._by_winner else self._world.play(states, chosen, turn)
+
+    def _other_turn(self, turn: int) -> int:
+        """Return how many turns later the same is to happen, where that is not part of the state."""
+        if self._by_turn or (self._last is not None and turn >= self._last - 1):
+            return 0
+        return 5 if self._last is None else 1 if turn + 1 < self._last - 1 else -1
+
+    def _explain(self, states: States, chosen: IntArray, turn: int, shift: Shift) -> None:
+        """Raise for what a turn depends on."""
+        played = self._world.play(states, chosen, turn)
+
+        def goes_differently(other: Shift) -> bool:
+            return bool(played.differs(self._world.play(states, chosen, turn, other), by_winner=self._by_winner).any())
+
+        for name, one in (("turn", SAME._replace(turns=shift.turns)), ("scores", SAME._replace(scores=shift.scores))):
+            if goes_differently(one):
+                raise _DependsOn(name)
+        roster, nodes = self._world.roster, states.nodes[0].tolist()
+        where = ", ".join(f"{name} on {node}" for name, node in zip(roster.names, nodes, strict=True))
+        others = [team for team in roster.teams if team not in self._setup.teams]
+        whose = f", a conflict or a strategy of {', '.join(map(shown, others))}" if others else " or a conflict"
+        raise BadValue(
+            f"This game is not solved, because a rule{whose} draws: with another seed turn {turn} goes differently "
+            f"({where}). Use what decides without draws, such as gamms.rules.by_priority, or estimate by playing many "
+            "games: scenario.batch(…)."
+        )
+
+    def _outcomes(self, played: Played, turn: int, rows: IntArray) -> Outcomes:
+        return Outcomes(self._number(played.states, played.winner, turn, rows), played.gains, played.winner)
+
+    def _number(self, states: States, winner: IntArray, turn: int, parents: IntArray) -> IntArray:
+        """Return the numbers of states; new ones are noted."""
+        known, found, new = self._known, self._found, []
+        numbers = np.zeros(len(states), np.int64)
+        for row, (key, won) in enumerate(zip(states.keys, winner.tolist(), strict=True)):
+            name = key if won == GOES_ON else b"%d over " % won + key
+            number = known.get(name)
+            if number is None:
+                number = known[name] = len(found.level)
+                found.level.append(turn)
+                new.append(row)
+            elif states.snapshots and found.level[number] < turn and len(self._again) < _CHECKED and won == GOES_ON:
+                self._again.append((number, states.take(np.array([row])), turn))
+            numbers[row] = number
+        found.nodes += list(states.nodes[new])
+        found.alive += list(states.alive[new])
+        found.parents += [tuple(one) for one in parents[new].tolist()]
+        if len(found.level) > self._setup.max_states:
+            raise TooLarge(self._too_many())
+        going = [row for row in new if winner[row] == GOES_ON]
+        if going:
+            self._new.append(states.take(np.array(going)))
+        return numbers
+
+    def _too_many(self) -> str:
+        places = {tuple(one) for one in np.column_stack((self._found.nodes, self._found.alive)).tolist()}
+        return (
+            f"This game has more than max_states={self._setup.max_states:,} states, of only {len(places):,} joint "
+            "positions: its rules or strategies remember more than where agents are"
+            f"{', and the turn counts' * self._by_turn}. Use rules that remember less, fewer turns=, a smaller map, or "
+            "a larger max_states= if there are time and memory."
+        )
+
+    def _check_again(self) -> None:
+        """Play from states that were reached in several ways as they were reached later."""
+        played = {int(state): place for place, ids in enumerate(self._found.played) for state in ids.tolist()}
+        for number, states, turn in self._again:
+            if number in played and (self._last is None or turn < self._last - 1):
+                self._compare(number, states, turn, played[number])
+
+    def _compare(self, number: int, states: States, turn: int, place: int) -> None:
+        found = self._found
+        of_state = int(np.flatnonzero(found.played[place] == number)[0])
+        counts, sizes = found.counts[place][of_state], found.sizes[place][of_state]
+        actions = np.arange(int(sizes.prod()))
+        of_rows = np.zeros(len(actions), np.int64)
+        chosen = self._decoded(actions, np.tile(counts, (len(actions), 1)), np.tile(sizes, (len(actions), 1)))
+        later = self._world.play(states.take(of_rows), chosen, turn)
+        for rows, outcomes in zip(found.rows, found.usual, strict=True):
+            for at in np.flatnonzero(rows[:, 0] == number).tolist():
+                action, name = int(rows[at, 1]), later.states.keys[int(rows[at, 1])]
+                won = int(later.winner[action])
+                key = name if won == GOES_ON else b"%d over " % won + name
+                changed = abs(later.gains[action] - outcomes.gains[at]).max() > TOLERANCE
+                if changed or self._known.get(key) != outcomes.after[at]:
+                    where = dict(zip(self._world.roster.names, states.nodes[0].tolist(), strict=True))
+                    raise BadValue(
+                        f"This game is not solved: from {where} a turn goes differently after another history, and "
+                        "ctx.game.data does not say why. Let rules keep what they remember there."
+                    )

@@ -1,0 +1,235 @@
+"""Values of small games equal brute force, and strategies achieve them."""
+
+from functools import cache
+
+import networkx as nx
+import numpy as np
+import pytest
+from solved_games import GRAPHS, in_turns, matrix_value, neighbours, pursuit, scene, simultaneous
+
+from gamms import kernels
+from gamms.errors import BadType, BadValue, TooLarge, UnknownName
+from gamms.solve import solve
+
+TEAMS = {"red": {"count": 1}, "blue": {"count": 1}}
+TURNS = {"order": [["cops"], ["robbers"]]}
+
+
+@pytest.mark.parametrize(("graph", "turns"), [("path", 5), ("cycle", 4), ("grid", 2), ("star", 3)])
+def test_a_cop_and_a_robber_that_move_at_once_are_worth_what_brute_force_says(graph, turns):
+    solution = solve(pursuit(graph, [0], [3], turns=turns), team="robbers")
+    assert solution.value == pytest.approx(-simultaneous(GRAPHS[graph], 0, 3, turns), abs=1e-9)
+    for robber in (1, 2):
+        value = solve(pursuit(graph, [0], [robber], turns=turns), team="cops").value
+        assert value == pytest.approx(simultaneous(GRAPHS[graph], 0, robber, turns), abs=1e-9)
+
+
+@pytest.mark.parametrize(("graph", "cops"), [("path", [0]), ("cycle", [0]), ("fan", [1]), ("cycle", [0, 1])])
+def test_games_in_turns_are_worth_what_brute_force_says(graph, cops):
+    solution = solve(pursuit(graph, cops, [4], turns=5, settings=TURNS), team="cops")
+    assert solution.value == in_turns(GRAPHS[graph], cops, 4, 5)
+    assert solution.nash_conv() == 0.0
+
+
+@pytest.mark.parametrize(
+    ("graph", "cops", "wins"),
+    [
+        ("tree", [0], True),  # one cop wins on trees
+        ("star", [1], True),
+        ("fan", [1], True),  # which is chordal
+        ("square", [0], False),  # and not on cycles of four and more
+        ("cycle", [0], False),
+        ("cycle", [0, 1], True),  # where two do, as on all outerplanar graphs
+        ("grid", [0], False),
+        ("grid", [0, 1], True),  # and on grids
+    ],
+)
+def test_the_cop_number_of_graphs_is_that_of_the_literature(graph, cops, wins):
+    robber = max(GRAPHS[graph], key=lambda node: min(nx.shortest_path_length(GRAPHS[graph], cop, node) for cop in cops))
+    solution = solve(pursuit(graph, cops, [robber], settings=TURNS), team="cops", reward="win")
+    assert (solution.value, solution.error) == (float(wins), 0.0)
+
+
+def test_a_robber_on_a_path_is_caught_after_as_many_turns_as_it_is_long():
+    scenario = pursuit("path", [0], [3], settings=TURNS)
+    solution = solve(scenario, team="cops", reward="turns")
+    assert solution.value == -4.0
+    played = scenario.play(strategies={team: solution.strategy(team) for team in ("cops", "robbers")})
+    assert (played.turns, played.winner) == (4, "cops")
+
+
+def test_matching_pennies_are_drawn_with_the_shares_of_the_equilibrium():
+    scenario = scene("pair", TEAMS, ["solved_games:pennies"], turns=30)
+    solution = solve(scenario, reward="score")
+    one_turn = matrix_value([[2.0, -1.0], [-1.0, 1.0]])
+    assert one_turn == pytest.approx(0.2)
+    assert solution.value == pytest.approx(30 * one_turn, abs=1e-9)
+    assert sorted(choice.share for choice in solution.policy("red")) == pytest.approx([0.4, 0.6])
+    assert solution.nash_conv() == pytest.approx(0.0, abs=1e-9)
+    strategies = {team: solution.strategy(team) for team in ("red", "blue")}
+    gains = [r.scores["red"] - r.scores["blue"] for r in (scenario.play(seed, strategies) for seed in range(20))]
+    assert abs(np.mean(gains) - 6.0) < 3 * np.std(gains) / 20**0.5
+
+
+def test_a_discounted_game_without_an_end_has_the_value_of_its_sum():
+    scenario = scene("pair", TEAMS, ["solved_games:pennies"])
+    solution = solve(scenario, discount=0.9)
+    assert solution.value == pytest.approx(0.2 / (1 - 0.9), abs=1e-9)
+    assert 0.0 < solution.error < 1e-9
+    assert solution.nash_conv() == pytest.approx(0.0, abs=1e-8)
+    with pytest.raises(BadValue, match=r"turns= or discount="):
+        solve(scenario)
+
+
+def race_value(turns):
+    """The value of the race for the runner at 0, with the guard at 5, by brute force."""
+    ways = neighbours(GRAPHS["grid"])
+
+    @cache
+    def value(runner, guard, left):
+        if not left:
+            return 0.0
+
+        def after(r, g):
+            return -0.1 + (-1.0 if r == g else 1.0 if r == 8 else value(r, g, left - 1))
+
+        return matrix_value([[after(r, g) for g in ways[guard]] for r in ways[runner]])
+
+    return value(0, 5, turns)
+
+
+def race(**more):
+    teams = {
+        "reds": {"agents": [{"name": "runner", "node": 0}]},
+        "blues": {"agents": [{"name": "guard", "node": 5}]},
+    }
+    return scene("grid", teams, ["solved_games:race"], **more)
+
+
+def test_a_race_by_a_rule_without_array_form_is_worth_what_brute_force_says():
+    solution = solve(race(turns=2))
+    assert solution.value == pytest.approx(race_value(2), abs=1e-9)
+    assert solution.nash_conv() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_rewards_are_functions_of_what_happens_in_a_turn():
+    def near(transition):
+        return 1.0 if transition.after["runner"] == 4 and transition.winner is None else 0.0
+
+    ways = neighbours(GRAPHS["grid"])
+
+    @cache
+    def value(runner, guard, left):
+        if not left:
+            return 0.0
+
+        def after(r, g):
+            return 0.0 if r in (g, 8) else float(r == 4) + value(r, g, left - 1)
+
+        return matrix_value([[after(r, g) for g in ways[guard]] for r in ways[runner]])
+
+    assert solve(race(), reward=near, turns=2).value == pytest.approx(value(0, 5, 2), abs=1e-9)
+
+
+def test_what_rules_remember_and_the_turn_are_part_of_states_where_they_count():
+    solution = solve(scene("pair", TEAMS, ["solved_games:toll", "solved_games:pennies"], turns=7))
+
+    @cache
+    def value(red, blue, turn, paid):
+        if turn == 7:
+            return 0.0
+
+        def after(r, b):
+            pays = (turn + 1) % 3 == 0 and r != 0 and paid < 2
+            return (2.0 - r if r == b else -1.0) - pays + value(r, b, turn + 1, paid + pays)
+
+        return matrix_value([[after(r, b) for b in (0, 1)] for r in (0, 1)])
+
+    assert solution.table.by_turn
+    assert solution.value == pytest.approx(value(*solution.table.nodes[0].tolist(), 0, 0), abs=1e-9)
+
+
+def test_a_leader_at_the_time_limit_makes_scores_part_of_states():
+    rules = ["solved_games:pennies", {"rule": "time_limit", "with": {"turns": 4}}]
+    solution = solve(scene("pair", TEAMS, rules), reward="win")
+
+    @cache
+    def value(left, lead):
+        if not left:
+            return float(np.sign(lead))
+        after = [value(left - 1, lead + points) for points in (2, -1, 1)]
+        return matrix_value([[after[0], after[1]], [after[1], after[2]]])
+
+    assert solution.table.by_scores
+    assert solution.value == pytest.approx(value(4, 0), abs=1e-9)
+
+
+def test_values_are_given_for_each_place_of_an_agent():
+    solution = solve(pursuit("path", [0], [4], settings=TURNS), team="cops", reward="turns")
+    assert solution.values("robber_0") == {1: -1.0, 2: -4.0, 3: -4.0, 4: -4.0}
+    assert solution.value_at({"cop_0": 2, "robber_0": 4}) == -2.0
+    with pytest.raises(BadValue, match="does not go on"):
+        solution.value_at({"robber_0": 0})
+    with pytest.raises(UnknownName, match="cop_0"):
+        solution.value_at({"copp": 0})
+
+
+EYES = {"eyes": {"type": "AGENT"}, "near": {"type": "AGENT_RANGE", "sensor_range": 10}}
+
+
+@pytest.mark.parametrize(
+    ("cops", "robbers", "bound"),
+    [("eyes", "eyes", "exact"), ("eyes", "near", "lower"), ("near", "eyes", "upper"), ("near", "near", "none")],
+)
+def test_a_value_says_what_it_is_to_that_of_agents_that_see_less(cops, robbers, bound):
+    teams = {"cops": {"count": 1, "sensors": [cops]}, "robbers": {"count": 1, "sensors": [robbers]}}
+    map = {"grid": {"width": 3, "height": 2}}
+    scenario = pursuit("path", [0], [3]).replace(map=map, teams=teams, sensors=EYES, max_turns=3)
+    solution = solve(scenario)
+    assert (solution.information, solution.bound, solution.is_exact) == ("full", bound, bound == "exact")
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"rules": ["solved_games:lottery", "solved_games:pennies"]}, "draws.*by_priority"),
+        ({"rules": ["solved_games:hidden"]}, "HIDDEN.*data"),
+        ({"settings": {"deeds": {"shout": None}}}, "shout"),
+        ({"settings": {"speed_unit": "metres"}}, "edges"),
+        ({"teams": {"red": {"count": 1}}}, "1 teams"),
+        ({"rules": ["last_team"]}, "no rule gives points"),
+    ],
+)
+def test_what_cannot_be_solved_is_refused_by_name(changes, message):
+    scenario = scene("pair", TEAMS, ["solved_games:pennies"], turns=9)
+    with pytest.raises(BadValue, match=message):
+        solve(scenario.replace(**changes))
+
+
+def test_a_game_that_is_too_large_is_refused_before_it_is_played():
+    scenario = pursuit("path", [0], [3]).replace(map={"grid": {"width": 40, "height": 40}})
+    with pytest.raises(TooLarge, match=r"2,560,000 joint positions .*447 nodes"):
+        solve(scenario)
+    assert len(solve(scenario, turns=2).table) < 200
+
+
+def test_arguments_are_checked():
+    scenario = scene("pair", TEAMS, ["solved_games:pennies"], turns=3)
+    with pytest.raises(UnknownName, match="green"):
+        solve(scenario, team="green")
+    with pytest.raises(BadValue, match="score"):
+        solve(scenario, reward="points")
+    with pytest.raises(BadValue, match="discount"):
+        solve(scenario, discount=0.0)
+    with pytest.raises(BadType, match="scenario"):
+        solve("tag.yaml")
+
+
+def test_matrix_games_are_solved_as_linear_programs_are():
+    draws = np.random.default_rng(1)
+    for rows, columns in ((2, 2), (3, 5), (5, 3), (16, 4), (1, 3)):
+        for games in (draws.normal(size=(8, rows, columns)), draws.integers(-1, 2, size=(8, rows, columns)) * 1.0):
+            values, first, second = kernels.solve_matrix_games(games)
+            assert values == pytest.approx([matrix_value(game) for game in games], abs=1e-9)
+            assert (games * first[:, :, None]).sum(axis=1).min(axis=1) == pytest.approx(values, abs=1e-12)
+            assert (games * second[:, None, :]).sum(axis=2).max(axis=1) == pytest.approx(values, abs=1e-12)
