@@ -28,7 +28,7 @@ def strategy_of(server):
     """Make a strategy that asks the server, and is quick to give up."""
 
     def make(**options):
-        given = {"key_variable": "LOOPBACK_KEY", "seconds": 2, **options}
+        given = {"key_variable": "LOOPBACK_KEY", "seconds": 20, **options}
         return gamms.llm.Strategy(server.url, "loop-1", "Go east.", **given)
 
     return make

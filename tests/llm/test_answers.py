@@ -3,9 +3,12 @@
 import json
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from loopback import Refusal, completion, new_game, outcomes, text_of
 
 import gamms
+from gamms.llm.questions import WrongAnswer, as_template, choice_of, parsed, question_of
 
 
 def east(request):
@@ -298,3 +301,44 @@ def test_a_strategy_can_be_awaited_in_a_loop_of_ones_own(server, strategy_of):
     asyncio.run(strategy_of()(state))
     assert state["action"] == 4
     assert isinstance(gamms.llm.Strategy, type)
+
+
+ODD = st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=3) | st.just([{}])
+NAMES = st.sampled_from(["anna", "radio", "mark", "a", "5", "red"]) | ODD
+MESSAGES = st.fixed_dictionaries({"channel": NAMES, "to": NAMES, "body": NAMES}) | ODD
+MARKS = st.fixed_dictionaries({"whom": NAMES, "how": NAMES}) | ODD
+ANSWERS = st.fixed_dictionaries(
+    {"move": st.integers(-1, 2) | ODD},
+    optional={
+        "do": st.fixed_dictionaries({}, optional={"mark": MARKS, "shout": ODD, "fly": ODD}) | ODD,
+        "messages": st.lists(MESSAGES, max_size=2) | ODD,
+    },
+)
+
+
+@pytest.fixture(scope="module")
+def talking_game():
+    with new_game(None, game={"deeds": {"mark": {"whom": "agent", "how": ["a", 5]}, "shout": None}}) as ctx:
+        ctx.game.add_channel("radio", range_m=100)
+        ctx.game.step()
+        yield ctx
+
+
+@settings(max_examples=50, deadline=None)
+@given(answer=ANSWERS)
+def test_whatever_a_model_answers_is_legal_or_does_not_count(talking_game, answer):
+    ctx = talking_game
+    state = ctx.game.observation("anna")
+    question = question_of(state, ctx, as_template(None))
+    try:
+        choice = choice_of(parsed(json.dumps(answer)), question, state, ctx)
+    except WrongAnswer:
+        return
+
+    def strategy(state):
+        state["action"] = choice.action
+        state["outbox"].extend(choice.messages)
+
+    ctx.agent.get_agent("anna").strategy = strategy
+    ctx.game.step()
+    assert ctx.game.errors == []

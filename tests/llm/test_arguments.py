@@ -6,7 +6,9 @@ import sys
 import openai
 import pytest
 
+import gamms
 from gamms.llm import Strategy
+from gamms.visual.captions import captions_of
 
 URL = "http://localhost:1/v1"
 WRONG = [
@@ -14,9 +16,16 @@ WRONG = [
     ({"client": 5}, TypeError, "the address of a server such as"),
     ({"client": None}, ValueError, "give calls="),
     ({"client": "localhost:1"}, ValueError, "The address of a server"),
-    ({"model": None}, TypeError, "model must be a string"),
+    ({"model": None}, TypeError, "name of a model must be a string"),
+    ({"model": ""}, ValueError, "name of a model must not be empty"),
     ({"instructions": ["a"]}, TypeError, "instructions must be a string"),
-    ({"fallback": 5}, TypeError, "fallback must be a strategy"),
+    ({"fallback": 5}, TypeError, "fallback must be a function of the state"),
+    ({"fallback": gamms.strategies.chase}, TypeError, r"chase makes such a function: call it"),
+    ({"template": lambda: "x"}, TypeError, "template must be a function of the state alone"),
+    ({"api_key": "sk-1234567890"}, ValueError, "give key_variable, the name of an environment variable"),
+    ({"client": None, "calls": "nothing.jsonl"}, FileNotFoundError, "no file 'nothing.jsonl'"),
+    ({"calls": "/"}, ValueError, "'/' is a folder"),
+    ({"request": {"temperature": float("nan")}}, TypeError, "request must be what JSON can hold"),
     ({"seconds": 0}, ValueError, "seconds must be more than 0"),
     ({"attempts": 0}, ValueError, "attempts must be at least 1"),
     ({"at_once": 1.5}, TypeError, "at_once must be an integer"),
@@ -56,3 +65,12 @@ except ImportError as error:
 """
     printed = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout
     assert printed == 'Asking a language model needs an optional library: pip install "gamms[llm]"\n'
+
+
+def test_strategies_that_ask_another_one_cannot_await_it():
+    with pytest.raises(TypeError, match="must not be an async def"):
+        gamms.strategies.first(Strategy(URL, "m", "Go."), gamms.strategies.stay)
+
+
+def test_films_say_nothing_of_decisions():
+    assert captions_of([{"turn": 1, "kind": "llm", "agent": "anna"}]) == []

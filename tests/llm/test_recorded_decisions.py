@@ -10,7 +10,7 @@ from gamms.llm import MissingDecision, Strategy
 
 
 def replaying(calls, **options):
-    return Strategy(None, "loop-1", "Go east.", calls=calls, **{"seconds": 2, **options})
+    return Strategy(None, "loop-1", "Go east.", calls=calls, **{"seconds": 20, **options})
 
 
 @pytest.fixture
@@ -136,7 +136,7 @@ def test_a_file_that_is_too_large_is_not_read(tmp_path):
 def test_a_recording_that_is_not_there_is_an_error_at_once(tmp_path):
     with pytest.raises(FileNotFoundError, match=r"none\.ggr"):
         replaying(tmp_path / "none.ggr")
-    with pytest.raises(FileNotFoundError, match="no folder"):
+    with pytest.raises(FileNotFoundError, match="no file"):
         replaying(tmp_path / "none" / "calls.jsonl")
 
 

@@ -58,7 +58,7 @@ def test_only_the_strategy_may_be_named(server, tmp_path):
     ("given", "message"),
     [
         ({"key_variable": KEY}, "never the key itself"),
-        ({"api_key": KEY}, "Unknown keyword of gamms.llm.Strategy: 'api_key'"),
+        ({"api_key": KEY}, "give key_variable, the name of an environment variable"),
         ({"calss": "x"}, "Did you mean 'calls'"),
         ({"max_cost": 1}, "max_cost needs price_in and price_out"),
     ],

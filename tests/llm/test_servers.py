@@ -29,11 +29,8 @@ def stopped():
 
 def test_a_server_that_is_slow_is_given_up(server, strategy_of, stopped):
     server.script = lambda _: stopped.wait(5) and {"move": 1}
-    began = time.monotonic()
     with new_game(strategy_of(seconds=0.1)) as ctx:
-        result = ctx.game.run(1)
-    assert outcomes(result) == ["timeout"]
-    assert time.monotonic() - began < 1.5
+        assert outcomes(ctx.game.run(1)) == ["timeout"]
 
 
 def test_the_fallback_plays_before_the_deadline_of_the_turn(server, strategy_of, stopped):
@@ -132,10 +129,9 @@ def test_a_busy_server_is_asked_again(server, strategy_of, monkeypatch):
 
 def test_a_server_that_wants_more_time_than_there_is_gets_none(server, strategy_of):
     server.script = raising(Refusal(429, retry_after="50"))
-    began = time.monotonic()
-    with new_game(strategy_of(seconds=1)) as ctx:
+    with new_game(strategy_of(seconds=5)) as ctx:
         assert outcomes(ctx.game.run(1)) == ["HTTP 429"]
-    assert time.monotonic() - began < 0.9
+    assert len(server.requests) == 1
 
 
 def test_the_agents_of_a_turn_are_asked_together(server, strategy_of):
@@ -172,14 +168,14 @@ def test_a_client_of_ones_own_is_bounded_in_time_and_size(server, stopped):
     import openai
 
     client = openai.AsyncOpenAI(base_url=server.url, api_key="sk-own-client-12345")
-    strategy = gamms.llm.Strategy(client, "loop-1", "Go.", attempts=1, seconds=0.3)
-    with new_game(strategy) as ctx:
+    with new_game(gamms.llm.Strategy(client, "loop-1", "Go.", attempts=1)) as ctx:
         server.script = endless(HEAD + b"\r\n", b" " * 65536, stopped)
         assert outcomes(ctx.game.run(1)) == ["an answer of more than 1048576 bytes"]
         server.script = raising(Refusal(400, b'{"error": {"message": "no such field"}}'))
         assert outcomes(ctx.game.run(1))[-1] == "HTTP 400: no such field"
+    with new_game(gamms.llm.Strategy(client, "loop-1", "Go.", seconds=0.1)) as ctx:
         server.script = lambda _: stopped.wait(5) and {"move": 1}
-        assert outcomes(ctx.game.run(1))[-1] == "timeout"
+        assert outcomes(ctx.game.run(1)) == ["timeout"]
 
 
 def test_one_warning_says_that_the_fallback_plays(server, strategy_of, caplog):

@@ -1,5 +1,6 @@
 """What a game may spend: calls, tokens and money; and what it has spent is in the result and in the game's data."""
 
+import copy
 import threading
 
 import pytest
@@ -104,3 +105,12 @@ def test_one_strategy_plays_one_game_at_a_time(strategy_of):
             other.game.run(1)
     with new_game(strategy) as later:
         assert outcomes(later.game.run(1)) == ["answer"]
+
+
+def test_a_copy_of_the_context_spends_its_own(server, strategy_of):
+    with new_game(strategy_of(max_calls=2)) as ctx:
+        ctx.game.run(1)
+        twin = copy.deepcopy(ctx)
+        assert outcomes(twin.game.run(2)) == ["answer", "answer", "limit: max_calls"]
+        assert outcomes(ctx.game.run(1)) == ["answer", "answer"]
+        twin.terminate()

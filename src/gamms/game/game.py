@@ -211,7 +211,7 @@ class Game(RuleVerbs):
         strategies = {id(strategy): strategy for *_, strategy in self.ctx.agent.storage.details()}
         for strategy in strategies.values():
             prepare = getattr(strategy, "prepare", None)
-            if prepare is not None:
+            if prepare is not None and not isinstance(strategy, type):
                 prepare(self.ctx)
         self._prepared = changes
 

@@ -95,21 +95,24 @@ class DecisionFile:
     Args:
         path: a file of lines of JSON, to which decisions are added, and which is made when the first one is; or a
             recording, `.ggr`, which is only read; None: nothing is kept.
+        must_exist: whether the file has to be there.
 
     Raises:
         BadFile (ValueError): it is no such file.
         TooLarge (ValueError): it would take more memory than is allowed.
-        MissingFile (FileNotFoundError): there is no such recording.
+        MissingFile (FileNotFoundError): there is no such recording, or no file that must exist.
         MissingFolder (FileNotFoundError): there is no folder for the file.
     """
 
-    def __init__(self, path: str | os.PathLike[str] | None) -> None:
+    def __init__(self, path: str | os.PathLike[str] | None, *, must_exist: bool = False) -> None:
         self._path: Path | None = None if path is None else as_path(path, "calls")
         self._known: dict[str, Decision] = {}
         if self._path is None:
             return
         self._is_recording = self._path.suffix == ".ggr"
-        if self._is_recording and not self._path.is_file():
+        if self._path.is_dir():
+            raise BadFile(f"calls must be a file, and {str(self._path)!r} is a folder.")
+        if (self._is_recording or must_exist) and not self._path.is_file():
             raise MissingFile("calls", self._path)
         if not self._path.parent.is_dir():
             raise MissingFolder(self._path.name, self._path.parent)

@@ -10,7 +10,7 @@ from gamms.arguments import as_choice, as_count, as_float, as_mapping
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.llm.decisions import ANSWERED, EVENT, Decision
-from gamms.plain import Plain, to_plain, why_not_plain
+from gamms.plain import Plain, to_plain
 from gamms.text import shown
 
 Constraint = Literal["schema", "tool", "text"]
@@ -76,6 +76,10 @@ class Settings:
         """
         known = Options.__annotations__
         for name in given:
+            if name in ("api_key", "key"):
+                raise BadValue(
+                    f"{name} is none of the keywords: give key_variable, the name of an environment variable."
+                )
             if name not in known:
                 raise UnknownName("keyword of gamms.llm.Strategy:", name, (*known, "template", "fallback", "calls"))
         checked = {name: _CHECKS[name](value, name) for name, value in given.items() if name in _CHECKS}
@@ -122,9 +126,9 @@ def _request(value: object, name: str) -> dict[str, Plain]:
         if not isinstance(key, str) or key in _OWN:
             raise BadValue(f"{name} cannot set {shown(key)}, which gamms.llm.Strategy sets itself.")
     try:
-        dumps(given)
+        dumps(given, allow_nan=False)
     except (TypeError, ValueError):
-        raise BadType(f"{name} must be what JSON can hold{why_not_plain(given)}, not {shown(given)}.") from None
+        raise BadType(f"{name} must be what JSON can hold, not {shown(given)}.") from None
     plain: dict[str, Plain] = to_plain(given)
     return plain
 

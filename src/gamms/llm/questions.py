@@ -10,6 +10,7 @@ from math import atan2, hypot, pi
 from string import Template
 from typing import Any, NamedTuple
 
+from gamms.arguments import as_function_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.deeds import field_of, wanted_deeds
@@ -43,6 +44,7 @@ MOST_MOVES = 200  # that are offered: servers accept schemas with some hundreds 
 _MOST_NAMES = 100  # of agents that a schema lists
 _MOST_MESSAGES = 10  # that an agent sends in a turn
 _MOST_OF_A_MESSAGE = 1000  # characters
+_MOST_OF_AN_ANSWER = 20_000  # characters
 _MOST_OF_A_PART = 4000  # characters of a part of the text
 _MOST_OF_A_TEXT = 40_000  # characters
 _MOST_NODES = 60  # that a sensor shows in the text
@@ -96,7 +98,8 @@ def as_template(value: "str | Describe | None") -> "Template | Describe":
         return template
     if not callable(value):
         raise BadType(f"template must be a text with $moves, or a function from a state to a text, not {shown(value)}.")
-    return value
+    function: Describe = as_function_of(value, "template", "the state")
+    return function
 
 
 def question_of(state: "State | AerialState", ctx: Context | None, template: "Template | Describe") -> Question:
@@ -179,7 +182,7 @@ def _here(state: Mapping[str, Any], ctx: Context | None) -> str:
 def _sensor_lines(state: Mapping[str, Any], ctx: Context | None) -> str:
     here = _place_of(state, ctx)
     lines = []
-    for name, (kind, data) in state["sensor"].items():
+    for name, (kind, data) in state.get("sensor", {}).items():
         kind_name = getattr(kind, "name", kind)
         if isinstance(data, dict) and {*data} == {"nodes", "edges"}:
             nodes = [f"{one} at {_point(node[1:3])}" for one, node in list(data["nodes"].items())[:_MOST_NODES]]
@@ -298,6 +301,8 @@ def parsed(text: str) -> dict[str, Plain]:
     Raises:
         WrongAnswer: it is none.
     """
+    if len(text) > _MOST_OF_AN_ANSWER:
+        raise WrongAnswer(f"it is longer than {_MOST_OF_AN_ANSWER} characters")
     text = text.strip()
     if text.startswith("```") and text.endswith("```"):
         text = text.strip("`").removeprefix("json")

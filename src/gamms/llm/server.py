@@ -5,6 +5,7 @@ import logging
 import os
 import re
 from collections.abc import Iterable, Mapping
+from traceback import format_exception
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
@@ -55,7 +56,7 @@ class _Refused(Exception):
     """A response that is not read to its end."""
 
     def __init__(self, reply: Reply) -> None:
-        super().__init__(reply.problem)
+        super().__init__()  # without words: libraries log exceptions
         self.reply = reply
 
 
@@ -147,10 +148,12 @@ class _HidingFilter(logging.Filter):
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Let every record pass, without the secrets."""
-        message = record.getMessage()
-        safe = hidden(message, sorted(self.secrets, key=len, reverse=True))
-        if safe != message:
-            record.msg, record.args = safe, ()
+        text = record.getMessage()
+        if record.exc_info and record.exc_info[0] is not None:
+            text += "\n" + "".join(format_exception(*record.exc_info))
+        safe = hidden(text, sorted(self.secrets, key=len, reverse=True))
+        if safe != text:
+            record.msg, record.args, record.exc_info = safe, (), None
         return True
 
 

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any, Unpack
 
-from gamms.arguments import as_text
+from gamms.arguments import as_function_of, as_name, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.snapshots import own
@@ -61,6 +61,7 @@ class Strategy:
         UnknownName (KeyError): there is no such option.
         BadType, BadValue (ValueError): an argument is impossible.
         BadFile (ValueError): `calls` is another kind of file.
+        MissingFile, MissingFolder (FileNotFoundError): it is not there, and needed; it has no folder.
         MissingKey (KeyError): the environment variable of the key is not set.
         MissingExtra (ImportError): the library `openai` is not installed.
     """
@@ -76,16 +77,14 @@ class Strategy:
         calls: str | os.PathLike[str] | None = None,
         **options: Unpack[Options],
     ) -> None:
-        self._model, self._instructions = as_text(model, "model"), as_text(instructions, "instructions")
+        self._model, self._instructions = as_name(model, "a model"), as_text(instructions, "instructions")
         self._template = as_template(template)
         self._settings = Settings.of(**options)
-        if not callable(fallback):
-            raise BadType(f"fallback must be a strategy, such as gamms.strategies.stay, not {shown(fallback)}.")
-        self._fallback = fallback
+        self._fallback = as_function_of(fallback, "fallback", "the state")
         self._client = _client_of(client, options.get("key_variable"))
         if client is None and calls is None:
             raise BadValue("Without a client there is nothing to ask: give calls=, the file of what was recorded.")
-        self._file = DecisionFile(calls)
+        self._file = DecisionFile(calls, must_exist=client is None)
         described = str(getattr(template, "__qualname__", template))
         name = digest([model, instructions, described, asdict(self._settings)])
         self._account = Account(f"{model} {name[:8]}", self._settings)
@@ -101,6 +100,7 @@ class Strategy:
         twin = object.__new__(Strategy)
         twin.__dict__.update(self.__dict__)
         twin._fallback, twin._ctx = own(self._fallback, memo), None
+        twin._account = Account(self._account.name, self._settings)
         return twin
 
     def prepare(self, ctx: Context) -> None:

@@ -198,7 +198,7 @@ def as_strategy(value: F, name: str) -> F:
     """
     if not callable(value):
         raise BadType(f"{name} must be a function of the state, not {shown(value)} ({type(value).__name__}).")
-    if iscoroutinefunction(value):
+    if iscoroutinefunction(value) or iscoroutinefunction(getattr(value, "__call__", None)):  # noqa: B004 - it is looked at
         raise BadType(f"{name} must not be an async def: await it in an async def of your own.")
     return value
 

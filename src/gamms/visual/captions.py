@@ -29,6 +29,7 @@ _SENTENCES = {  # kind of event -> the field that the sentence is about, and wha
     "eliminated": ("agent", "is out"),
     "respawned": ("agent", _LAST),
 }
+_UNSAID = {"llm"}  # kinds of events that are of no interest to who watches
 _FIELD = re.compile(r"{(\w+)}")
 ALL_PLAYED = "all turns are played"
 _REASONS = {"max_turns": ALL_PLAYED}
@@ -46,6 +47,8 @@ def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     found: dict[tuple[str | None, str], list[str]] = {}  # by agent and kind
     for event in events:
         kind, agent = str(event.get("kind", "")), event.get("agent")
+        if kind in _UNSAID:
+            continue
         about, predicate = _SENTENCES.get(kind, ("", ""))
         if about and {about, *_FIELD.findall(predicate)} <= event.keys():
             found.setdefault((str(event[about]), ""), []).append(predicate.format_map(event))
