@@ -509,7 +509,7 @@ def test_rules_and_other_contexts_are_free(grid):
 
 READERS = {
     "Context": "is_terminated rng_state stream",
-    "Game": "plain_settings result settings start_node tracks",
+    "Game": "fork_for_deciders plain_settings result settings start_node tracks",
     "AgentEngine": "create_iter get_agent",
     "Agent": "",
     "AerialAgent": "",

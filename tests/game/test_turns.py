@@ -47,6 +47,7 @@ def test_a_strategy_gets_its_name_and_what_it_may_do(ctx, play, everything):
         "team_memory",
         "facts",
         "blocked",
+        "fork",
         "action",
     ]
     assert (first["curr_pos"], first["name"], first["team"], first["turn"]) == (0, "a", "red", 0)

@@ -1,7 +1,7 @@
 """The agent engine: creates agents and keeps them by name."""
 
 from collections import Counter
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from copy import deepcopy
 from numbers import Integral
@@ -517,6 +517,18 @@ class AgentStorage(Guarded):
                 [id(twin._sensor_list[name]) for name, one in agent._sensor_list.items() if id(one) in agent._shared]
             )
             twin._carry()
+
+    @refused_while_deciding
+    def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:
+        """Keep what is known of the agents that are not among the `known`, in a copy for those that look ahead."""
+        engine, graph = self._engine, self._engine._ctx.graph.graph
+        first = graph.get_node(min(graph.get_nodes()))
+        for row, columns in before.hidden(engine.block, known, first):
+            engine.block.write(row, columns)
+        for name, agent in engine._stored().items():
+            agent.strategy = None
+            if type(agent) is not Members and name not in known:
+                before.write_attributes(agent)
 
     def _restore_agents(self, before: AgentsSnapshot) -> None:
         """Restore which agents there are, in the same order."""

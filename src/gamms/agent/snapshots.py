@@ -1,6 +1,6 @@
 """What snapshots of a game hold of its agents."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterator, Mapping
 from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,6 +11,7 @@ import numpy as np
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
 from gamms.ir.agents import AgentBlock
+from gamms.typing.graph_engine import Node
 
 
 @dataclass(eq=False)
@@ -49,6 +50,28 @@ class AgentsSnapshot:
         stored: Mapping[str, Any] = agents.stored() if isinstance(agents, AgentsByName) else agents
         places = self.places
         return {name: places[name] if self.has(name, agent) else self.place_of(agent) for name, agent in stored.items()}
+
+    def hidden(self, block: AgentBlock, known: Collection[str], node: Node) -> Iterator[tuple[int, dict[str, Any]]]:
+        """Yield the row and the columns of each agent of a copy that is not `known`, as those see it that look ahead.
+
+        It has the speed that it had, and is on a node until it is placed; in the air, as high as it was.
+        """
+        speeds = dict(zip(self.stored, self.columns["speed"], strict=True))
+        for row, name in enumerate(block.names):
+            if name not in known:
+                was = self.places.get(name)
+                place = (node.x, node.y, was[2] if isinstance(was, tuple) else 0.0) if block.kind[row] else None
+                columns: dict[str, Any] = {"node": node.id, "previous": node.id, "heading": None, "progress": None}
+                columns |= {"position": place, "previous_position": place, "speed": speeds.get(name, block.speed[row])}
+                yield row, columns
+
+    def write_attributes(self, agent: BaseAgent) -> None:
+        """Give an agent of a copy the attributes that it had, and no state."""
+        agent._last[0] = {}
+        if agent.name in self.stored:
+            own = next((own for one, own, *_ in self.agents if one.name == agent.name), {})
+            agent.__dict__.clear()
+            agent.__dict__.update(copied_attributes(own))
 
 
 def teams_in(stored: dict[str, Any]) -> dict[int, Members]:

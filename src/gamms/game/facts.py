@@ -1,10 +1,10 @@
-"""Facts: what is published to all strategies, to those of a team, or to one agent."""
+"""What agents know: facts that were published to all, a team or an agent, and copies of the game to look ahead."""
 
-from collections.abc import Hashable
-from typing import Any
+from collections.abc import Callable, Hashable
+from typing import Any, Literal, NamedTuple
 
-from gamms.arguments import as_key
-from gamms.errors import BadValue, UnknownName
+from gamms.arguments import as_choice, as_key
+from gamms.errors import BadValue, IllegalMutation, UnknownName
 from gamms.ir.game_state import GameState
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
@@ -53,3 +53,72 @@ def facts_to(to: object, state: GameState, ctx: HostContext) -> dict[str, Any]:
     if not is_agent and not is_team:
         raise UnknownName("team or agent", name, [*ctx.agent.teams, *agents])
     return (state.agent_facts if is_agent else state.team_facts).setdefault(name, {})
+
+
+INFORMATION = ("private", "full")
+Information = Literal["private", "full"]
+
+
+class PrivateFork(NamedTuple):
+    """A copy of a game for the agents that decide, from `state["fork"]`.
+
+    Attributes:
+        game: the copy, with a context of its own, `game.ctx`. Any: the class `Game`, which makes it.
+        names: of the agents that it is for.
+        own: returns what a function is in the copy that closes over the game, or over an agent of it.
+    """
+
+    game: Any
+    names: tuple[str, ...]
+    own: Callable[[Any], Any]
+
+
+class PrivateForks:
+    """Gives the agents that decide copies of their game: `state["fork"]`.
+
+    Args:
+        ctx: the context of the game; None: that of a state which was pickled.
+    """
+
+    __slots__ = ("_ctx",)
+
+    def __init__(self, ctx: HostContext | None) -> None:
+        self._ctx: Any = ctx  # whose class knows its game
+
+    def __call__(self, seed: int, *, information: Information = "private") -> PrivateFork:
+        """Return a copy of the game as far as the agents that decide know it, with random numbers of its own.
+
+        It begins where they decide: rules of "before" were applied in this turn, and teams that are earlier in the
+        order of play have moved. No random number in it follows from the seed of the game. Agents have no strategies.
+
+        Args:
+            seed: of the copy.
+            information: "private": what the agents do not know is as it was at the start, see docs/planning.md;
+                "full": all is as it is, where `ctx.game.information` allows that.
+
+        Raises:
+            BadValue: the game does not allow full information.
+            IllegalMutation: no agent decides, whose knowledge would count.
+        """
+        game = None if self._ctx is None else self._ctx.current_game
+        if game is None:
+            raise IllegalMutation("state['fork'] is of a state that was pickled, and belongs to no game any more.")
+        fork: PrivateFork = game.fork_for_deciders(seed, as_choice(information, "information", INFORMATION))
+        return fork
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "PrivateForks":
+        """Belong to the copy of the context if that is copied, too."""
+        return PrivateForks(memo.get(id(self._ctx), self._ctx))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return PrivateForks, (None,)
+
+    def __eq__(self, other: object) -> bool:
+        """Whether it does the same for a state that is compared."""
+        return isinstance(other, PrivateForks)
+
+    __hash__ = None  # type: ignore[assignment] # what is equal in all games has no hash
+
+    def __repr__(self) -> str:
+        """Show how it is called."""
+        return "fork(seed)"

@@ -8,14 +8,16 @@ from typing import TYPE_CHECKING, Any, Literal, overload
 from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_int, as_key, as_name
 from gamms.deciding import phase_of, refused_while_deciding
-from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
+from gamms.errors import BadType, BadValue, ContextTerminated, IllegalMutation, UnknownName
 from gamms.game.decisions import ArrayPlan
+from gamms.game.facts import Information, PrivateFork
+from gamms.game.private import copy_known
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors, Result, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
-from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, Start, copy_game
+from gamms.game.snapshots import GameInternals, Snapshot, SnapshotError, SnapshotTaker, Start, copy_game, own
 from gamms.game.turn import TurnEngine
 from gamms.ir.game_state import GameState
 from gamms.progress import progress as progress_line
@@ -223,13 +225,15 @@ class Game(RuleVerbs):
         state.players.update({agent.name: agent for agent in self.ctx.agent.storage.made()})
 
     def _step(self) -> None:
-        self._apply_rules("before")
+        if self._state.parts_played is None:
+            self._apply_rules("before")
         if self.is_over:
             return
         if not self._state.has_begun:  # a rule has reset the game
             self._begin()
         self._turns.play(self._internals.after_observing, self._ruleset)
         self._state.turn += 1
+        self._state.parts_played = None
         try:
             self._apply_rules("after")
             self._collectors.collect(self._state.turn, self.ctx, lambda: self.agents)
@@ -299,6 +303,7 @@ class Game(RuleVerbs):
                 **versions(),
                 "scenario": self._internals.scenario,
                 "strategies": {name: strategy_name(self._decider(one)) for name, one in sorted(agents.items())},
+                **({} if self.information == "private" else {"information": self.information}),
             },
             **over,
         )
@@ -403,6 +408,42 @@ class Game(RuleVerbs):
         game._state.began, game._internals.scenario = self._internals.starts, self._internals.scenario
         game._internals.digests = self._internals.digests
         return game
+
+    def fork_for_deciders(self, seed: int, information: Information = "private") -> PrivateFork:
+        """Return a copy of the game for the agents whose strategy or plan is running; they call `state["fork"](seed)`.
+
+        See `PrivateForks`.
+
+        Raises:
+            BadType, BadValue: the seed is no integer of 64 bits, or the game does not allow full information.
+            IllegalMutation: no agent decides.
+        """
+        if self._phase.agent is None:
+            raise IllegalMutation(
+                "state['fork'] is for strategies and plans while they decide: the copy has what their agents know. "
+                "Between two turns use ctx.game.fork(seed)."
+            )
+        if information == "full" and self.information != "full":
+            raise BadValue(
+                "information='full' shows what agents do not know, and this game does not allow it. Set `settings: "
+                "{information: full}` in the scenario file, or ctx.game.information = 'full'."
+            )
+        own_seed = kernels.purpose_key(as_int(seed, "seed"), "private fork") >> 1
+        names = tuple(sorted(self._phase.names()))
+        with self._phase.suspended():
+            ctx, memo = self.ctx.fork(own_seed)
+            game: Game = ctx.game
+            memo |= {id(self): game, id(self._state): game._state}
+            if information == "full":
+                copy_game(self._snapshots, game._snapshots, memo)
+                game.configure({"plans": {}, "time_budget": None, "deadline_s": None})
+                game._state.began = self._internals.starts
+            else:
+                copy_known(self._snapshots, game._snapshots, memo, frozenset(names), self._internals.starts)
+            ctx.is_seeded = True  # so that what is drawn from the global generators is its own
+            game._state.parts_played = self._turns.part
+            game._begin()
+        return PrivateFork(game, names, lambda value: own(value, memo))
 
     @refused_while_deciding
     def batch(

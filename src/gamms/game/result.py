@@ -205,6 +205,8 @@ class Result:
                 f"{number} {kind}" for kind, number in Counter(one["kind"] for one in self.errors).items()
             )
             lines += ["", f"What strategies did wrong (result.errors): {printable_line(kinds)}"]
+        if self.provenance.get("information") == "full":
+            lines += ["", "Strategies that look ahead had full information."]
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:

@@ -25,6 +25,7 @@ _CHOICES = {
     "on_error": ("raise", "stay"),
     "speed_unit": ("edges", "metres", "metres_per_second"),
     "decide": ("turn", "arrival"),
+    "information": ("private", "full"),
 }
 
 
@@ -71,6 +72,8 @@ class Settings(Guarded):
             turn the teams of the first list decide and move at once, then those of the next, which see these moves.
         deeds: what agents may do besides moving: deed -> its fields -> the kind of each; see docs/game.md.
         channels: by what agents can send messages: name -> its keywords; see `add_channel`.
+        information: "private": copies of the game to look ahead in have what their agents know, see docs/planning.md;
+            "full": agents may have copies of all there is.
         max_turns: `run` ends a game when so many turns were played, before it included; None: when a rule says so.
     """
 
@@ -90,6 +93,7 @@ class Settings(Guarded):
     order: Sequence[Sequence[Any]] | None = None
     deeds: Mapping[str, Mapping[str, Any]] = ReadOnlyMapping({})
     channels: Mapping[str, Channel] = ReadOnlyMapping({})
+    information: Literal["private", "full"] = "private"
     max_turns: int | None = None
     _called = "ctx.game"
     _changes = 0  # how often a setting was set
@@ -129,6 +133,8 @@ class Settings(Guarded):
         plain.update((name, value) for name, value in declared.items() if value)
         if not self.team_memory:
             plain["team_memory"] = False
+        if self.information != "private":
+            plain["information"] = self.information
         return {**plain, "default_action": default} if isinstance(default, (str, int)) else plain
 
     @refused_while_deciding

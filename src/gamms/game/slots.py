@@ -6,7 +6,7 @@ from typing import Any
 
 from gamms.arguments import as_range
 from gamms.errors import GammsError
-from gamms.game.facts import FactsOf
+from gamms.game.facts import FactsOf, PrivateForks
 from gamms.game.random_streams import Draws, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
@@ -28,9 +28,11 @@ class AgentSlot:
         seed: of the game.
         facts: a read-only view of what was published to all.
         settings: of the game.
+        fork: what it gets copies of the game from.
 
     Attributes:
         agent: the agent.
+        fork: as given.
         name, team, row: its own.
         flies: whether it is in the air.
         speed: how far it may go in a turn, in the unit of the game; None for one edge.
@@ -44,8 +46,8 @@ class AgentSlot:
     """
 
     __slots__ = (
-        *("_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign", "is_plain"),
-        *("last", "name", "row", "sees_world_only", "speed", "team", "travels"),
+        *("_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign"),
+        *("fork", "is_plain", "last", "name", "row", "sees_world_only", "speed", "team", "travels"),
     )
 
     def __init__(
@@ -56,8 +58,9 @@ class AgentSlot:
         seed: int,
         facts: Mapping[str, Any],
         settings: Settings,
+        fork: PrivateForks,
     ) -> None:
-        self.agent = agent
+        self.agent, self.fork = agent, fork
         self.name, self.team = agent.name, agent.team
         self.row, self.carried, self.last = access
         self.flies = agent.type is AgentType.AERIAL
@@ -116,6 +119,7 @@ class AgentSlot:
                 **({"team_memory": None} if settings.team_memory else {}),
                 "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
                 "blocked": state.blocked.get(self.name),
+                "fork": self.fork,
                 **({"deeds": settings.deeds} if settings.deeds else {}),
             }
         )

@@ -10,6 +10,7 @@ import numpy as np
 
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, GammsError
+from gamms.game.facts import PrivateForks
 from gamms.game.moves import TurnMoves
 from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
@@ -60,6 +61,22 @@ class Snapshot:
         """Return name -> where the agent was, of some agents."""
         places: dict[str, int | Position] = self._parts["agents"].places_of(agents)
         return places
+
+    @property
+    def agents(self) -> Any:
+        """The agents, as `ctx.agent.storage.snapshot()` gave them. Any: the agent engine's own class."""
+        return self._parts["agents"]
+
+    @property
+    def sensors(self) -> Any:
+        """The sensors, likewise."""
+        return self._parts["sensors"]
+
+    @property
+    def data(self) -> dict[str, Any]:
+        """What rules remembered, which is not to be written to."""
+        data: dict[str, Any] = self._values["data"]
+        return data
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with the context that it is of."""
@@ -203,7 +220,9 @@ def _write(state: GameState, values: dict[str, Any]) -> None:
 
 
 _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state -> how it is copied
-    **dict.fromkeys(("turn", "last_turn", "start", "drawn", "has_begun", "moves"), lambda value, _: value),
+    **dict.fromkeys(
+        ("turn", "last_turn", "start", "drawn", "has_begun", "moves", "parts_played"), lambda value, _: value
+    ),
     **dict.fromkeys(("over", "team_memories", "data"), copied),
     **dict.fromkeys(("players", "began", "scores", "facts", "timings"), lambda value, _: dict(value)),
     **dict.fromkeys(("agent_facts", "team_facts"), lambda value, _: {to: dict(facts) for to, facts in value.items()}),
@@ -230,23 +249,28 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     for agent in source.ctx.agent.storage.made():
         memo[id(agent)].strategy = own(agent.strategy, memo)
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
-    for sensor in target.ctx.sensor.sensors.values():
-        if getattr(sensor, "function", None) is not None:
-            sensor.function = own(sensor.function, memo)
     players = {name: deepcopy(agent, memo) for name, agent in source.state.players.items()}
     shared = {name: value for name, value in _fields(source.state).items() if name not in _OWN}
     _write(target.state, _copies(shared, memo))
     target.state.share_logs(source.state)
     target.state.players.update(players)
-    settings = source.settings.settings()
-    settings["plans"] = {team: Plan(own(plan.function, memo), plan.arrays) for team, plan in settings["plans"].items()}
-    target.settings.configure({name: own(value, memo) for name, value in settings.items()})
-    target.rules.rules = tuple([one._replace(rule=own(one.rule, memo)) for one in source.rules.rules])
+    plans = source.settings.plans.items()
+    copy_means(source, target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
     target.collectors.copy_from(source.collectors, lambda fn: own(fn, memo))
     _renew_states(target)
     moves: TurnMoves | None = source.state.moves
     if moves is not None:
         target.state.moves = moves.of_agents(target.ctx.agent.agents, lambda agent: deepcopy(agent, memo))
+
+
+def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **others: object) -> None:
+    """Copy the functions of sensors, the rules and the settings of a game, some of which are others in the copy."""
+    for sensor in target.ctx.sensor.sensors.values():
+        if getattr(sensor, "function", None) is not None:
+            sensor.function = own(sensor.function, memo)
+    settings = {**source.settings.settings(), **others}
+    target.settings.configure({name: own(value, memo) for name, value in settings.items()})
+    target.rules.rules = tuple([one._replace(rule=own(one.rule, memo)) for one in source.rules.rules])
 
 
 def _renew_states(target: SnapshotTaker) -> None:
@@ -258,6 +282,7 @@ def _renew_states(target: SnapshotTaker) -> None:
             slot = order.slots[order.index_of[name]] if name in order.index_of else None
             state["memory"] = target.state.memory_of(name)
             state["team_memory"] = copied(state.get("team_memory"))
+            state["fork"] = PrivateForks(target.ctx)
             for key, value in (("draw", slot and slot.draws), ("rng", slot and slot.rng)):
                 if value is None:
                     state.pop(key, None)
@@ -334,6 +359,8 @@ def _rebound_items(values: list[Any] | tuple[Any, ...], memo: Memo) -> Any:
 
 
 def _rebound_values(values: dict[Any, Any], memo: Memo) -> dict[Any, Any]:
+    if all(type(one) in _SCALARS for one in values.values()):  # such as a territory of many nodes
+        return values
     items = {key: _rebound(one, memo) for key, one in values.items()}
     return values if all(items[key] is one for key, one in values.items()) else items
 
@@ -399,6 +426,13 @@ class GameInternals(Guarded):
         else:
             place = getattr(agent, "position", agent.current_node_id)
         return place
+
+    @refused_while_deciding
+    def reseed(self, seed: int) -> None:
+        """Let all random numbers follow from another seed from now on; the start stays as it was drawn."""
+        self._parts.ctx.reseed(seed)
+        self.state.stream_version += 1
+        self._parts.global_random.forget()
 
     @refused_while_deciding
     def restore_rules(self, rules: Sequence[NamedRule]) -> None:

@@ -14,7 +14,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.arrivals import Arrivals
 from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
-from gamms.game.facts import FactsOf
+from gamms.game.facts import FactsOf, PrivateForks
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
 from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
@@ -50,17 +50,19 @@ class TurnEngine:
         is_deciding: whether agents observe and decide right now.
         is_playing: whether a turn is under way, rules included.
         is_moving: whether agents are asked and moved right now.
+        part: the number of those who are asked, in the order of play.
         refusals: what rules refuse, while they may; else None.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
         self._ctx, self._settings, self._state, self._phase = ctx, settings, state, phase
         self._legality = Legality(ctx, settings)
-        self._facts = ReadOnlyMapping(state.facts)
+        self._facts, self._fork = ReadOnlyMapping(state.facts), PrivateForks(ctx)
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
         self.is_deciding = self.is_playing = self.is_moving = False
+        self.part = 0
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
         self.refusals: Refusals | None = None
         self._shared: dict[Any, Any] = {}  # what array forms of conflict resolvers have worked out for the graph
@@ -91,15 +93,15 @@ class TurnEngine:
     def _slots(self) -> Sequence[AgentSlot]:
         """Return what the engine holds of each living agent; made when needed where there are teams in arrays."""
         agents, state, seed, facts, settings = self._ctx.agent, self._state, self._ctx.seed, self._facts, self._settings
-        access_of, all_agents = agents.storage.turn_access, agents.agents
+        access_of, all_agents, fork = agents.storage.turn_access, agents.agents, self._fork
         if agents.block.has_arrays:
 
             def make(name: str) -> AgentSlot:
-                return AgentSlot(all_agents[name], access_of(all_agents[name]), state, seed, facts, settings)
+                return AgentSlot(all_agents[name], access_of(all_agents[name]), state, seed, facts, settings, fork)
 
             return LazySlots(agents.block, settings, make, state.counts)
         living = sorted([(name, agent) for name, agent in all_agents.items() if agent.alive], key=itemgetter(0))
-        return [AgentSlot(one, access_of(one), state, seed, facts, settings) for _, one in living]
+        return [AgentSlot(one, access_of(one), state, seed, facts, settings, fork) for _, one in living]
 
     def close(self) -> None:
         """Close the event loop, if one was opened."""
@@ -194,10 +196,11 @@ class TurnEngine:
                     f"ctx.game.order leaves out team {shown(order.unlisted.team)}, of which agent "
                     f"{order.unlisted.name!r} is. Add the team to one of its lists."
                 )
-            turn, parts = self._play_part(order, 0, observers, rules), len(order.parts)
+            first, parts = self._state.parts_played or 0, len(order.parts)
+            turn = self._play_part(order, first, observers, rules)
             if parts > 1:
-                turn = turn.between(0, parts)
-            for number in range(1, parts):
+                turn = turn.between(first, parts)
+            for number in range(first + 1, parts):
                 if self._state.over is None:
                     later = self._play_part(self.order(), number, observers, rules).between(number, parts)
                     turn = turn.on(later.order).then(later)
@@ -211,7 +214,7 @@ class TurnEngine:
                 self._order_key = ()
 
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
-        part = order.parts[number]
+        part, self.part = order.parts[number], number
         began = perf_counter()
         is_by_arrival = self._settings.decide == "arrival" and any(order.slots[i].travels for i in part.paced)
         ask = self._ask_at_arrivals if is_by_arrival else self._ask

@@ -1,6 +1,7 @@
 """The state of a game at a moment, apart from the agents and the world."""
 
 from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -25,6 +26,12 @@ class LogPoint:
 
     def __init__(self, before: "LogPoint | None", entries: list[Any], length: int) -> None:
         self.before, self.entries, self.length = before, entries, length
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "LogPoint":
+        """Copy a point; where all histories begin stays one point, so that those of copies meet there."""
+        if self.before is None:
+            return self
+        return LogPoint(deepcopy(self.before, memo), deepcopy(self.entries, memo), self.length)
 
 
 _EMPTY = LogPoint(None, [], 0)  # where all histories begin
@@ -173,6 +180,8 @@ class GameState:
         began: agent -> where it began, for a game that was resumed from a recording.
         start: the snapshot to which `reset` returns; None before the first turn. Any: it holds what all engines gave.
         drawn: what a scenario has made for the seed of the start; replaced, never changed. Any: the builder's own form.
+        parts_played: of a turn that is under way how many parts have moved, in a fork for agents that decide in it;
+            None: it is between two turns.
         has_begun: whether a turn was played since the game was created, reset or resumed.
         stream_version: changes whenever all random streams begin again.
         histories: of each log, for snapshots.
@@ -202,6 +211,7 @@ class GameState:
     began: dict[str, Any] = field(default_factory=dict)
     start: Any = None
     drawn: Any = None
+    parts_played: int | None = None
     has_begun: bool = False
     stream_version: int = 0
     histories: dict[str, LogHistory] = field(default_factory=lambda: {name: LogHistory() for name in LOGS})

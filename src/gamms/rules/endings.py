@@ -1,6 +1,6 @@
 """How games end: an agent reaches its goal, time is up, or one team is left; and what a rule may carry."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from enum import IntEnum
 from functools import partial
 from typing import Annotated, Any, TypedDict, TypeVar, Unpack, overload
@@ -63,6 +63,9 @@ class Hooks(TypedDict, total=False):
     """Called when a batch begins: publishes facts in the form that they have in arrays."""
     check: Callable[[Context], object]
     """Called when all have decided, to refuse moves and deeds."""
+    disclose: Callable[[Mapping[str, Any], Collection[str]], dict[str, Any]]
+    """Returns what agents of some names know of `ctx.game.data`, for copies to look ahead in, which get nothing else of
+    it but what `prepare` makes; called with the data, which it must not change, and the names."""
     rank: int
     """A `Rank`, so that the order in which rules are added does not count."""
     key: Hashable
@@ -249,6 +252,18 @@ def state_of(ctx: Context, group: str, key: str, start: dict[str, Any]) -> dict[
     """Return what a rule remembers, in `ctx.game.data[group][key]`; the start if that is new."""
     state: dict[str, Any] = ctx.game.data.setdefault(group, {}).setdefault(key, start)
     return state
+
+
+def all_know(group: str, key: str | None = None) -> Callable[[Mapping[str, Any], Collection[str]], dict[str, Any]]:
+    """Return a hook `disclose` by which all know what is in `ctx.game.data[group][key]`, or all of the group."""
+
+    def disclose(data: Mapping[str, Any], _: Collection[str]) -> dict[str, Any]:
+        known = data.get(group, {})
+        if key is not None:
+            known = {key: known[key]} if key in known else {}
+        return {group: known}
+
+    return disclose
 
 
 def refuse_unknown(ctx: Context, nodes: Iterable[int]) -> None:

@@ -17,7 +17,7 @@ from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.rules.contacts import tracks_of, visits_of
-from gamms.rules.endings import refuse_unknown, with_hooks
+from gamms.rules.endings import all_know, refuse_unknown, with_hooks
 from gamms.rules.meetings import Visit
 from gamms.rules.territory import Colors, Ground, Territory, as_territory
 from gamms.text import shown, shown_as_called
@@ -90,6 +90,7 @@ def capture_flag(
         capture_flag,
         prepare=game.prepare,
         drawer=FlagsDrawer(game.key, colors),
+        disclose=all_know(game.key),
         key=game.key,
         array_form=in_arrays,
         array_trigger=game.may_change,

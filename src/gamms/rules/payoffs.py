@@ -12,7 +12,7 @@ from gamms.game.batch.device import in_all_games
 from gamms.game.batch.state import Emitted
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.rules.endings import Rank, state_of, with_hooks
+from gamms.rules.endings import Rank, all_know, state_of, with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import Rule
 
@@ -68,6 +68,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         prepare=prepare,
         rank=Rank.PAYOFFS,
         key=state_key,
+        disclose=all_know(_PAYOFFS, state_key),
         array_form=lambda turn: _pay_in_arrays(turn, state_key, checked, balanced=balanced),
         array_trigger=in_all_games,
         prepare_arrays=lambda state: state.events.new(state_key),

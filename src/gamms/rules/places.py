@@ -14,7 +14,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain, why_not_plain
 from gamms.rules.contacts import nodes_within
-from gamms.rules.endings import Rank, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
+from gamms.rules.endings import Rank, all_know, as_nodes, as_teams, refuse_unknown, state_of, with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import AgentType, IAgent, NodeId, Rule
 from gamms.typing.game import TEAMS
@@ -74,6 +74,7 @@ def hold(
         teams=sorted(place.teams or (), key=str),
         rank=Rank.PLACES,
         key=place.key,
+        disclose=all_know(HELD, place.key),
         array_form=place.play_in_arrays,
     )
 
@@ -215,6 +216,7 @@ def discover(
         teams=named,
         rank=Rank.PLACES,
         key=game.key,
+        disclose=all_know(DISCOVERED, game.key),
         array_form=game.play_in_arrays,
         prepare_arrays=game.prepare_arrays,
         why_not_in_arrays=_why_not_looked,

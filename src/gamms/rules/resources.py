@@ -1,6 +1,7 @@
 """What agents use up: amounts such as fuel, which moves, turns and deeds cost, and deeds that take time to be ready."""
 
-from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping
+from functools import partial
 from itertools import pairwise, takewhile
 from math import dist, isfinite
 from typing import Annotated, Any, NamedTuple
@@ -98,6 +99,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         teams=sorted(tank.teams or (), key=str),
         rank=Rank.RESOURCES,
         key=tank.name,
+        disclose=tank.disclose,
         array_form=tank.charge_in_arrays,
         prepare_arrays=tank.prepare_arrays,
     )
@@ -145,6 +147,15 @@ class _Tank(NamedTuple):
         for agent in self._agents(ctx):
             if agent.name not in self._state(ctx)["amounts"]:
                 self._give(ctx, agent, self.start)
+
+    def disclose(self, data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+        """Return what some agents have left."""
+        state = data.get(RESOURCES, {}).get(self.name, {})
+        own = {
+            key: {name: number for name, number in state.get(key, {}).items() if name in names}
+            for key in ("amounts", "flights")
+        }
+        return {RESOURCES: {self.name: {"turn": state.get("turn", -1), **own}}}
 
     def check(self, ctx: Context, lengths: _Lengths) -> None:
         """Refuse what costs more than is left."""
@@ -367,6 +378,12 @@ def _eliminated(ctx: Context) -> set[str]:
     return {event["agent"] for event in events if event["kind"] == "eliminated"}
 
 
+def _cooling(kind: str, data: Mapping[str, Any], names: Collection[str]) -> dict[str, Any]:
+    """Return for how many turns more some agents may not do a deed."""
+    known = data.get(COOLDOWNS, {}).get(kind, {}).get("left", {})
+    return {COOLDOWNS: {kind: {"left": {name: more for name, more in known.items() if name in names}}}}
+
+
 @shown_as_called
 def cooldown(deed: str, turns: int) -> Rule:
     """Make a rule by which an agent that has done something may not do it again in so many turns.
@@ -428,5 +445,6 @@ def cooldown(deed: str, turns: int) -> Rule:
         drawer=render_cooldowns,
         rank=Rank.RESOURCES,
         key=f"cooldown of {kind}",
+        disclose=partial(_cooling, kind),
         array_form=in_arrays,
     )

@@ -15,7 +15,7 @@ from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.turn import ArrayTurn
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
 from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, may_meet, one_to_one_in_arrays
-from gamms.rules.endings import Rank, as_teams, state_of, with_hooks
+from gamms.rules.endings import Rank, all_know, as_teams, state_of, with_hooks
 from gamms.rules.territory import Territory, as_territory
 from gamms.text import shown, shown_as_called
 from gamms.typing.game import TEAMS, Rule
@@ -195,5 +195,11 @@ def respawn(
         return turn.any_of([is_out | turn.put(known["out"][:, members] >= 0) if known else is_out])
 
     return with_hooks(
-        respawn, teams=named, rank=Rank.RESPAWNS, key=key, array_form=in_arrays, array_trigger=may_come_back
+        respawn,
+        teams=named,
+        rank=Rank.RESPAWNS,
+        key=key,
+        disclose=all_know("respawns", key),
+        array_form=in_arrays,
+        array_trigger=may_come_back,
     )

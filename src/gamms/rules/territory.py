@@ -12,7 +12,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.device import in_all_games
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
-from gamms.rules.endings import with_hooks
+from gamms.rules.endings import all_know, with_hooks
 from gamms.text import shown, shown_as_called
 from gamms.typing import ColorType, NodeId, Rule
 from gamms.typing.game import OWNERS, TEAMS
@@ -114,6 +114,7 @@ def published(nodes: Territory, name: str = "territory", colors: Colors | None =
         published,
         prepare=prepare,
         drawer=TerritoryDrawer(fact, colors),
+        disclose=all_know(TERRITORIES, fact),
         array_form=in_arrays,
         array_trigger=in_all_games,
     )

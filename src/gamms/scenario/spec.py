@@ -225,6 +225,7 @@ class Settings(_Mapping, frozen=True, kw_only=True):
     deadline_s: Annotated[float, Meta(gt=0.0, description="Seconds per turn for what is awaited.")] | None = None
     default_action: Literal["stay"] | NodeId = "stay"
     team_memory: bool = True
+    information: Literal["private", "full"] = "private"
     order: Annotated[list[Annotated[list[Name], Meta(min_length=1)]], Meta(min_length=1)] | None = None
     deeds: dict[Name, dict[Name, str | list[Any]] | None] = {}
 

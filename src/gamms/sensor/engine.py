@@ -1,7 +1,7 @@
 """The sensor engine: creates sensors and keeps them by name."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from copy import deepcopy
 from typing import Any, Literal, NamedTuple, Unpack, overload
 
@@ -271,6 +271,25 @@ class SensorStorage(Guarded):
                 memo[id(sensed)] = sensed  # no look changes what an earlier one has given
         self._engine._sensors |= {name: _copy_of(sensor, memo) for name, sensor in other._engine._sensors.items()}
         self._engine._warned |= other._engine._warned
+
+    @refused_while_deciding
+    def hide(self, before: SensorsSnapshot, known: Collection[str]) -> None:
+        """Let sensors that belong to none of the `known` agents be set as at a snapshot, and forget what they saw.
+
+        It is for a copy, so that the snapshot may be of another context.
+        """
+        then = {
+            one.sensor_id: keywords
+            for one, keywords in zip(before.settings.sensors, before.settings.keywords, strict=True)
+        }
+        for name, sensor in self._engine._sensors.items():
+            if owner_of(sensor) in known:
+                continue
+            if hasattr(sensor, "reset"):
+                sensor.reset()
+            keywords = then.get(name)
+            if keywords is not None and not isinstance(sensor, FunctionSensor) and _keywords_of(sensor) != keywords:
+                _set(sensor, keywords)
 
     def _settings(self) -> SensorSettings:
         """Return how the sensors are set now; the same object as long as nothing has changed."""

@@ -15,7 +15,15 @@ from gamms.typing import AerialStrategy, AsyncStrategy, IAgent, Rule, State, Str
 
 _WHERE = "where (check)"  # the name of the collector
 _ORDERS = (1, 2)  # seeds by which agents are shuffled
-_OWN = ("action", "memory", "team_memory", "draw", "rng", "sensor")  # a sensor's data is fresh, and may be used up
+_OWN = (
+    "action",
+    "memory",
+    "team_memory",
+    "draw",
+    "rng",
+    "fork",
+    "sensor",
+)  # a sensor's data is fresh, and may be used up
 _RULES_REMEMBER = "Keep it in ctx.game.data."
 _STRATEGIES_REMEMBER = "Keep it in state['memory']."
 

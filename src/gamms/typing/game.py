@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Awaitable, Callable, Hashable, Mapping, Sequence
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NotRequired, Protocol, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple, NotRequired, Protocol, TypedDict, TypeVar
 
 import numpy as np
 
@@ -65,6 +65,29 @@ class Draws(Protocol):
 
     def bits(self) -> int:
         """Return 64 random bits."""
+
+
+class PrivateFork(Protocol):
+    """A copy of the game for the agents that decide: what they know, and the start values of all else."""
+
+    @property
+    def game(self) -> Any:  # the game engine's own class, which states do not know
+        """The copy, with a context of its own, `game.ctx`, in which no agent has a strategy."""
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The agents that it is for."""
+
+    @property
+    def own(self) -> Callable[[T], T]:
+        """Returns what a function is in the copy that closes over the game, or over an agent of it."""
+
+
+class PrivateForks(Protocol):
+    """Gives copies of the game to look ahead in, while the agent decides."""
+
+    def __call__(self, seed: int, *, information: Literal["private", "full"] = "private") -> PrivateFork:
+        """Return a copy that has what the agents know that decide; all its random numbers follow from the seed."""
 
 
 class OutgoingMessage(TypedDict):
@@ -155,6 +178,8 @@ class _GameKeys(TypedDict, total=False):
     """What was published to all, to the team and to the agent; read-only all the way down."""
     blocked: str | None
     """Why the agent did not do in its last turn what it wanted; None: it did."""
+    fork: PrivateForks
+    """Gives copies of the game to look ahead in, as far as the agent knows it: see `gamms.planning`."""
     deeds: Mapping[str, Mapping[str, Any]]
     """What agents may do besides moving, as `ctx.game.deeds` declares it; only where that declares something."""
     inbox: list[Message]
