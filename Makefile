@@ -14,7 +14,7 @@ test: $(VENV)/.dev
 
 # Batches in arrays of PyTorch, and of the strict library of the array API, and learning with PyTorch: on the CPU.
 test-torch: $(VENV)/.dev
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch,train,onnx]' onnx array-api-strict
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[torch,torchrl,train,onnx]' onnx array-api-strict
 	$(BIN)/python -m pytest -q tests/batch/test_array_libraries.py tests/rl
 
 check: $(VENV)/.dev

@@ -47,7 +47,7 @@ HEAVY = [
 
 # The layers from the top, as pyproject.toml gives them to import-linter.
 LAYERS = draw_architecture.layers()
-UNINSTALLED = {"rl.sb3"}  # modules for libraries that the tests do without
+UNINSTALLED = {"rl.sb3", "rl.tensor_env"}  # modules for libraries that the tests do without
 OUTSIDE = {"", "_legacy", "__main__"}  # the package root, and the table of old paths, which names every package
 CLIENTS = {name for row in LAYERS[: LAYERS.index(["context"])] for name in row}  # they use a context as users do
 LEVEL = {package: -row for row, packages in enumerate(LAYERS) for package in packages}

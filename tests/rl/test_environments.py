@@ -109,7 +109,7 @@ def test_games_at_once_are_the_same_as_one_by_one():
             turns[game] += 1
             if terminated[2 * game] or truncated[2 * game]:
                 ended += 1
-                turns[game], expected[game] = 0, play_scalar(20 + game + 3 * env._episodes[game] - 3, "red")
+                turns[game], expected[game] = 0, play_scalar(env.learners.games.seeds[game], "red")
         observations = new
     assert ended > 3
     env.close()

@@ -4,7 +4,7 @@
 
 `learners.py` has the agents that learn in the games of a batch, as arrays; read it first. Of them are made
 `team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games);
-`sb3.py` is for Stable-Baselines3,
+`sb3.py` is for Stable-Baselines3, `tensor_env.py` for TorchRL,
 `policies.py` saves and plays what was trained, of which `networks.py` has the networks;
 `environments.py` has the functions that users call, `ids.py` the names that `gymnasium.make` knows. A client of
 scenarios and batches: May import: `scenario` and below. To add an observation or a reward write a function of arrays:
@@ -13,7 +13,7 @@ see docs/learning.md.
 
 from importlib.util import find_spec
 
-from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, vector_env
+from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, torchrl_env, vector_env
 from gamms.rl.learners import Learners, Observation, Reward, Turn, default_observation
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
 from gamms.rl.policies import policy, save_policy
@@ -29,6 +29,7 @@ __all__ = [
     "save_policy",
     "sb3_env",
     "single_agent_env",
+    "torchrl_env",
     "vector_env",
 ]
 

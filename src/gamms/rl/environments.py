@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from gamms.rl.gym_envs import AgentEnv, GamesEnv
     from gamms.rl.sb3 import SlotsEnv
     from gamms.rl.team_env import TeamEnv
+    from gamms.rl.tensor_env import TensorEnv
 
 
 def parallel_env(
@@ -161,3 +162,54 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
     except ImportError:
         raise MissingExtra("An environment of Stable-Baselines3", "train") from None
     return SlotsEnv(vector_env(scenario, num_games=num_games, **options))
+
+
+def torchrl_env(
+    scenario: Scenario,
+    *,
+    num_games: int,
+    team: str | Sequence[str] | None = None,
+    observation: Observation | None = None,
+    reward: Reward | None = None,
+    seed: int = 0,
+    device: object = "cpu",
+) -> "TensorEnv":
+    """Return many games of a scenario as an `EnvBase` of TorchRL, in tensors that stay on a device.
+
+    Teams are groups: `(team, "observation")`, (games, agents, …), `(team, "action_mask")`, and so on. Observations and
+    rewards of your own get views in tensors; see docs/batches.md.
+
+    Args:
+        scenario: see `parallel_env`.
+        num_games: how many, the batch size.
+        team: see `parallel_env`.
+        observation: see `parallel_env`.
+        reward: see `parallel_env`.
+        seed: of the first game; those of the others follow.
+        device: that the tensors are on, such as "cuda".
+
+    Raises:
+        UnknownName (KeyError): there is no such team.
+        BadType, BadValue: see `parallel_env`; there is no such device.
+        TooLarge: the games would not fit into memory.
+        MissingExtra (ImportError): TorchRL is not installed.
+    """
+    try:
+        import torch
+
+        from gamms.rl.tensor_env import TensorEnv
+    except ImportError:
+        raise MissingExtra("An environment of TorchRL", "torchrl") from None
+    teams = (team,) if isinstance(team, str) else team
+    return TensorEnv(
+        Learners(
+            scenario,
+            num_games,
+            teams=teams,
+            observation=observation,
+            reward=reward,
+            seed=seed,
+            xp=torch,
+            device=device,
+        )
+    )

@@ -11,7 +11,6 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from gamms.arguments import as_int
 from gamms.rl.learners import ActionArray, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import observation_space, observed
@@ -100,16 +99,13 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         self.single_action_space = spaces.Discrete(learners.num_actions)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
-        self._first, self._episodes = learners.games.seeds[0], np.zeros(self.num_games, np.int64)
 
     def reset(self, *, seed: Any = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:  # noqa: ARG002 - Gymnasium's signature
         """Begin all games: game i with the seed `seed + i`, and at each further time with one larger by `num_games`.
 
         Without a seed all begin their next games.
         """
-        if seed is not None:
-            self._first, self._episodes[:] = as_int(seed, "seed"), 0
-        self._begin(np.arange(self.num_games))
+        self.learners.begin_all(seed)
         return self._flat(observed(self.learners)), self._infos()
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
@@ -125,7 +121,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         if has_ended.any():
             which = np.repeat(has_ended, self.num_agents)
             infos = {"final_obs": self._flat(found), "_final_obs": which}
-            self._begin(np.flatnonzero(has_ended))
+            self.learners.begin_again(np.flatnonzero(has_ended))
             new = observed(self.learners)
             found = {key: np.where(_wide(has_ended, new[key]), new[key], column) for key, column in found.items()}
         terminated = played.terminated | (has_ended[:, None] & ~played.truncated)
@@ -139,11 +135,6 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
     def close_extras(self, **_: Any) -> None:
         """End the games."""
         self.learners.close()
-
-    def _begin(self, games: Any) -> None:
-        seeds = self._first + games + self._episodes[games] * self.num_games
-        self._episodes[games] += 1
-        self.learners.begin(games, seeds.tolist())
 
     def _infos(self) -> Infos:
         return {"action_mask": self.action_masks(), "valid": self.learners.alive.ravel()}

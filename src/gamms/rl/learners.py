@@ -79,6 +79,8 @@ class Learners:
         one_by_one: play the games in contexts, not in arrays; see `Batch.context`.
         vis_engine: shows the games, one by one.
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
+        xp: the array library of all arrays, such as `torch`; None: NumPy. See docs/batches.md.
+        device: where it keeps them.
 
     Attributes:
         games: the batch.
@@ -109,6 +111,8 @@ class Learners:
         one_by_one: bool = False,
         vis_engine: Engine | None = None,
         record: bool = False,
+        xp: ModuleType | None = None,
+        device: object = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
@@ -121,8 +125,16 @@ class Learners:
             strategies[agent] = self._hand = _Hand()
         first, number = as_int(seed, "seed"), as_count(num_games, "num_games")
         self.games: Batch = scenario.batch(
-            number, seed=first, strategies=strategies, record=record, one_by_one=one_by_one, vis_engine=vis_engine
+            number,
+            seed=first,
+            strategies=strategies,
+            record=record,
+            one_by_one=one_by_one,
+            vis_engine=vis_engine,
+            xp=xp,
+            device=device,
         )
+        self._first, self._episodes = first, np.zeros(number, np.int64)
         try:
             self._look_at(teams, agent)
         except BaseException:
@@ -136,7 +148,10 @@ class Learners:
         else:
             self.teams = self.games.observe_agent(agent)["team"]
         self.agent = agent
-        self.num_actions = int(self._views()[0].streets.counts.max(initial=1))
+        views = self._views()
+        self.num_actions = max(1, int(views[0].streets.counts.max()))
+        self._xp = views[0].xp
+        self._numbers = self._put(np.arange(self.num_actions))
         self._seed: int | None = None  # of the game that `begin_next` began last
         self._remember()
         self._sizes = [len(view.agents) for view in self._now]
@@ -176,8 +191,8 @@ class Learners:
 
     def observe(self) -> Any:
         """Return what all agents observe, (games, agents, …)."""
-        values = [self._checked(np.asarray(self.observation(view)), view, "observation") for view in self._now]
-        return np.concatenate(values, axis=1)
+        values = [self._checked(self.observation(view), view, "observation") for view in self._now]
+        return joined(self._xp, values)
 
     def step(self, actions: ActionArray) -> Played:
         """Play one turn of the games that are not over.
@@ -186,31 +201,47 @@ class Learners:
             actions: (games, agents); an action that is not legal stays.
         """
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
-        chosen = np.asarray(actions)
-        legal = np.take_along_axis(self.masks, np.clip(chosen, 0, self.num_actions - 1)[..., None], axis=2)[..., 0]
-        chosen = np.where(legal & (chosen >= 0) & (chosen < self.num_actions), chosen, 0)
+        chosen = self._own(actions)
+        chosen = self._xp.where((chosen >= 0) & (chosen < self._counts), chosen, 0)
         if self._hand is None:
             self.games.step(dict(zip(self.teams, self._by_team(chosen), strict=True)))
         else:
-            self._hand.actions = chosen
+            self._hand.actions = chosen if self.games.library is None else self.games.library.get(chosen)
             self.games.step()
         self._remember()
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
-        num_games = len(self.games)
+        none = self._put(np.zeros(self._shape))
         turns = [Turn(*given, gains) for given in zip(self.teams, before, self._now, strict=True)]
-        rewards = np.zeros(chosen.shape)
-        for turn, column in zip(turns, self._by_team(rewards), strict=True):
+        earned = []
+        for turn, column in zip(turns, self._by_team(none), strict=True):
             if self._reward is None:
-                column[...] = turn.gains.get(turn.team, np.zeros(num_games))[:, None]
+                given = turn.gains[turn.team][:, None] if turn.team in turn.gains else column
             else:
-                column[...] = self._checked(np.asarray(self._reward(turn)), turn.after, "reward")
+                given = self._checked(self._reward(turn), turn.after, "reward")
+            earned.append(column + given)
         plays = was_alive & ~was_over[:, None]
         has_ended = self.games.terminated[:, None] | (~self.alive & ~self.is_over[:, None])
         return Played(
-            np.where(plays, rewards, 0.0),
+            self._xp.where(plays, joined(self._xp, earned), 0.0),
             plays & has_ended,
-            plays & np.broadcast_to(self.games.truncated[:, None], plays.shape),
+            plays & self.games.truncated[:, None],
         )
+
+    def begin_all(self, seed: int | None = None) -> None:
+        """Begin all games: game i with the seed `seed + i`, and without one their next games; see `begin_again`."""
+        if seed is not None:
+            self.begin_from(seed)
+        self.begin_again(np.arange(len(self.games)))
+
+    def begin_from(self, seed: int) -> None:
+        """Let game i have the seed `seed + i` when it begins again."""
+        self._first, self._episodes[:] = as_int(seed, "seed"), 0
+
+    def begin_again(self, which: IntArray) -> None:
+        """Begin games: at first with their seeds, and at each further time with one larger by the number of games."""
+        seeds = self._first + which + self._episodes[which] * len(self.games)
+        self._episodes[which] += 1
+        self.begin(which, seeds.tolist())
 
     def begin_next(self, seed: int | None) -> None:
         """Begin the first game again: with a seed; None: at first with that which it has, then with the next one."""
@@ -247,6 +278,10 @@ class Learners:
         )
         return np.concatenate(parts, axis=1, dtype=np.float32)
 
+    def names_by_team(self) -> dict[Hashable, tuple[str, ...]]:
+        """Return the names of the agents of each team."""
+        return {team: view["name"] for team, view in zip(self.teams, self._now, strict=True)}
+
     # -- inside -------------------------------------------------------------------------------------------------
 
     def _views(self) -> list[ArrayView]:
@@ -256,25 +291,51 @@ class Learners:
     def _remember(self) -> None:
         """Look at the games as they are now."""
         self._now, self._scores, self.is_over = self._views(), self.games.scores, self.games.is_over
-        self.alive: BoolArray = np.concatenate([view.mask for view in self._now], axis=1)
-        counts = np.where(self.alive, np.concatenate([view.counts for view in self._now], axis=1), 1)
-        counts[self.is_over] = 1
-        self.masks: BoolArray = np.arange(self.num_actions) < counts[..., None]
+        self.alive: BoolArray = joined(self._xp, [view.mask for view in self._now])
+        plays = self.alive & ~self.is_over[:, None]
+        self._counts = self._xp.where(plays, joined(self._xp, [view.counts for view in self._now]), 1)
+        self.masks: BoolArray = self._numbers < self._counts[..., None]
+
+    @property
+    def _shape(self) -> tuple[int, int]:
+        return len(self.games), sum(self._sizes)
+
+    def _put(self, array: Any) -> Any:
+        """Return an array of NumPy as one of the library of the games."""
+        return array if self.games.library is None else self.games.library.put(array)
+
+    def _own(self, given: Any) -> Any:
+        """Return what a caller gave as an array of the library of the games."""
+        library = self.games.library
+        return np.asarray(given) if library is None else library.own(given, "Actions")
 
     def _by_team(self, of_all: Any) -> list[Any]:
         """Return the columns of each team, views of an array (games, agents)."""
-        return np.split(of_all, np.cumsum(self._sizes)[:-1], axis=1)
+        ends = np.cumsum(self._sizes).tolist()
+        return [of_all[:, end - size : end] for end, size in zip(ends, self._sizes, strict=True)]
 
     def _checked(self, given: Any, view: ArrayView, what: str) -> Any:
-        """Return what a function of the caller gave, if it fits."""
-        games, agents = len(self.games), len(view.agents)
+        """Return what a function of the caller gave, if it fits, as an array of the library of the games."""
+        games, agents, library = len(self.games), len(view.agents), self.games.library
+        found = np.asarray(given) if library is None else library.own(given, f"What {what} gives")
+        shape = tuple(found.shape)
+        is_number = (
+            found.dtype.kind in "biuf" if library is None else not self._xp.isdtype(found.dtype, "complex floating")
+        )
         wanted = [(games, agents)] + [(games, 1)] * (what == "reward")
-        if given.shape[:2] not in wanted or given.dtype.kind not in "biuf" or (what == "reward" and given.ndim > 2):
+        if shape[:2] not in wanted or not is_number or (what == "reward" and found.ndim > 2):
             raise BadValue(
                 f"{what} must give numbers for {games} games and {agents} agents, an array ({games}, {agents}"
-                f"{'' if what == 'reward' else ', …'}), not {given.dtype} of the shape {given.shape}."
+                f"{'' if what == 'reward' else ', …'}), not {found.dtype} of the shape {shape}."
             )
-        return given
+        return found
+
+
+def joined(xp: Any, columns: Sequence[Any], axis: int = 1) -> Any:
+    """Return arrays of a library one after the other, as they are if there is one."""
+    if len(columns) == 1:
+        return columns[0]
+    return (np.concatenate if xp is np else xp.concat)(columns, axis=axis)
 
 
 class _Hand:
@@ -300,9 +361,11 @@ def default_observation(view: ArrayView) -> Float32Array:
     These are the entries of `ArrayView.vector`, of up to 8 other agents, and as the last one `turn`: the share n / (n +
     100) after n turns.
     """
-    vectors = view.vector(min(len(view.roster.names) - 1, _MOST_OTHERS))
-    turn = np.where(vectors.mask, (view.turn / (view.turn + 100.0))[:, None], 0.0)
-    return np.concatenate((vectors.values, turn[..., None].astype(np.float32)), axis=2)
+    xp, vectors = view.xp, view.vector(min(len(view.roster.names) - 1, _MOST_OTHERS))
+    turn = xp.where(vectors.mask, (view.turn / (view.turn + 100.0))[:, None], 0.0)[..., None]
+    turn = turn.astype(np.float32) if xp is np else xp.astype(turn, xp.float32)
+    found: Float32Array = joined(xp, (vectors.values, turn), axis=2)
+    return found
 
 
 default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # attributes that other observations may have

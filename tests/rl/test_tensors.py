@@ -1,0 +1,112 @@
+"""Scenarios as an `EnvBase` of TorchRL."""
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torchrl", reason='TorchRL is not installed: pip install "gamms[torchrl]"')
+
+import torch
+from torchrl.envs import TransformedEnv
+from torchrl.envs.transforms import ActionMask, RewardSum
+from torchrl.envs.utils import check_env_specs
+
+from gamms import rl
+from gamms.errors import BadValue, UnknownName
+from gamms.scenario import Scenario
+
+WALK = "gamms.strategies:random_walk"
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+
+
+def scene(**more):
+    teams = {"red": {"count": 2, "strategy": WALK, "sensors": ["near"]}, "blue": {"count": 3, "strategy": WALK}}
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 20}}
+    given = {"teams": teams, "sensors": near, "rules": [TAG, "last_team"], "max_turns": 12, **more}
+    return Scenario(map={"grid": {"width": 4, "height": 4}}, **given)
+
+
+@pytest.mark.parametrize("team", [None, "red", ["blue", "red"]])
+def test_torchrl_finds_no_fault_in_the_specs(team):
+    env = rl.torchrl_env(scene(), num_games=6, team=team)
+    check_env_specs(env, seed=3)
+    check_env_specs(env, break_when_any_done="both")
+    env.close()
+
+
+def test_groups_are_teams_of_games_and_agents():
+    env = rl.torchrl_env(scene(), num_games=6)
+    assert env.group_map == {"blue": ["blue_0", "blue_1", "blue_2"], "red": ["red_0", "red_1"]}
+    begun = env.reset()
+    assert begun["red", "observation"].shape == (6, 2, 34)
+    assert begun["blue", "action_mask"].shape == (6, 3, 5)
+    assert begun["blue", "mask"].all()
+    played = env.rollout(4, break_when_any_done=False)
+    assert played["next", "red", "reward"].shape == (6, 4, 2, 1)
+
+
+def test_tensors_are_the_same_games_as_those_of_gymnasium():
+    tensors = rl.torchrl_env(scene(), num_games=4, team="blue", seed=5)
+    arrays = rl.vector_env(scene(), num_games=4, team="blue", seed=5)
+    state, (observed, _) = tensors.reset(), arrays.reset()
+    ended = 0
+    for turn in range(40):
+        assert np.array_equal(state["blue", "observation"].flatten(0, 1).numpy(), observed["observation"])
+        assert np.array_equal(state["blue", "action_mask"].flatten(0, 1).numpy(), observed["action_mask"].astype(bool))
+        masks = observed["action_mask"]
+        actions = np.array([np.flatnonzero(mask)[turn % mask.sum()] for mask in masks])
+        state["blue", "action"] = torch.from_numpy(actions.reshape(4, 3))
+        played, state = tensors.step_and_maybe_reset(state)
+        observed, rewards, _, truncated, infos = arrays.step(actions)
+        after = played["next"]
+        assert np.array_equal(after["blue", "reward"].flatten().numpy(), rewards.astype(np.float32))
+        assert np.array_equal(after["truncated"].flatten().numpy(), truncated.reshape(4, 3).any(axis=1))
+        over = after["done"].flatten().numpy()
+        ended += over.sum()
+        if over.any():
+            last = infos["final_obs"]["observation"].reshape(4, 3, -1)[over]
+            assert np.array_equal(after["blue", "observation"].numpy()[over], last)
+    assert ended > 4
+
+
+def test_agents_that_are_out_are_masked():
+    env = rl.torchrl_env(scene(), num_games=30, team="blue", seed=2)
+    state, found = env.reset(), 0
+    for _ in range(11):
+        state = env.rand_step(state)["next"]
+        out = ~state["blue", "mask"] & ~state["done"]
+        found += int(out.sum())
+        assert (state["blue", "terminated"][..., 0] >= out).all()
+        assert (state["blue", "action_mask"][out].sum(dim=-1) == 1).all()
+    assert found > 0
+
+
+def test_transforms_of_torchrl_choose_legal_actions():
+    env = TransformedEnv(rl.torchrl_env(scene(), num_games=5, team="red"))
+    env.append_transform(ActionMask(("red", "action"), ("red", "action_mask")))
+    env.append_transform(RewardSum(in_keys=[("red", "reward")], reset_keys=["_reset"]))
+    played = env.rollout(20, break_when_any_done=False)
+    chosen = played["red", "action_mask"].gather(-1, played["red", "action"][..., None])
+    assert chosen.all()
+
+
+def test_observations_of_tensors_stay_where_they_are():
+    def place(view):
+        xy = view.xp.stack((view.streets.x[view.node], view.streets.y[view.node]), axis=-1)
+        return view.xp.astype(xy, view.xp.float32)
+
+    def near_centre(turn):
+        assert isinstance(turn.after.node, torch.Tensor)
+        return -turn.after.node.to(torch.float32)
+
+    env = rl.torchrl_env(scene(), num_games=3, team="red", observation=place, reward=near_centre)
+    check_env_specs(env)
+    assert env.reset()["red", "observation"].shape == (3, 2, 2)
+
+
+def test_wrong_arguments_are_refused_by_name():
+    with pytest.raises(UnknownName, match="red"):
+        rl.torchrl_env(scene(), num_games=2, team="rde")
+    with pytest.raises(BadValue, match="device='gpu'"):
+        rl.torchrl_env(scene(), num_games=2, device="gpu")
+    with pytest.raises(BadValue, match="give reward="):
+        rl.torchrl_env(scene(rules=["last_team"]), num_games=2)
