@@ -11,7 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from gamms.rl.learners import ActionArray, Learners
+from gamms.rl.learners import ActionArray, Array, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import observation_space, observed
 from gamms.scenario import Scenario
@@ -132,7 +132,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         """Return which actions are legal, (slots, actions)."""
         return self.learners.masks.reshape(self.num_envs, -1)
 
-    def close_extras(self, **_: Any) -> None:
+    def close_extras(self, **_: object) -> None:
         """End the games."""
         self.learners.close()
 
@@ -143,7 +143,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         return {key: column.reshape(self.num_envs, *column.shape[2:]) for key, column in found.items()}
 
 
-def _wide(which: Any, column: Any) -> Any:
+def _wide(which: Array, column: Array) -> Array:
     return which.reshape(-1, *[1] * (column.ndim - 1))
 
 

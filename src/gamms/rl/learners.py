@@ -19,6 +19,8 @@ from gamms.typing import AgentType
 from gamms.visual import Engine
 
 Float32Array = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
+Array = Any  # of any library: NumPy's, or tensors
+Namespace = Any  # the functions of such a library, as the array API names them
 ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
 
 _MOST_OTHERS = 8
@@ -300,21 +302,21 @@ class Learners:
     def _shape(self) -> tuple[int, int]:
         return len(self.games), sum(self._sizes)
 
-    def _put(self, array: Any) -> Any:
+    def _put(self, array: Array) -> Any:
         """Return an array of NumPy as one of the library of the games."""
         return array if self.games.library is None else self.games.library.put(array)
 
-    def _own(self, given: Any) -> Any:
+    def _own(self, given: Array) -> Any:
         """Return what a caller gave as an array of the library of the games."""
         library = self.games.library
         return np.asarray(given) if library is None else library.own(given, "Actions")
 
-    def _by_team(self, of_all: Any) -> list[Any]:
+    def _by_team(self, of_all: Array) -> list[Any]:
         """Return the columns of each team, views of an array (games, agents)."""
         ends = np.cumsum(self._sizes).tolist()
         return [of_all[:, end - size : end] for end, size in zip(ends, self._sizes, strict=True)]
 
-    def _checked(self, given: Any, view: ArrayView, what: str) -> Any:
+    def _checked(self, given: Array, view: ArrayView, what: str) -> Any:
         """Return what a function of the caller gave, if it fits, as an array of the library of the games."""
         games, agents, library = len(self.games), len(view.agents), self.games.library
         found = np.asarray(given) if library is None else library.own(given, f"What {what} gives")
@@ -331,7 +333,7 @@ class Learners:
         return found
 
 
-def joined(xp: Any, columns: Sequence[Any], axis: int = 1) -> Any:
+def joined(xp: Namespace, columns: Sequence[Any], axis: int = 1) -> Any:
     """Return arrays of a library one after the other, as they are if there is one."""
     if len(columns) == 1:
         return columns[0]

@@ -13,9 +13,9 @@ import numpy as np
 from gamms.arguments import as_bool, as_context, as_path
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile
 from gamms.game.batch import ArrayView, array_strategy
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
-from gamms.rl.learners import Learners, Observation, default_observation
+from gamms.rl.learners import Float32Array, Learners, Observation, Turn, default_observation
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
 from gamms.scenario import Scenario
 from gamms.text import shown
@@ -260,7 +260,7 @@ def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]
         yield view.of(view.roster.members(team)), columns
 
 
-def _chosen(logits: Any, uniform: Any) -> IntArray:
+def _chosen(logits: Float32Array, uniform: FloatArray | None) -> IntArray:
     """Return an action for each row: the best one, or with numbers between 0 and 1, one by its probability."""
     best: IntArray = logits.argmax(axis=1)
     if uniform is None:
@@ -439,7 +439,7 @@ def _learners_of(env: Any) -> Learners:
     raise BadType(f"env must be an environment of gamms.rl, or a scenario, not {shown(env)}.")
 
 
-def _inside(env: Any) -> Iterator[Any]:
+def _inside(env: object) -> Iterator[Any]:
     """Yield what an environment may be wrapped around."""
     for name in ("venv", "env", "unwrapped", "par_env", "aec_env"):
         yield getattr(env, name, None)
@@ -450,7 +450,7 @@ def _entries(spaces: Spaces) -> int:
     return int(np.prod(spaces.observation))
 
 
-def _no_reward(turn: Any) -> Any:
+def _no_reward(turn: Turn) -> FloatArray:
     return np.zeros(turn.after.node.shape)
 
 

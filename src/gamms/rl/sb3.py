@@ -53,7 +53,7 @@ class LivingRollouts(MaskableDictRolloutBuffer):  # type: ignore[misc] # as abov
     n_envs: int
     observations: dict[str, Any]
 
-    def __init__(self, *given: Any, validity: Validity, **more: Any) -> None:
+    def __init__(self, *given: object, validity: Validity, **more: object) -> None:
         super().__init__(*given, **more)
         self._validity, self._shape = validity, (self.buffer_size, self.n_envs)
         self._is_valid = np.ones(self._shape, np.bool_)
@@ -64,7 +64,7 @@ class LivingRollouts(MaskableDictRolloutBuffer):  # type: ignore[misc] # as abov
             self.buffer_size, self.n_envs = self._shape
         super().reset()
 
-    def add(self, *given: Any, **more: Any) -> None:
+    def add(self, *given: object, **more: object) -> None:
         """Add a turn of all slots."""
         if self._validity.now is None:
             raise BadValue(
@@ -73,7 +73,7 @@ class LivingRollouts(MaskableDictRolloutBuffer):  # type: ignore[misc] # as abov
         self._is_valid[self.pos] = self._validity.now
         super().add(*given, **more)
 
-    def compute_returns_and_advantage(self, last_values: Any, dones: Any) -> None:
+    def compute_returns_and_advantage(self, last_values: object, dones: object) -> None:
         """Work out what was gained, and then leave out the turns that do not count."""
         super().compute_returns_and_advantage(last_values, dones)
         rows = np.flatnonzero(self.swap_and_flatten(self._is_valid))
@@ -135,7 +135,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         """End the games."""
         self._games.close()
 
-    def env_method(self, method_name: str, *_: Any, indices: Any = None, **__: Any) -> list[Any]:
+    def env_method(self, method_name: str, *_: object, indices: Any = None, **__: object) -> list[Any]:
         """Return what a method gives for each slot: `action_masks`."""
         if method_name not in _METHODS:
             raise UnknownName("method of the slots", method_name, _METHODS)
@@ -147,10 +147,10 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
         value = self.env_method if attr_name in _METHODS else getattr(self._games, attr_name)
         return [value for _ in self._get_indices(indices)]
 
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:  # noqa: ARG002 - the signature of SB3
+    def set_attr(self, attr_name: str, value: object, indices: Any = None) -> None:  # noqa: ARG002 - the signature of SB3
         """Set an attribute of all games."""
         setattr(self._games, attr_name, value)
 
-    def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:  # noqa: ARG002 - the signature of SB3
+    def env_is_wrapped(self, wrapper_class: object, indices: Any = None) -> list[bool]:  # noqa: ARG002 - the signature of SB3
         """Return that no slot is wrapped."""
         return [False for _ in self._get_indices(indices)]

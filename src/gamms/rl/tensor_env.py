@@ -65,7 +65,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         kinds = {key: Binary(shape=(*size, 1), dtype=torch.bool, device=self.device) for key in _ENDS}
         return Composite(kinds, shape=size, device=self.device)
 
-    def _reset(self, tensordict: TensorDictBase | None = None, **_: Any) -> TensorDictBase:
+    def _reset(self, tensordict: TensorDictBase | None = None, **_: object) -> TensorDictBase:
         """Begin the games that `_reset` names; None: all."""
         which = None if tensordict is None else tensordict.get("_reset", None)
         if which is None:
