@@ -16,6 +16,7 @@ from gamms.bridge.matching import Checks
 from gamms.bridge.rosbridge import RosBridge, rosbridge
 from gamms.bridge.rules import positions, publish, traffic
 from gamms.bridge.simulated import SimulatedRobot
+from gamms.bridge.tracks import Matched, recording_from_tracks
 
 __all__ = [
     "BadLine",
@@ -25,6 +26,7 @@ __all__ = [
     "Feed",
     "Fix",
     "Link",
+    "Matched",
     "Process",
     "RosBridge",
     "SimulatedClock",
@@ -35,6 +37,7 @@ __all__ = [
     "drive",
     "positions",
     "publish",
+    "recording_from_tracks",
     "rosbridge",
     "traffic",
 ]

@@ -2,8 +2,11 @@
 
 import unicodedata
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
+from datetime import UTC, datetime
 from difflib import get_close_matches
 from itertools import islice
+from math import nan
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 from xml.parsers import expat
@@ -246,9 +249,10 @@ def _listed(names: list[Any]) -> str:
 # -- tracks of GPX ------------------------------------------------------------------------------------------------
 
 _CHUNK = 1 << 16  # bytes
-_PER_BYTE = 8  # of memory, of a file that is nothing but points
+_PER_BYTE = 12  # of memory, of a file that is nothing but points
 _MOST_POINTS = 1_000_000
-_POINTS, _PARTS = ("trkpt", "rtept"), ("trkseg", "rte")
+_TRACKS, _POINTS, _PARTS = ("trk", "rte"), ("trkpt", "rtept"), ("trkseg", "rte")
+_DEEPEST = 100  # elements within elements
 
 
 class Track(NamedTuple):
@@ -268,9 +272,9 @@ def track_of(path: object, graph: IGraph, routes: RouteQueries, within: float) -
     """Return the way of a GPX file on a graph; see `GraphEngine.track`."""
     paths: list[list[int]] = []
     edges: list[int | None] = []
-    for points in read_gpx(as_path(path, "path")):
-        is_new = True
-        for x, y in zip(*graph.from_latlon(lat=points[:, 0], lon=points[:, 1]), strict=True):
+    for part in read_gpx(as_path(path, "path")):
+        is_new, (lat, lon) = True, part.latlon.T
+        for x, y in zip(*graph.from_latlon(lat=lat, lon=lon), strict=True):
             near = routes.nearest_edge(x, y, within)
             edges.append(None if near is None else near.edge_id)
             if near is None:
@@ -289,8 +293,22 @@ def track_of(path: object, graph: IGraph, routes: RouteQueries, within: float) -
     return Track(paths, edges)
 
 
-def read_gpx(file: Path) -> list[FloatArray]:
-    """Return latitude and longitude (points, 2) of each segment and route of a GPX file that has points.
+class GpxPart(NamedTuple):
+    """A segment or a route of a GPX file.
+
+    Attributes:
+        name: of its track; empty without one.
+        latlon: (points, 2) degrees.
+        times: (points,) seconds since 1970; NaN where there is none.
+    """
+
+    name: str
+    latlon: FloatArray
+    times: FloatArray
+
+
+def read_gpx(file: Path) -> list[GpxPart]:
+    """Return each segment and route of a GPX file that has points.
 
     Raises:
         MissingFile (FileNotFoundError): there is no such file.
@@ -307,35 +325,71 @@ def read_gpx(file: Path) -> list[FloatArray]:
         reader.parser.Parse(b"", True)
     except (expat.ExpatError, ValueError) as error:
         raise BadFile(f"{str(file)!r} cannot be used as a GPX file: {error}.") from None
-    return [np.array(part, np.float64) for part in reader.parts if part]
+    rows = [(name, np.array(points, np.float64)) for name, points in reader.parts if points]
+    return [GpxPart("".join(name).strip()[:_LONG], points[:, :2], points[:, 2]) for name, points in rows]
 
 
 class _GpxReader:
     """Collects the points of a GPX file while it is parsed."""
 
     def __init__(self) -> None:
-        self.parts: list[list[tuple[float, float]]] = [[]]
+        self.parts: list[tuple[list[str], list[list[float]]]] = [([], [])]  # (parts of the name, points) of each
         self.count = 0
         self.parser = expat.ParserCreate()
         self.parser.StartElementHandler = self._start
+        self.parser.EndElementHandler = self._end
+        self.parser.CharacterDataHandler = self._read
         self.parser.StartDoctypeDeclHandler = self._refuse
         self._is_first = True
+        self._open: list[str] = []  # the elements around what is read
+        self._name: list[str] = []  # of the track
+        self._time: list[str] = []  # of the point
 
     def _start(self, name: str, attributes: dict[str, str]) -> None:
         name = name.rpartition(":")[2]
         if self._is_first and name != "gpx":
             raise ValueError(f"it begins with <{name[:40]}>")
         self._is_first = False
+        self._open.append(name)
+        if len(self._open) > _DEEPEST:
+            raise ValueError(f"its elements are more than {_DEEPEST} deep")
+        if name in _TRACKS:
+            self._name = []
         if name in _PARTS:
-            self.parts.append([])
+            self.parts.append((self._name, []))
         elif name in _POINTS:
             place = float(attributes.get("lat", "nan")), float(attributes.get("lon", "nan"))
             if not (abs(place[0]) <= _MOST_LAT and abs(place[1]) <= 2.0 * _MOST_LAT):
                 raise ValueError(f"a point has no latitude and longitude: {str(attributes)[:80]}")
-            self.parts[-1].append(place)
+            self.parts[-1][1].append([*place, nan])
             self.count += 1
             if self.count > _MOST_POINTS:
                 raise ValueError(f"it has more than {_MOST_POINTS:,} points")
 
+    def _end(self, _: str) -> None:
+        if self._open.pop() == "time" and self._open[-1:] and self._open[-1] in _POINTS:
+            with suppress(ValueError):  # its place counts, whatever its time is
+                self.parts[-1][1][-1][2] = seconds_of("".join(self._time).strip())
+        self._time = []
+
+    def _read(self, text: str) -> None:
+        inner = self._open[-2:]
+        if inner[-1:] == ["time"]:
+            self._time.append(text[:_LONG])
+        elif inner[-1:] == ["name"] and inner[0] in _TRACKS and len(self._name) < _LONG:
+            self._name.append(text[:_LONG])
+
     def _refuse(self, *_: object) -> None:
         raise ValueError("it declares a document type, which GPX has none of")
+
+
+def seconds_of(text: str) -> float:
+    """Return the seconds since 1970 of a time such as 2025-06-15T15:06:40Z; one without a zone is UTC.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if len(text) > _LONG:
+        raise ValueError(f"{text[:40]!r} is no time")
+    moment = datetime.fromisoformat(text)
+    return (moment if moment.tzinfo else moment.replace(tzinfo=UTC)).timestamp()
