@@ -109,7 +109,7 @@ REST = b'"input_tokens": 0, "output_tokens": 0}\n'
 BAD = {
     "of another kind": b"hello\n",
     "of another format": b'{"format": "x"}\n',
-    "deep": HEADER + b"[" * 100_000,
+    "deep": HEADER + b"[" * 100_000 + b"\n",
     "a list": HEADER + b"[]\n",
     "incomplete": HEADER + b'{"turn": 1}\n',
     "negative": HEADER + LINE % (b"-1", b"0") + REST,
@@ -124,6 +124,36 @@ def test_a_file_of_another_kind_is_refused_and_left_alone(tmp_path, content):
     with pytest.raises(gamms.errors.BadFile, match="holds no decisions of language models, in line"):
         replaying(file)
     assert file.read_bytes() == content
+
+
+def test_a_file_goes_on_after_a_program_that_was_killed_as_it_wrote(server, strategy_of, played):
+    _, calls, _ = played
+    whole = calls.read_bytes()
+    calls.write_bytes(whole[:-40])
+    server.script = lambda _: {"move": 1}
+    server.requests.clear()
+    with new_game(strategy_of(calls=calls, price_in=1.0), ["anna", "bert"]) as ctx:
+        ctx.game.run(4)
+    assert calls.read_bytes().startswith(whole[: whole.rindex(b"\n", 0, -40) + 1])
+    with new_game(replaying(calls, price_in=1.0), ["anna", "bert"]) as ctx:
+        assert outcomes(ctx.game.run(4)) == ["answer"] * 8
+
+
+def test_a_file_that_two_programs_have_begun_is_read(played):
+    result, calls, _ = played
+    header, lines = calls.read_bytes().split(b"\n", 1)
+    calls.write_bytes(header + b"\n" + header + b"\n" + lines)
+    with new_game(replaying(calls, price_in=1.0), ["anna", "bert"]) as ctx:
+        assert ctx.game.run(4) == result
+
+
+def test_events_of_another_kind_in_a_recording_are_refused(tmp_path):
+    with new_game(None) as ctx:
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.game.add(lambda ctx: ctx.game.emit("llm", agent="anna"))
+        ctx.game.run(1)
+    with pytest.raises(gamms.errors.BadFile, match=r"game\.ggr' holds no decisions of language models, in turn 1"):
+        replaying(tmp_path / "game.ggr")
 
 
 def test_a_file_that_is_too_large_is_not_read(tmp_path):

@@ -2,12 +2,13 @@
 
 import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from hashlib import sha256
 from pathlib import Path
 from types import UnionType
-from typing import Any, Self
+from typing import Self
 
 from gamms import recorder
 from gamms.arguments import as_path
@@ -57,12 +58,14 @@ class Decision:
     log: list[dict[str, Plain]] = field(default_factory=list, compare=False)
 
     @classmethod
-    def of(cls, plain: Mapping[str, Any]) -> "Self":
+    def of(cls, plain: object) -> "Self":
         """Return the decision that plain values of any origin are.
 
         Raises:
             BadFile: they are none; the message says which value is at fault.
         """
+        if not isinstance(plain, dict):
+            raise BadFile(f"there is {shown(plain)} in place of a decision")
         for name, kind in _KINDS.items():
             value = plain.get(name)
             is_right = isinstance(value, kind) and not isinstance(value, bool)
@@ -107,6 +110,7 @@ class DecisionFile:
     def __init__(self, path: str | os.PathLike[str] | None, *, must_exist: bool = False) -> None:
         self._path: Path | None = None if path is None else as_path(path, "calls")
         self._known: dict[str, Decision] = {}
+        self._cut_at: int | None = None  # where a line begins that has no end
         if self._path is None:
             return
         self._is_recording = self._path.suffix == ".ggr"
@@ -135,28 +139,46 @@ class DecisionFile:
         self._known[decision.request] = decision
         is_new = not self._path.exists() or not self._path.stat().st_size
         lines = [{"format": _FORMAT}] if is_new else []
-        with self._path.open("a", encoding="utf-8") as file:
-            file.write("".join(json.dumps(line) + "\n" for line in [*lines, asdict(decision)]))
+        with self._path.open("ab") as file:
+            if self._cut_at is not None:
+                file.truncate(self._cut_at)
+                self._cut_at = None
+            file.write("".join(json.dumps(line) + "\n" for line in [*lines, asdict(decision)]).encode())
 
     def _in_lines(self) -> Iterator[Decision]:
+        """Yield the decisions in a file; the last line may lack its end, where a program was killed as it wrote it."""
         path = self._path or Path()
         refuse_above(path.stat().st_size * _BYTES_PER_LETTER, f"Reading {str(path)!r}")
+        whole = 0
         with path.open("rb") as file:
             for number, line in enumerate(file, 1):
-                try:
+                with _refusing(path, f"line {number}"):
+                    if number > 1 and not line.endswith(b"\n"):
+                        self._cut_at = whole
+                        return
                     plain = json.loads(line)
-                    if not isinstance(plain, dict) or (number == 1 and plain.get("format") != _FORMAT):
-                        raise BadFile(f"it does not begin with the format {_FORMAT!r}, or has a line that is no object")
-                    if number > 1:
+                    is_header = isinstance(plain, dict) and plain.get("format") == _FORMAT
+                    if number == 1 and not is_header:
+                        raise BadFile(f"there is no format {_FORMAT!r}")
+                    if not is_header:  # two programs that begin a file both write one
                         yield Decision.of(plain)
-                except (ValueError, RecursionError) as error:
-                    raise BadFile(
-                        f"{str(path)!r} holds no decisions of language models, in line {number}: {reason(error)}. Give "
-                        "calls= the name of a new file, or of one that gamms.llm has written."
-                    ) from None
+                whole += len(line)
 
     def _in_recording(self) -> Iterator[Decision]:
         with recorder.open(self._path or "") as recording:
             for event in recording.events():
                 if event["kind"] == EVENT:
-                    yield Decision.of(event)
+                    with _refusing(self._path, f"turn {event['turn']}"):
+                        yield Decision.of(event)
+
+
+@contextmanager
+def _refusing(path: Path | None, place: str) -> Iterator[None]:
+    """Name the place in a file of what is wrong with it."""
+    try:
+        yield
+    except (ValueError, RecursionError) as error:
+        raise BadFile(
+            f"{str(path)!r} holds no decisions of language models, in {place}: {reason(error)}. Give calls= the name "
+            "of a new file, or of one that gamms.llm has written."
+        ) from None

@@ -112,15 +112,13 @@ async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
     Nothing that the client raises gets out, with its headers: neither as an error nor as the context of one.
     """
     reply: Reply | None = None
-    secrets = _secrets_of(client)
-    _hide_in_logs(secrets)
+    _hide_in_logs(_secrets_of(client))
     try:
         body = await _body(client, dict(request))
     except Exception as error:  # noqa: BLE001 - whatever a library of HTTP raises
         reply = _reply_of_error(error)
     reply = _reply_in(body) if reply is None else reply
-    text = None if reply.text is None else hidden(reply.text, secrets)
-    return reply._replace(text=text, problem=hidden(reply.problem, secrets))
+    return reply._replace(text=without_secrets(reply.text, client), problem=without_secrets(reply.problem, client))
 
 
 def hidden(value: Any, secrets: Iterable[str]) -> Any:
@@ -134,9 +132,9 @@ def hidden(value: Any, secrets: Iterable[str]) -> Any:
     return [hidden(one, secrets) for one in value] if isinstance(value, list) else value
 
 
-def without_secrets(value: Any, client: "AsyncOpenAI | None") -> Any:
+def without_secrets(value: Any, client: "AsyncOpenAI") -> Any:
     """Return a plain value of JSON without the secrets of a client."""
-    return value if client is None else hidden(value, _secrets_of(client))
+    return hidden(value, _secrets_of(client))
 
 
 class _HidingFilter(logging.Filter):

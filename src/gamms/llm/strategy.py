@@ -198,8 +198,10 @@ class Strategy:
 
 
 def _client_of(client: object, key_variable: str | None) -> "AsyncOpenAI | None":
+    if client is None:
+        return None
     if isinstance(client, str):
         return server.connect(client, key_variable)
     if key_variable is not None:
         raise BadValue("key_variable is for the address of a server: a client has its key already.")
-    return None if client is None else server.as_client(client)
+    return server.as_client(client)
