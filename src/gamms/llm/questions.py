@@ -162,11 +162,16 @@ def _way(here: tuple[float, ...] | None, there: tuple[float, ...] | None) -> str
     dx, dy = there[0] - here[0], there[1] - here[1]
     distance = hypot(dx, dy)
     wind = f" {_WINDS[round(atan2(dy, dx) / (pi / 4)) % 8]}" if distance else ""
-    return f" at {_point(there)}, {distance:.4g} away{wind}"
+    return f" at {_point(there)}, {_number(distance)} away{wind}"
 
 
 def _point(place: Sequence[float]) -> str:
-    return f"({', '.join(f'{one:.6g}' for one in place)})"
+    return f"({', '.join(map(_number, place))})"
+
+
+def _number(value: float) -> str:
+    """Return a coordinate or a distance to a hundredth, however large it is."""
+    return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
 def _here(state: Mapping[str, Any], ctx: Context | None) -> str:
