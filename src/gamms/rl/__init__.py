@@ -5,7 +5,7 @@
 `learners.py` has the agents that learn in the games of a batch, as arrays; read it first. Of them are made
 `team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games);
 `sb3.py` is for Stable-Baselines3, `tensor_env.py` for TorchRL,
-`policies.py` saves and plays what was trained, of which `networks.py` has the networks;
+`observations.py` has observations of nodes, `policies.py` saves and plays what was trained, `networks.py` evaluates it;
 `environments.py` has the functions that users call, `ids.py` the names that `gymnasium.make` knows. A client of
 scenarios and batches: May import: `scenario` and below. To add an observation or a reward write a function of arrays:
 see docs/learning.md.
@@ -15,6 +15,7 @@ from importlib.util import find_spec
 
 from gamms.rl.environments import parallel_env, sb3_env, single_agent_env, torchrl_env, vector_env
 from gamms.rl.learners import Learners, Observation, Reward, Turn, default_observation
+from gamms.rl.observations import graph, neighbourhood
 from gamms.rl.policies import FOR_SCENARIOS as FOR_SCENARIOS
 from gamms.rl.policies import policy, save_policy
 
@@ -24,6 +25,8 @@ __all__ = [
     "Reward",
     "Turn",
     "default_observation",
+    "graph",
+    "neighbourhood",
     "parallel_env",
     "policy",
     "save_policy",

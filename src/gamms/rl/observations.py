@@ -1,0 +1,217 @@
+"""Observations of nodes: those around an agent, padded to one number, and the whole map as a graph.
+
+Both are functions for `observation=`, of a view to numbers, and give an agent the same in one game and in a batch.
+"""
+
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from gamms.arguments import as_count
+from gamms.errors import BadValue
+from gamms.game.batch import ArrayView
+from gamms.game.streets import Streets
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.limits import refuse_above
+from gamms.rl.learners import Array, Float32Array
+
+NEAR = ("is_there", "dx", "dy", "hops", "action", "mates", "enemies")
+"""The entries of each node of `neighbourhood`."""
+NODE = ("x", "y", "is_here", "action", "mates", "enemies")
+"""The entries of each node of `graph`."""
+
+
+class Neighbourhood:
+    """The nodes around an agent, the nearest first, (games, agents, nodes, entries); made by `neighbourhood`.
+
+    Args:
+        hops: how many edges away.
+        nodes: how many at most.
+
+    Attributes:
+        names: of the entries.
+    """
+
+    names, of_each = NEAR, True
+
+    def __init__(self, hops: int, nodes: int | None) -> None:
+        self.hops, self._most = hops, nodes
+        self._tables: WeakKeyDictionary[Streets, tuple[IntArray, IntArray, Float32Array]] = WeakKeyDictionary()
+
+    def __call__(self, view: ArrayView) -> Array:
+        """Return the entries of the nodes around the agents of a view."""
+        host: ArrayView = view if view.xp is np else view.on_host()  # type: ignore[attr-defined] # of a device
+        streets = host.streets
+        if streets not in self._tables:
+            self._tables[streets] = self._table(streets)
+        rows, far, offsets = self._tables[streets]
+        near, is_there = rows[host.node], far[host.node] >= 0  # (games, agents, nodes)
+        found = np.zeros((*near.shape, len(NEAR)), np.float32)
+        found[..., 0] = is_there
+        found[..., 1:3] = offsets[host.node]
+        found[..., 3] = np.maximum(far[host.node], 0) / self.hops
+        found[..., 4] = np.where(is_there, _actions(host, near), -1)
+        for entry, (at, viewers, nodes) in zip((5, 6), _mates_and_enemies(host), strict=True):
+            pairs, places = np.nonzero((near[at, viewers] == nodes[:, None]) & is_there[at, viewers])
+            np.add.at(found[..., entry], (at[pairs], viewers[pairs], places), 1)
+        found[~host.mask] = 0.0
+        return found if view.xp is np else view.library.put(found)  # type: ignore[attr-defined]
+
+    def _table(self, streets: Streets) -> tuple[IntArray, IntArray, Float32Array]:
+        """Return of each node the rows of those around it, how far they are, -1 behind the last one, and offsets."""
+        source, node, far = _around(streets, self.hops)
+        counts = np.bincount(source, minlength=len(streets.counts))
+        most = int(counts.max(initial=1)) if self._most is None else self._most
+        refuse_above(len(counts) * most * 24, f"A neighbourhood of {most} nodes of each of {len(counts)}")
+        rank = np.arange(len(source)) - np.repeat(np.cumsum(counts) - counts, counts)
+        kept = rank < most
+        source, node, far, rank = source[kept], node[kept], far[kept], rank[kept]
+        rows, hops = np.zeros((len(counts), most), np.int64), np.full((len(counts), most), -1)
+        rows[source, rank], hops[source, rank] = node, far
+        places, offsets = _places(streets), np.zeros((len(counts), most, 2), np.float32)
+        offsets[source, rank] = places[node] - places[source]
+        return rows, hops, offsets
+
+
+class MapGraph:
+    """The whole map as each agent knows it, (games, agents, nodes, entries); made by `graph`.
+
+    Attributes:
+        names: of the entries.
+    """
+
+    names, of_each = NODE, True
+
+    def __init__(self) -> None:
+        self._edges: IntArray | None = None
+
+    @property
+    def edge_index(self) -> IntArray:
+        """The edges of the map that was observed last, (2, edges): the rows of their sources, and of their targets.
+
+        Raises:
+            BadValue: nothing was observed yet.
+        """
+        if self._edges is None:
+            raise BadValue("The edges of the map are known when it was observed: reset the environment first.")
+        return self._edges
+
+    def __call__(self, view: ArrayView) -> Array:
+        """Return the entries of all nodes."""
+        host: ArrayView = view if view.xp is np else view.on_host()  # type: ignore[attr-defined] # of a device
+        columns, (games, agents) = host.streets.columns, host.node.shape
+        self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
+        nodes = len(columns.node_ids)
+        refuse_above(games * agents * nodes * len(NODE) * 4, f"A map of {nodes} nodes for {games * agents} agents")
+        found = np.zeros((games, agents, nodes, len(NODE)), np.float32)
+        found[..., :2] = _places(host.streets)
+        game, agent = np.indices((games, agents))
+        found[game, agent, host.node, 2] = 1.0
+        found[..., 3] = -1.0
+        legal = host.streets.legal[host.node]
+        for action in reversed(range(legal.shape[2])):
+            is_legal = action < host.counts
+            found[game[is_legal], agent[is_legal], legal[..., action][is_legal], 3] = action
+        for entry, (at, viewers, rows) in zip((4, 5), _mates_and_enemies(host), strict=True):
+            np.add.at(found[..., entry], (at, viewers, rows), 1)
+        found[~host.mask] = 0.0
+        return found if view.xp is np else view.library.put(found)  # type: ignore[attr-defined]
+
+    def data(self, observation: Array) -> dict[str, Array]:
+        """Return graphs as PyTorch Geometric has them: `Data(**graph.data(observation))`, after `torch.as_tensor`.
+
+        Args:
+            observation: of one agent, (nodes, entries), or of several, (rows, nodes, entries).
+
+        Returns:
+            `x` (nodes, entries) and `edge_index` (2, edges) of all of them, one behind the other; of several `batch`,
+            (nodes,), says which each node is of.
+        """
+        values = np.asarray(observation, np.float32)
+        edges, nodes = self.edge_index, values.shape[-2]
+        if values.ndim == 2:
+            return {"x": values, "edge_index": edges}
+        values = values.reshape(-1, nodes, values.shape[-1])
+        rows = np.arange(len(values))
+        moved = edges[:, None, :] + (rows * nodes)[None, :, None]
+        return {
+            "x": values.reshape(-1, values.shape[-1]),
+            "edge_index": moved.reshape(2, -1),
+            "batch": np.repeat(rows, nodes),
+        }
+
+
+def neighbourhood(hops: int = 2, nodes: int | None = None) -> Neighbourhood:
+    """Return an observation of the nodes around an agent: `rl.vector_env(…, observation=rl.neighbourhood(2))`.
+
+    It is (nodes, entries), the nearest nodes first: those that actions lead to in the order of the actions, then those
+    that are two edges away, and so on. Where there are fewer nodes, all entries are 0 but `action`, which is -1. The
+    entries are `NEAR`; of agents that are out, all are 0.
+
+    Args:
+        hops: how many edges away they are at most.
+        nodes: how many they are at most, the nearest; None: as many as the largest neighbourhood of the map has.
+
+    Raises:
+        BadType, BadValue: these are no positive integers.
+    """
+    return Neighbourhood(as_count(hops, "hops"), None if nodes is None else as_count(nodes, "nodes"))
+
+
+def graph() -> MapGraph:
+    """Return an observation of all nodes of the map, (nodes, entries), for graph networks.
+
+    The entries are `NODE`; of agents that are out, all are 0. `edge_index` has the edges, and `data` makes graphs of
+    observations as PyTorch Geometric has them.
+    """
+    return MapGraph()
+
+
+def _around(streets: Streets, hops: int) -> tuple[IntArray, IntArray, IntArray]:
+    """Return pairs of nodes up to so many edges apart and how many these are, by the first node and the distance.
+
+    At the same distance they are in the order of the actions of those that lead there.
+    """
+    nodes = len(streets.counts)
+    source = node = np.arange(nodes)
+    known = source * nodes + node
+    found = [(source, node, np.zeros(nodes, np.int64))]
+    for far in range(1, hops + 1):
+        counts = streets.counts[node]
+        refuse_above(int(counts.sum()) * 80, f"A neighbourhood of {hops} hops on {nodes} nodes")
+        action = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
+        source, node = np.repeat(source, counts), streets.legal[np.repeat(node, counts), action]
+        key, first = np.unique(source * nodes + node, return_index=True)
+        first = np.sort(first[~np.isin(key, known)])
+        source, node = source[first], node[first]
+        known = np.concatenate((known, source * nodes + node))
+        found.append((source, node, np.full(len(node), far)))
+    sources, targets, distances = (np.concatenate(column) for column in zip(*found, strict=True))
+    order = np.argsort(sources, kind="stable")
+    return sources[order], targets[order], distances[order]
+
+
+def _places(streets: Streets) -> FloatArray:
+    """Return where nodes are, (nodes, 2), in halves of the longer side of the map, from its centre."""
+    xy = streets.columns.xy
+    low, high = xy.min(axis=0), xy.max(axis=0)
+    places: FloatArray = (xy - (low + high) / 2.0) / (float((high - low).max()) / 2.0 or 1.0)
+    return places
+
+
+def _actions(view: ArrayView, near: IntArray) -> IntArray:
+    """Return the numbers of the actions that lead to nodes, (games, agents, nodes); -1: none does."""
+    found, legal = np.full(near.shape, -1), view.streets.legal[view.node]
+    for action in reversed(range(legal.shape[2])):
+        found[(near == legal[..., action, None]) & (action < view.counts[..., None])] = action
+    return found
+
+
+def _mates_and_enemies(view: ArrayView) -> list[tuple[IntArray, IntArray, IntArray]]:
+    """Return who sees where mates, and where enemies: games, agents of the view, and rows of nodes."""
+    found, enemies = view.seen(), view.enemies()
+    agents = len(view.roster.names)
+    key, hostile = ((one.at * len(view.agents) + one.viewers) * agents + one.others for one in (found, enemies))
+    is_mate = ~np.isin(key, hostile)
+    mates = found.at[is_mate], found.viewers[is_mate], found.nodes[is_mate]
+    return [mates, (enemies.at, enemies.viewers, enemies.nodes)]

@@ -1,0 +1,128 @@
+"""Observations of nodes: neighbourhoods and graphs."""
+
+import networkx as nx
+import numpy as np
+import pytest
+
+import gamms
+from gamms import rl
+from gamms.errors import BadType, BadValue, TooLarge
+from gamms.scenario import Scenario
+
+WALK = "gamms.strategies:random_walk"
+
+
+def scene(width=5, **more):
+    """Two agents that see two others on a grid."""
+    teams = {"red": {"count": 2, "strategy": WALK, "sensors": ["near"]}, "blue": {"count": 2, "strategy": WALK}}
+    rules = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}]
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 30}}
+    given = {"teams": teams, "sensors": near, "rules": rules, "max_turns": 15, **more}
+    return Scenario(map={"grid": {"width": width, "height": 4}}, **given)
+
+
+def test_a_neighbourhood_has_the_nodes_that_paths_reach():
+    with rl.Learners(scene(), 4, teams=["red"], observation=rl.neighbourhood(2), seed=3) as learners:
+        values, view = learners.observe(), learners.games.observe("red")
+        streets = nx.grid_2d_graph(5, 4)
+        xy = view.streets.columns.xy
+        of_node = {(round(x / 10), round(y / 10)): row for row, (x, y) in enumerate(xy.tolist())}
+        for game, agent in np.ndindex(4, 2):
+            here = next(place for place, row in of_node.items() if row == view.node[game, agent])
+            expected = nx.single_source_shortest_path_length(streets, here, cutoff=2)
+            is_there, dx, dy, hops, action = values[game, agent].T[:5]
+            assert is_there.sum() == len(expected)
+            assert (np.diff(hops[is_there > 0]) >= 0).all()
+            for place, far in expected.items():
+                offset = (xy[of_node[place]] - xy[view.node[game, agent]]) / 20.0
+                row = np.flatnonzero((is_there > 0) & np.isclose(dx, offset[0]) & np.isclose(dy, offset[1]))
+                assert len(row) == 1
+                assert hops[row[0]] == far / 2
+                legal = view.streets.legal[view.node[game, agent]][: view.counts[game, agent]].tolist()
+                assert action[row[0]] == (legal.index(of_node[place]) if of_node[place] in legal else -1)
+            assert (values[game, agent][is_there == 0] == [0, 0, 0, 0, -1, 0, 0]).all()
+            assert action[: view.counts[game, agent]].tolist() == list(range(view.counts[game, agent]))
+
+
+def test_a_neighbourhood_shows_mates_and_enemies_where_they_are():
+    sight = {"near": {"type": "AGENT_RANGE", "sensor_range": 1000}}
+    with rl.Learners(scene(sensors=sight), 9, teams=["red"], observation=rl.neighbourhood(9)) as learners:
+        values, red, blue = learners.observe(), *(learners.games.observe(team) for team in ("red", "blue"))
+        assert (values[..., 5].sum(axis=2) == 1).all()
+        assert (values[..., 6].sum(axis=2) == 2).all()
+        for game, agent in np.ndindex(9, 2):
+            offsets = np.float32((blue["xy"][game] - red["xy"][game, agent]) / 20.0)
+            shown = values[game, agent][values[game, agent, :, 6] > 0]
+            assert {tuple(one) for one in offsets.tolist()} == {tuple(one) for one in shown[:, 1:3].tolist()}
+
+
+def test_a_graph_has_the_nodes_and_edges_of_the_map():
+    observe = rl.graph()
+    with pytest.raises(BadValue, match="reset the environment first"):
+        _ = observe.edge_index
+    env = rl.vector_env(scene(), num_games=3, team="red", observation=observe)
+    observed, _ = env.reset(seed=1)
+    values, view = observed["observation"], env.learners.games.observe("red")
+    columns = view.streets.columns
+    assert values.shape == (6, 20, len(observe.names))
+    assert observe.edge_index.dtype == np.int64
+    assert observe.edge_index.tolist() == [columns.sources.tolist(), columns.targets.tolist()]
+    assert values[..., 2].argmax(axis=1).tolist() == view.node.ravel().tolist()
+    assert (values[..., 2].sum(axis=1) == 1).all()
+    assert ((values[..., 3] >= 0).sum(axis=1) == view.counts.ravel()).all()
+    assert values[0, :, :2].min() >= -1
+    one, several = observe.data(values[0]), observe.data(values)
+    assert one["x"].shape == (20, 6)
+    assert one["edge_index"].shape == observe.edge_index.shape
+    assert several["x"].shape == (120, 6)
+    assert several["edge_index"].max() == 119
+    assert np.bincount(several["batch"]).tolist() == [20] * 6
+    assert (several["batch"][several["edge_index"][0]] == several["batch"][several["edge_index"][1]]).all()
+    env.close()
+
+
+@pytest.mark.parametrize("make", [lambda: rl.neighbourhood(3, nodes=9), rl.graph])
+def test_nodes_are_observed_alike_in_one_game_and_in_a_batch(make):
+    single = rl.parallel_env(scene(), team="red", observation=make())
+    many = rl.vector_env(scene(), num_games=3, team="red", observation=make())
+    batched, infos = many.reset(seed=5)
+    observed, _ = single.reset(seed=5 + 1)
+    for turn in range(8):
+        for agent, name in enumerate(("red_0", "red_1")):
+            assert np.array_equal(observed[name]["observation"], batched["observation"][2 + agent])
+        actions = np.array([np.flatnonzero(mask)[turn % mask.sum()] for mask in infos["action_mask"]])
+        batched, *_, infos = many.step(actions)
+        observed, *_ = single.step({"red_0": actions[2], "red_1": actions[3]})
+        if not single.agents:
+            break
+    single.close()
+    many.close()
+
+
+@pytest.mark.parametrize("make", [lambda: rl.neighbourhood(2), rl.graph])
+def test_a_strategy_that_observes_nodes_plays_the_same_games_alone(make):
+    observe = make()
+
+    @gamms.array_strategy
+    def crowd(view):
+        values = observe(view)
+        score = values[..., -2] + 2 * values[..., -1] + 0.01 * np.arange(values.shape[2])
+        action = values[..., -3].astype(int)
+        best = np.where(action >= 0, score, -1.0).argmax(axis=2)
+        return np.maximum(np.take_along_axis(action, best[..., None], axis=2)[..., 0], 0)
+
+    with scene().batch(5, strategies={"red": crowd}) as games:
+        games.run()
+        assert games.slow is None
+        for game in range(5):
+            assert games.result(game) == scene().play(seed=game, strategies={"red": crowd})
+
+
+def test_wrong_arguments_of_observations_are_refused_by_name():
+    with pytest.raises(BadValue, match="hops"):
+        rl.neighbourhood(0)
+    with pytest.raises(BadType, match="nodes"):
+        rl.neighbourhood(2, nodes="many")
+    learners = rl.Learners(scene(), 30, teams=["red"], observation=rl.graph())
+    with learners, pytest.raises(TooLarge, match="A map of 20 nodes for 60 agents"), gamms.limits.allowing(20_000):
+        learners.observe()
