@@ -198,6 +198,38 @@ def test_robots_of_teams_that_move_one_after_another_wait_for_each_other_once(ct
     assert not ctx.game.events
 
 
+def test_what_a_plan_decides_goes_to_the_robot_too(ctx):
+    robot = SimulatedRobot(ctx, "anna", speed=10.0)
+    ctx.game.add(drive("anna", robot))
+    ctx.game.command("robots", lambda states: states["anna"].update(action=3))
+    ctx.game.step()
+    assert math.dist(robot.xy, (0.0, 100.0)) <= 3.0
+
+
+def test_a_robot_whose_agent_lost_its_node_to_another_is_sent_back(ctx):
+    ctx.game.conflicts = gamms.rules.Conflicts(resolve=gamms.rules.by_priority(["others", "robots"]))
+    ctx.agent.get_agent("bert").current_node_id = 2
+    ctx.agent.get_agent("bert").strategy = goes(1)
+    anna = ctx.agent.get_agent("anna")
+    anna.strategy = goes(1, 0)
+    robot = SimulatedRobot(ctx, "anna", speed=10.0)
+    ctx.game.add(drive("anna", robot))
+    ctx.game.step()
+    assert (anna.current_node_id, math.dist(robot.xy, (100.0, 0.0)) <= 3.0) == (0, True)
+    ctx.game.step()
+    assert (anna.current_node_id, math.dist(robot.xy, (0.0, 0.0)) <= 3.0) == (0, True)
+    assert ctx.game.events == []
+
+
+def test_an_agent_that_is_deleted_lets_its_robot_stand(ctx, caplog):
+    ctx.game.add(drive("anna", SimulatedRobot(ctx, "anna", speed=10.0)))
+    ctx.game.step()
+    ctx.agent.delete_agent("anna")
+    ctx.game.step()
+    ctx.visual.draw_commands()
+    assert "could not be drawn" not in caplog.text
+
+
 def test_a_fork_does_not_move_robots(ctx):
     robot = SimulatedRobot(ctx, "anna", speed=10.0)
     rule = drive("anna", robot)

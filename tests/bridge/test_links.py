@@ -149,6 +149,14 @@ def test_a_peer_that_sends_only_bad_lines_is_disconnected():
         assert link.counts["bad"] == 100
 
 
+def test_a_peer_is_read_no_faster_than_a_thousand_lines_a_second():
+    with WebSocketServer() as link, connect(link.url, close_timeout=0.1) as stranger:
+        for _ in range(1_200):
+            stranger.send('{"type": "fix", "agent": "anna", "x": 1, "y": 1}')
+        wait_until(lambda: link.counts["received"] >= 1_000)
+        assert link.counts["received"] == 1_000
+
+
 def test_a_message_that_is_too_long_ends_the_connection():
     with WebSocketServer() as link, connect(link.url) as stranger:
         stranger.send("a" * 100_000)

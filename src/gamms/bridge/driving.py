@@ -292,7 +292,7 @@ class Drive:
     def _draw(self, ctx: Context, data: dict[str, Any]) -> None:  # noqa: ARG002 - as drawers are called
         """Draw where the robot was measured as a ring, a line to it from its agent, and what is left of its way."""
         place = None if self._tracker is None else self._tracker.last
-        if place is None:
+        if place is None or self.agent not in ctx.agent.agents:
             return
         visual = ctx.visual
         color = visual.drawing.group_colors().get(str(ctx.agent.get_agent(self.agent).team), (90, 90, 90))
@@ -326,7 +326,7 @@ def hold(ctx: Context, drives: Sequence[Drive]) -> None:
         for one in going:
             one.remind(ctx)
         ctx.visual.update()
-        if ctx.visual.is_closing:  # a person has closed the window
+        if getattr(ctx.visual, "is_closing", False):  # a person has closed the window
             for one in going:
                 one.give_up(ctx, waited)
             break

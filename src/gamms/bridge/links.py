@@ -34,6 +34,7 @@ _MOST_UNSENT = 1_000  # lines that wait to be sent
 _DATAGRAM = 65_507  # bytes that fit into one, by IPv4
 _MOST_BAD = 100  # lines of one viewer
 _MOST_VIEWERS = 64
+_MOST_A_SECOND = 1_000  # lines of one viewer that are read; the others wait on their way
 _MOST_BUFFERED = 1 << 20  # bytes for one viewer
 _GRACE_S = 2.0
 _CLOSE_S = 0.2  # that a peer has to answer when it is disconnected
@@ -389,16 +390,21 @@ class WebSocketServer(Link):
             await self._stop.wait()
 
     async def _talk(self, viewer: "ServerConnection") -> None:
+        import asyncio
+
         from websockets.exceptions import ConnectionClosed
 
         if len(self._viewers) >= _MOST_VIEWERS:
             await viewer.close(1013, "too many viewers")
             return
         self._viewers.add(viewer)
-        bad = 0
+        bad, count, ends = 0, 0, monotonic() + 1.0
         try:
             async for line in viewer:
-                bad += not self._take(line)
+                bad, count = bad + (not self._take(line)), count + 1
+                if count >= _MOST_A_SECOND:
+                    await asyncio.sleep(max(0.0, ends - monotonic()))
+                    count, ends = 0, monotonic() + 1.0
                 if bad >= _MOST_BAD:
                     await viewer.close(1008, "too many bad lines")
                     return

@@ -157,8 +157,9 @@ class Route:
 
     def __init__(self, points: FloatArray, nodes: list[int], node_at: list[float]) -> None:
         self.points, self.nodes, self._node_at = points, nodes, node_at
-        steps = np.diff(points, axis=0)
-        self._lengths = np.hypot(steps[:, 0], steps[:, 1])
+        self._steps = np.diff(points, axis=0)
+        self._lengths = np.hypot(self._steps[:, 0], self._steps[:, 1])
+        self._divisors = np.where(self._lengths > 0.0, self._lengths, 1.0)
         self._begins = np.concatenate([[0.0], np.cumsum(self._lengths)])
         self.length = float(self._begins[-1])
 
@@ -166,12 +167,12 @@ class Route:
         """Return the nearest point between two distances from the beginning."""
         if not len(self._lengths):
             return OnRoute(0.0, hypot(xy[0] - self.points[0, 0], xy[1] - self.points[0, 1]))
-        starts, steps, begins = self.points[:-1], np.diff(self.points, axis=0), self._begins[:-1]
+        starts, steps, begins = self.points[:-1], self._steps, self._begins[:-1]
         low, high = min(max(low, 0.0), self.length), max(min(high, self.length), 0.0)
-        ahead = ((np.array(xy) - starts) * steps).sum(axis=1) / np.where(self._lengths > 0.0, self._lengths, 1.0)
+        ahead = ((np.array(xy) - starts) * steps).sum(axis=1) / self._divisors
         ahead = np.clip(np.clip(ahead, 0.0, self._lengths), low - begins, high - begins)
         is_open = (ahead >= 0.0) & (ahead <= self._lengths)
-        shares = np.clip(ahead / np.where(self._lengths > 0.0, self._lengths, 1.0), 0.0, 1.0)
+        shares = np.clip(ahead / self._divisors, 0.0, 1.0)
         off = np.where(is_open, np.hypot(*(starts + shares[:, None] * steps - xy).T), inf)
         best = int(off.argmin())
         return OnRoute(float(begins[best] + ahead[best]), float(off[best]))
