@@ -107,6 +107,15 @@ def test_one_strategy_plays_one_game_at_a_time(strategy_of):
         assert outcomes(later.game.run(1)) == ["answer"]
 
 
+@pytest.mark.parametrize("planted", [5, {"x": 5}, {"calls": -100, "input_tokens": "many"}])
+def test_totals_that_a_recording_has_made_up_lift_no_limit(server, strategy_of, planted):
+    with new_game(strategy_of(max_calls=2)) as ctx:
+        ctx.game.run(1)
+        (name,) = ctx.game.data["llm"]
+        ctx.game.data["llm"] = planted if planted == 5 else {name: planted}
+        assert outcomes(ctx.game.run(4)).count("answer") == 3
+
+
 def test_a_copy_of_the_context_spends_its_own(server, strategy_of):
     with new_game(strategy_of(max_calls=2)) as ctx:
         ctx.game.run(1)

@@ -196,19 +196,19 @@ class Account:
         before, spent = self._before(ctx), self._spent
         before.add(spent.input_tokens, spent.output_tokens, spent.calls)
         fallbacks = [one for one in decided if one.outcome != ANSWERED]
-        known = ctx.game.data.get(_TOTALS, {})
+        already = _count(self._totals(ctx), "fallbacks")
         totals = {
             **before.__dict__,
             "cost": self._settings.cost(before.input_tokens, before.output_tokens),
-            "fallbacks": known.get(self.name, {}).get("fallbacks", 0) + len(fallbacks),
+            "fallbacks": already + len(fallbacks),
         }
-        if fallbacks and not known.get(self.name, {}).get("fallbacks"):
+        if fallbacks and not already:
             first = fallbacks[0]
             ctx.logger.warning(
                 f"Agent {shown(first.agent)} plays its fallback in turn {turn}: {first.outcome}. Further ones are in "
                 f"result.table({EVENT!r})."
             )
-        ctx.game.data[_TOTALS] = {**known, self.name: totals}
+        ctx.game.data[_TOTALS] = {**_as_dict(ctx.game.data.get(_TOTALS)), self.name: totals}
         self._pending, self._spent = [], Spent()
 
     def gate(self, at_once: int) -> asyncio.Semaphore:
@@ -220,9 +220,8 @@ class Account:
 
     def reserve(self, ctx: Context | None, input_tokens: int, output_tokens: int) -> str:
         """Count a call with all the tokens that it may take; return the limit that it would break, "" if none."""
-        settings, total = self._settings, self._before(ctx)
-        for one, calls in ((self._spent, 0), (Spent(1, input_tokens, output_tokens), 0)):
-            total.add(one.input_tokens, one.output_tokens, one.calls + calls)
+        settings, spent, total = self._settings, self._spent, self._before(ctx)
+        total.add(spent.input_tokens + input_tokens, spent.output_tokens + output_tokens, spent.calls + 1)
         wanted = {
             "max_calls": total.calls,
             "max_tokens": total.input_tokens + total.output_tokens,
@@ -247,5 +246,18 @@ class Account:
 
     def _before(self, ctx: Context | None) -> Spent:
         """Return what was spent before this turn."""
-        totals = {} if ctx is None else ctx.game.data.get(_TOTALS, {}).get(self.name, {})
-        return Spent(*[totals.get(name, 0) for name in Spent.__dataclass_fields__])
+        totals = {} if ctx is None else self._totals(ctx)
+        return Spent(*[_count(totals, name) for name in Spent.__dataclass_fields__])
+
+    def _totals(self, ctx: Context) -> Mapping[str, Plain]:
+        return _as_dict(_as_dict(ctx.game.data.get(_TOTALS)).get(self.name))
+
+
+def _as_dict(value: Plain) -> Mapping[str, Plain]:
+    """Return a mapping of the game's data, which may be from a recording of any origin."""
+    return value if isinstance(value, Mapping) else {}
+
+
+def _count(totals: Mapping[str, Plain], name: str) -> int:
+    value = totals.get(name)
+    return value if type(value) is int and value > 0 else 0

@@ -29,7 +29,7 @@ _SENTENCES = {  # kind of event -> the field that the sentence is about, and wha
     "eliminated": ("agent", "is out"),
     "respawned": ("agent", _LAST),
 }
-_UNSAID = {"llm"}  # kinds of events that are of no interest to who watches
+_UNSAID = {"llm"}  # kinds of events that films do not mention
 _FIELD = re.compile(r"{(\w+)}")
 ALL_PLAYED = "all turns are played"
 _REASONS = {"max_turns": ALL_PLAYED}
