@@ -88,7 +88,10 @@ def neighbours(graph):
 
 
 def matrix_value(payoffs):
-    """The value of a zero-sum game, by a linear program of SciPy."""
+    """The value of a zero-sum game: its saddle point, or by a linear program of SciPy."""
+    sure, most = max(map(min, payoffs)), min(map(max, zip(*payoffs, strict=True)))
+    if sure == most:
+        return sure
     rows, columns = np.shape(payoffs)
     answer = linprog(
         np.r_[np.zeros(rows), -1.0],

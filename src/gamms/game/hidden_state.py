@@ -6,8 +6,8 @@ from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dis import get_instructions
-from functools import cached_property, partial
-from itertools import count
+from functools import cached_property, lru_cache, partial
+from itertools import chain, count
 from pathlib import Path
 from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any, NamedTuple
@@ -122,19 +122,19 @@ def _variables_of(function: FunctionType) -> Iterator[tuple[str, object]]:
     last = dict(zip(arguments[len(arguments) - len(defaults) :], defaults, strict=True))
     for name, value in {**last, **(function.__kwdefaults__ or {})}.items():
         yield f"The default argument {name!r} {whose}", value
-    for name in dict.fromkeys(_globals_in(code)):
+    for name in _globals_in(code):
         if name in function.__globals__:
             yield f"The global variable {name!r}", function.__globals__[name]
     for name, value in vars(function).items():
         yield f"The attribute {name!r} {whose}", value
 
 
-def _globals_in(code: CodeType) -> Iterator[str]:
-    """Yield the globals that a function names, and those that functions within it name."""
-    yield from (one.argval for one in get_instructions(code) if one.opname in ("LOAD_GLOBAL", "STORE_GLOBAL"))
-    for constant in code.co_consts:
-        if isinstance(constant, CodeType):
-            yield from _globals_in(constant)
+@lru_cache(maxsize=1 << 12)
+def _globals_in(code: CodeType) -> tuple[str, ...]:
+    """Return the globals that a function names, and those that functions within it name, each once."""
+    named = [one.argval for one in get_instructions(code) if one.opname in ("LOAD_GLOBAL", "STORE_GLOBAL")]
+    within = [_globals_in(constant) for constant in code.co_consts if isinstance(constant, CodeType)]
+    return tuple(dict.fromkeys([*named, *chain(*within)]))
 
 
 def _attributes(owner: object) -> Iterator[tuple[str, object]]:

@@ -5,11 +5,25 @@
     scenario.play(strategies={"red": solution.strategy("red")})
 
 `worlds.py` plays a turn from any state by the scenario's own rules; read it first. `table.py` finds all states,
-`stages.py` iterates values over them, `solution.py` has what users call, `information.py` says what sensors show of
-states. A client of scenarios and batches: May import: `planning`, `rl` and below.
+`stages.py` iterates values over them, `solution.py` makes of both what users see, `information.py` says what sensors
+show of states. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel.
+A client of scenarios, batches and learning: May import: `rl` and below. To add a method of best responses, write it
+into `responses.py`.
 """
 
+from gamms.solve.responses import Response, best_response, exploitability, nash_conv, openspiel
 from gamms.solve.solution import Choice, Solution, SolvedStrategy, solve
 from gamms.solve.table import Transition
 
-__all__ = ["Choice", "Solution", "SolvedStrategy", "Transition", "solve"]
+__all__ = [
+    "Choice",
+    "Response",
+    "Solution",
+    "SolvedStrategy",
+    "Transition",
+    "best_response",
+    "exploitability",
+    "nash_conv",
+    "openspiel",
+    "solve",
+]

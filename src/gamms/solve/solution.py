@@ -86,13 +86,41 @@ class SolvedStrategy:
 
         return strategy
 
+    def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:
+        """Return whether it is from a solution of a scenario that is cut after a turn; None: it is not."""
+        setup = self._stages.table.setup
+        return len(setup.teams) == 2 and (setup.scenario, setup.last_turn) == (scenario, last_turn)
+
+    def answered(self, reward: Reward, of: str) -> "Solution":
+        """Return the best response of the other team, in the game that this strategy is from.
+
+        Args:
+            reward: what a team gets.
+            of: that team; the other one pays.
+
+        Raises:
+            BadValue: it counts turns in a game without a last one, or the game was solved without looking at who wins.
+        """
+        stages, side = self._stages, 1 - self._side
+        table = stages.table
+        if stages.counts_down(self._side):
+            raise BadValue(
+                f"{self!r} plays by how many turns are left of a game without a last turn. Solve it with turns= or "
+                "discount=, so that there is a best response."
+            )
+        if looks_at_winners(reward) and not table.by_winner:
+            raise BadValue(
+                f"{self!r} is from a game that was solved without looking at who wins: solve it by reward='win'."
+            )
+        rewards = rewards_of(table, reward, stages.rewards.discount, of)
+        answers = Responses(table, rewards, stages.tolerance, stages, side)
+        return Solution(table, answers, table.setup.teams[side], reward)
+
     def _moved_before(self, ctx: Context) -> list[str]:
         """Return the living agents that move before this team in a turn."""
-        table = self._stages.table
-        if table.order == 0 or (table.order < 0) == (self._side == 0):
-            return []
-        names = [table.roster.names[agent] for agent in table.members(1 - self._side).tolist()]
-        return [name for name in names if name in ctx.agent.agents and ctx.agent.agents[name].alive]
+        agents = ctx.agent.agents
+        names = self._stages.table.earlier[self._side]
+        return [name for name in names if name in agents and agents[name].alive]
 
     def _state_at(self, nodes: list[int], turn: int, before: int | None) -> int:
         """Return the state in which agents are on these nodes, -1: out; of several one that follows the one before."""
@@ -115,14 +143,12 @@ class SolvedStrategy:
     def _choice(self, number: int, turn: int, moved: Mapping[str, int]) -> FloatArray:
         """Return the shares of the joint actions of the team, given where others have moved in this turn."""
         shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
-        if not moved:
-            return shares[:, 0]
         table, other = self._stages.table, 1 - self._side
-        for action in range(int(table.sizes[number, other])):
+        for action in range(shares.shape[1] if moved and len(table.setup.teams) == 2 else 0):
             wanted = table.actions_of(number, other, action)
-            if all(wanted[name] == node for name, node in moved.items()):
+            if all(moved.get(name, node) == node for name, node in wanted.items()):
                 return shares[:, action]
-        return shares[:, 0]  # a conflict has stopped them
+        return shares[:, 0]  # the other team does not move before this one, or a conflict has stopped it
 
 
 def shares_of(stages: Stages, number: int, left: int, side: int) -> FloatArray:
@@ -149,8 +175,8 @@ class Solution:
 
     information = "full"
 
-    def __init__(self, table: Table, stages: Stages, team: str) -> None:
-        self.table, self._stages, self.team = table, stages, team
+    def __init__(self, table: Table, stages: Stages, team: str, reward: Reward) -> None:
+        self.table, self._stages, self.team, self._reward = table, stages, team, reward
         self._side = table.setup.teams.index(team)
         self._sign = 1.0 if self._side == 0 else -1.0
         self.error = stages.error
@@ -285,37 +311,20 @@ class Solution:
         """
         return SolvedStrategy(self._stages, self._side if team is None else self._side_of(team))
 
-    def best_response(self, team: str, against: SolvedStrategy) -> "Solution":
-        """Return the values for a team of its best answer to a strategy of the other one, from this or an equal game.
-
-        Raises:
-            UnknownName (KeyError): it was not solved for this team.
-            BadValue: the strategy is not one of the other team, or counts turns in a game without a last one.
-        """
-        side, stages = self._side_of(team), against._stages
-        if stages.table is not self.table or against._side == side:
-            raise BadValue(f"against={against!r} is not a strategy of the other team from a solution of this game.")
-        if stages.counts_down(1 - side):
-            raise BadValue(
-                f"{against!r} plays by how many turns are left of a game without a last turn. Solve it with turns= or "
-                "discount=, so that there is a best response."
-            )
-        answered = Responses(self.table, self._stages.rewards, self._stages.tolerance, stages, side)
-        return Solution(self.table, answered, team)
-
     def nash_conv(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
         """Return what both teams together could gain by answering best, as OpenSpiel defines it; 0 in equilibrium.
 
         Args:
-            strategies: of both teams; None: those of this solution. See `gamms.solve.nash_conv` for others.
+            strategies: of one or both teams, from solutions of the same scenario; the others are those of this one. See
+                `gamms.solve.nash_conv` for any strategies.
 
         Raises:
-            BadValue: see `best_response`.
+            BadValue: one counts turns in a game without a last one.
         """
-        first, second = self.table.setup.teams
-        given = {**{team: self.strategy(team) for team in (first, second)}, **(strategies or {})}
-        # What each has now adds up to 0.
-        return self.best_response(first, given[second]).value + self.best_response(second, given[first]).value
+        teams = self.table.setup.teams
+        given = {**{team: self.strategy(team) for team in teams}, **(strategies or {})}
+        # What each team has now adds up to 0.
+        return sum(given[team].answered(self._reward, self.team).value for team in teams)
 
     def exploitability(self, strategies: Mapping[str, SolvedStrategy] | None = None) -> float:
         """Return `nash_conv` per team."""
@@ -362,8 +371,24 @@ def solve(
             "all but one play strategies, and use best_response."
         )
     setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
-    table = explore(setup, by_winner=reward not in ("score", "turns"))
-    return Solution(table, Stages(table, rewards_of(table, reward, discount), TOLERANCE), teams[0])
+    return solved(setup, reward, discount, teams[0])
+
+
+def solved(setup: Setup, reward: Reward, discount: float, of: str) -> Solution:
+    """Return the solution of a game of one or two teams that decide; `of` is the team that gets the reward."""
+    share = as_float(discount, "discount")
+    if not 0.0 < share <= 1.0:
+        raise BadValue(f"discount must be above 0 and at most 1, not {shown(discount)}.")
+    if not callable(reward):
+        as_choice(reward, "reward", REWARDS)
+    table = explore(setup, by_winner=looks_at_winners(reward))
+    stages = Stages(table, rewards_of(table, reward, share, of), TOLERANCE)
+    return Solution(table, stages, setup.teams[0], reward)
+
+
+def looks_at_winners(reward: Reward) -> bool:
+    """Return whether it counts for a reward who wins."""
+    return reward not in ("score", "turns")
 
 
 TOLERANCE = 1e-10  # of values of games without a last turn
@@ -399,29 +424,25 @@ def setup_of(
     return Setup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, "max_states"))
 
 
-def rewards_of(table: Table, reward: Reward, discount: float) -> Rewards:
-    """Return what the first team gets by row.
+def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Rewards:
+    """Return what the first team of a table gets by row, of what a team gets and the other one pays.
 
     Raises:
         BadType, BadValue: there is no such reward, or it is always 0.
     """
-    share = as_float(discount, "discount")
-    if not 0.0 < share <= 1.0:
-        raise BadValue(f"discount must be above 0 and at most 1, not {shown(discount)}.")
-    if not callable(reward):
-        as_choice(reward, "reward", REWARDS)
-    usual = _rewards(table, table.usual, reward)
-    last = None if table.last is None else _rewards(table, table.last, reward)
+    sign = 1.0 if of == table.setup.teams[0] else -1.0
+    usual = sign * _rewards(table, table.usual, reward, of)
+    last = None if table.last is None else sign * _rewards(table, table.last, reward, of)
     if not usual.any() and (last is None or not last.any()):
         why = {"score": "no rule gives points", "win": "no turn ends with a winner"}.get(str(reward), "it is always 0")
         raise BadValue(
             f"With reward={shown(reward)} all play is worth 0, because {why}: give another of {REWARDS}, or a function."
         )
-    return Rewards(usual, last, share)
+    return Rewards(usual, last, discount)
 
 
-def _rewards(table: Table, outcomes: Outcomes, reward: Reward) -> FloatArray:
-    teams, mine = table.roster.teams, table.roster.teams.index(table.setup.teams[0])
+def _rewards(table: Table, outcomes: Outcomes, reward: Reward, of: str) -> FloatArray:
+    teams, mine = table.roster.teams, table.roster.teams.index(of)
     if callable(reward):
         given = [as_float(reward(transition), "reward") for transition in table.transitions(outcomes)]
         return np.array(given, np.float64)

@@ -14,6 +14,7 @@ from gamms.text import shown
 
 _SHORT = 3  # turns: a game that lasts no longer has its states turn by turn, rather than be compared between turns
 _MORE_SCORE = 1024.0
+_DRAWS = 32  # turns that are played with other seeds at least, at each moment of a game, to see whether any draws
 _CHECKED = 100  # states that were reached in several ways whose turns are played again, where games have a context
 
 
@@ -70,7 +71,9 @@ class Table:
         setup: which game it is.
         roster: the agents.
         order: -1 where the first team moves before the second, 1 where it moves after it, 0 where they move at once.
+        earlier: the names of the agents that move before each of the teams in a turn.
         last_turn: the turn after which the game ends; None: not known.
+        by_winner: whether it was looked at who wins.
         by_turn: whether the turn is part of the state.
         by_scores: whether the scores so far are.
         nodes: (states, agents) where agents are.
@@ -85,9 +88,11 @@ class Table:
         last: outcomes of the rows in the last turn; None: the same.
     """
 
-    def __init__(self, setup: Setup, world: World, parts: "_Parts", *, by_turn: bool) -> None:
+    def __init__(self, setup: Setup, world: World, parts: "_Parts", *, by_turn: bool, by_winner: bool) -> None:
         self.setup, self.roster, self.last_turn = setup, world.roster, world.terms.last_turn
+        self.by_winner = by_winner
         self.order, self.by_turn, self.by_scores = _order_of(world, setup.teams), by_turn, world.with_scores
+        self.earlier = [_before(world, team) for team in setup.teams]
         states = len(parts.nodes)
         self.nodes, self.alive = np.array(parts.nodes), np.array(parts.alive)
         self.level, self.parents = np.array(parts.level), np.array(parts.parents).reshape(-1, 2)
@@ -170,6 +175,13 @@ def _order_of(world: World, teams: Sequence[Any]) -> int:
     return int(np.sign(parts[0] - parts[1]))
 
 
+def _before(world: World, team: Any) -> list[str]:
+    order = world.terms.order or []
+    own = next((number for number, part in enumerate(order) if team in part), 0)
+    teams = [one for part in order[:own] for one in part]
+    return [world.roster.names[agent] for agent in np.flatnonzero(world.roster.plays_for(teams)).tolist()]
+
+
 def _in_order(parts: "list[Outcomes]", place: IntArray) -> Outcomes:
     """Put parts together, by the rows where they belong."""
     at = np.argsort(place)
@@ -216,7 +228,7 @@ def explore(setup: Setup, *, by_winner: bool) -> Table:
         while True:
             try:
                 explorer = _Explorer(world, setup, by_turn=by_turn, by_winner=by_winner)
-                return Table(setup, world, explorer.explore(), by_turn=by_turn)
+                return Table(setup, world, explorer.explore(), by_turn=by_turn, by_winner=by_winner)
             except _DependsOn as what:
                 by_turn = by_turn or what.args[0] == "turn"
                 world.with_scores = world.with_scores or what.args[0] == "scores"
@@ -295,13 +307,12 @@ class _Explorer:
         """Play turns, and once more with another seed, turn and scores, to see whether they depend on these."""
         world = self._world
         played = world.play(states, chosen, turn)
-        shift = Shift(seed=True, turns=self._other_turn(turn), scores=0.0 if world.with_scores else _MORE_SCORE)
-        other = world.play(states, chosen, turn, shift)
-        for snapshots, twins in zip(played.states.snapshots, other.states.snapshots, strict=True):
-            snapshots.extend(twins)
-        differs = played.differs(other, by_winner=self._by_winner)
+        shift = Shift(seed=1, turns=self._other_turn(turn), scores=0.0 if world.with_scores else _MORE_SCORE)
+        again = np.tile(np.arange(len(states)), max(1, _DRAWS // len(states)))  # each with a seed of its own
+        other = world.play(states.take(again), chosen[again], turn, shift)
+        differs = played.take(again).differs(other, by_winner=self._by_winner)
         if differs.any():
-            row = np.flatnonzero(differs)[:1]
+            row = again[np.flatnonzero(differs)[:1]]
             self._explain(states.take(row), chosen[row], turn, shift)
         return played
 

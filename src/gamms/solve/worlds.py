@@ -27,20 +27,26 @@ from gamms.typing import AgentType
 
 GOES_ON, NO_WINNER = -2, -1  # instead of the number of the team that has won
 Strategies = Mapping[str, Any]
-_MOST_ROWS, _FEWEST_ROWS = 1 << 13, 16  # turns that are played at once in arrays
+_MOST_ROWS, _FEWEST_ROWS = 1 << 13, 128  # turns that are played at once in arrays
 _FEW_ROWS = 256  # ... and one by one
 TOLERANCE = 1e-9  # of scores that are compared
 
 
 class Shift(NamedTuple):
-    """By what a turn that is played for comparison differs from the real one."""
+    """By what turns that are played for comparison differ from the real ones.
 
-    seed: bool
+    Attributes:
+        seed: 0: their own one; else each of them has another one, which follows from this.
+        turns: by how many turns they are later.
+        scores: what is added to those of the teams, once for the first, twice for the second, and so on.
+    """
+
+    seed: int
     turns: int
     scores: float
 
 
-SAME = Shift(seed=False, turns=0, scores=0.0)
+SAME = Shift(seed=0, turns=0, scores=0.0)
 
 
 class States:
@@ -58,7 +64,7 @@ class States:
         nodes: IntArray,
         alive: BoolArray,
         columns: Columns | None = None,
-        snapshots: Sequence[Any] = (),
+        snapshots: Sequence[Snapshot] = (),
     ) -> None:
         self.keys, self.nodes, self.alive, self.columns, self.snapshots = keys, nodes, alive, columns, snapshots
 
@@ -98,6 +104,10 @@ class Played(NamedTuple):
     states: States
     gains: FloatArray
     winner: IntArray
+
+    def take(self, rows: IntArray) -> "Played":
+        """Return what some of the turns have led to."""
+        return Played(self.states.take(rows), self.gains[rows], self.winner[rows])
 
     def differs(self, other: "Played", *, by_winner: bool) -> BoolArray:
         """Return which turns have gone differently, (states,); whether it counts who wins."""
@@ -294,7 +304,7 @@ class ArrayWorld:
         parts = []
         for begin in range(0, len(states), self.rows):
             rows = np.arange(begin, min(begin + self.rows, len(states)))
-            self._load(states, rows, turn, 0.0)
+            self._load(states, np.arange(begin, begin + self.rows).clip(max=rows[-1]), turn, 0.0)
             legal = np.full((len(rows), len(self.roster.names), self._most()), -1)
             for team in self._batch.teams:
                 view = self._batch.observe(team)
@@ -312,9 +322,11 @@ class ArrayWorld:
     def play(self, states: States, actions: IntArray, turn: int, shift: Shift = SAME) -> Played:
         """Play a turn from each state."""
         number, batch = len(states), self._batch
-        rows = np.roll(np.arange(number), 1) if shift.seed else np.arange(number)
+        places = (np.arange(number) + shift.seed) % self.rows  # the games of the batch have seeds of their own
+        rows = np.zeros(self.rows, np.int64)
+        rows[places] = np.arange(number)
         before = self._load(states, rows, turn + shift.turns, shift.scores)
-        chosen = actions[self._padded(rows)]
+        chosen = actions[rows]
         batch.step({team: chosen[:, agents] for team, agents in zip(self._teams, self._acting, strict=True)})
         is_last = self.terms.last_turn is not None and turn + shift.turns + 1 >= self.terms.last_turn
         after, is_over = self._states(), batch.is_over | is_last
@@ -324,16 +336,11 @@ class ArrayWorld:
             numbers = {team: place for place, team in enumerate(batch.teams) if team is not None}
             won = [numbers.get(team, NO_WINNER) for team in batch.table()["winner"].tolist()]
             winner = np.where(is_over, won, winner)
-        back = np.roll(np.arange(number), -1) if shift.seed else np.arange(number)
-        return Played(after.take(back), gains[back], winner[back])
-
-    def _padded(self, rows: IntArray) -> IntArray:
-        """Return rows for all games of the batch: the first one for those that are not needed."""
-        return np.concatenate((rows, np.full(self.rows - len(rows), rows[0])))
+        return Played(after, gains, winner).take(places)
 
     def _load(self, states: States, rows: IntArray, turn: int, more: float) -> dict[Any, FloatArray]:
-        """Let the batch be in some states; return the scores by team."""
-        columns = {name: values[self._padded(rows)] for name, values in (states.columns or {}).items()}
+        """Let the games of the batch be in some states; return the scores by team."""
+        columns = {name: values[rows] for name, values in (states.columns or {}).items()}
         scores = {
             team: columns.pop(("score", team), np.zeros(self.rows)) + more * (place + 1)
             for place, team in enumerate(self._batch.teams)
@@ -358,20 +365,18 @@ class ContextWorld:
     rows, with_scores = _FEW_ROWS, False
 
     def __init__(self, ctx: Context, setup: Setup) -> None:
-        self._games: list[Any] = [ctx.game, ctx.game.fork(1)]  # the second one for comparison, with other draws
+        self._game: Game = ctx.game
         self.roster, self.terms = Roster.of(ctx.game.agents), Terms.of(ctx.game, setup.last_turn)
         self._actions: dict[str, int] = {}
         self._legal: dict[str, tuple[int, ...]] = {}
-        for game in self._games:
-            for team in setup.teams:
-                game.command(team, self._decide)
-        self._hidden = [HiddenState(one.rule) for one in ctx.game.rules]
-        self._start = [game.snapshot() for game in self._games]
+        for team in setup.teams:
+            self._game.command(team, self._decide)
+        self._hidden = [HiddenState(one.rule) for one in self._game.rules]
+        self._start = self._game.snapshot()
 
     def close(self) -> None:
-        """End the contexts."""
-        for game in self._games:
-            game.ctx.terminate()
+        """End the context."""
+        self._game.ctx.terminate()
 
     def why_not(self) -> str:
         """Return which rule remembers what is not part of the game."""
@@ -386,53 +391,57 @@ class ContextWorld:
 
     def start(self) -> States:
         """Return the state in which the game begins."""
-        for game, snapshot in zip(self._games, self._start, strict=True):
-            game.restore(snapshot)
-        moments = [self._now(game) for game in self._games]
-        return self._as_states(moments[:1], [[moment.snapshot for moment in moments]])
+        self._game.restore(self._start)
+        return self._as_states([self._now()])
 
     def legal(self, states: States, turn: int) -> IntArray:
         """Return the ids of legal nodes, (states, agents, most)."""
-        game, found = self._games[0], []
-        for snapshots, nodes in zip(states.snapshots, states.nodes.tolist(), strict=True):
+        found = []
+        for snapshot, nodes in zip(states.snapshots, states.nodes.tolist(), strict=True):
             self._actions, self._legal = {}, {}
-            self._restore(game, snapshots[0], turn, 0.0)
-            game.step()
+            self._restore(snapshot, turn, SAME)
+            self._game.step()
             found.append([self._legal.get(name, (node,)) for name, node in zip(self.roster.names, nodes, strict=True)])
         most = max(len(legal) for those in found for legal in those)
         return np.array([[[*legal, *[-1] * (most - len(legal))] for legal in those] for those in found])
 
     def play(self, states: States, actions: IntArray, turn: int, shift: Shift = SAME) -> Played:
-        """Play a turn from each state; `snapshots` are those of the game and of the one with another seed."""
-        game, moments, gains, winners = self._games[shift.seed], [], [], []
+        """Play a turn from each state."""
+        game, moments, gains, winners = self._game, [], [], []
         teams, names = self.roster.teams, self.roster.names
-        for snapshots, chosen in zip(states.snapshots, actions.tolist(), strict=True):
-            self._restore(game, snapshots[shift.seed], turn + shift.turns, shift.scores)
+        for row, (snapshot, chosen) in enumerate(zip(states.snapshots, actions.tolist(), strict=True)):
+            self._restore(snapshot, turn, shift._replace(seed=shift.seed and shift.seed + row))
             before = [game.scores[team] for team in teams]
             self._actions = dict(zip(names, chosen, strict=True))
             game.step()
             gains.append([game.scores[team] - points for team, points in zip(teams, before, strict=True)])
-            winners.append(self._winner(game))
-            moments.append(self._now(game))
-        after = self._as_states(moments, [[moment.snapshot] for moment in moments])
-        return Played(after, np.array(gains, np.float64), np.array(winners))
+            winners.append(self._winner())
+            moments.append(self._now())
+        return Played(self._as_states(moments), np.array(gains, np.float64), np.array(winners))
 
-    def _restore(self, game: Game, snapshot: Snapshot, turn: int, more: float) -> None:
+    def _restore(self, snapshot: Snapshot, turn: int, shift: Shift) -> None:
+        game = self._game
         game.restore(snapshot)
-        game.internals.state.turn = turn
+        state = game.internals.state
+        state.turn = turn + shift.turns
+        if shift.seed:
+            game.ctx.reseed(kernels.purpose_key(snapshot.seed, "solve", shift.seed) >> 1)
+            state.stream_version += 1
         for place, team in enumerate(self.roster.teams):
-            if more:
-                game.scores[team] += more * (place + 1)
+            if shift.scores:
+                game.scores[team] += shift.scores * (place + 1)
 
-    def _winner(self, game: Game) -> int:
+    def _winner(self) -> int:
+        game = self._game
         if game.over is None:
             is_late = self.terms.last_turn is not None and game.turn >= self.terms.last_turn
             return NO_WINNER if is_late else GOES_ON
         won = game.over["winner"]
         return self.roster.teams.index(won) if won is not None and won in self.roster.teams else NO_WINNER
 
-    def _now(self, game: Game) -> "_Moment":
-        """Return how a game is now."""
+    def _now(self) -> "_Moment":
+        """Return how the game is now."""
+        game = self._game
         snapshot, state, agents = game.snapshot(), game.internals.state, game.ctx.agent.agents
         living = [name in agents and agents[name].alive for name in self.roster.names]
         nodes = [agents[name].current_node_id if name in agents else -1 for name in self.roster.names]
@@ -444,9 +453,14 @@ class ContextWorld:
         key = repr(as_sorted((nodes, living, covered, state.data, memories, facts, scores))).encode()
         return _Moment(key, nodes, living, snapshot)
 
-    def _as_states(self, moments: "Sequence[_Moment]", snapshots: list[list[Snapshot]]) -> States:
+    def _as_states(self, moments: "Sequence[_Moment]") -> States:
         nodes, alive = (np.array([moment[place] for moment in moments]) for place in (1, 2))
-        return States([moment.key for moment in moments], nodes, alive.astype(np.bool_), snapshots=snapshots)
+        return States(
+            [moment.key for moment in moments],
+            nodes,
+            alive.astype(np.bool_),
+            snapshots=[one.snapshot for one in moments],
+        )
 
 
 class _Moment(NamedTuple):

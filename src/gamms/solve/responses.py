@@ -1,0 +1,295 @@
+"""Best responses to strategies of any kind, how much teams could gain by them, and games for OpenSpiel."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from gamms import rl
+from gamms.arguments import as_choice, as_count, as_int, as_mapping
+from gamms.errors import BadValue, MissingExtra, UnknownName
+from gamms.ir.graph import FloatArray
+from gamms.scenario import Scenario
+from gamms.solve.solution import (
+    MAX_STATES,
+    Reward,
+    Solution,
+    SolvedStrategy,
+    looks_at_winners,
+    rewards_of,
+    setup_of,
+    solved,
+    teams_of,
+)
+from gamms.solve.stages import Bound
+from gamms.solve.table import explore
+from gamms.text import shown
+
+if TYPE_CHECKING:
+    from gamms.solve.teams_game import TeamsGame
+
+Method = Literal["exact", "learn"]
+METHODS = ("exact", "learn")
+_TRAINED = 50_000  # turns of training
+_TRAINED_GAMES = 16  # at once
+_PLAYED = 200  # games that say what a strategy gets
+_HELD_OUT = 1 << 32  # added to the seeds of games that were not trained in
+
+
+@dataclass(frozen=True)
+class Response:
+    """How a team answers strategies of others; made by `best_response`.
+
+    Attributes:
+        team: that answers.
+        method: by which its strategy was found.
+        value: what it gets; an estimate from games, unless the method is "exact".
+        interval: in which `value` is with 95 % confidence.
+        strategy: for `scenario.play(strategies={team: …})`.
+        solution: of the game of this team alone; None unless the method is "exact".
+    """
+
+    team: str
+    method: Method
+    value: float
+    interval: tuple[float, float]
+    strategy: Any  # a strategy, or a function of a context that makes one
+    solution: Solution | None = None
+
+    @property
+    def information(self) -> str:
+        """What the team knows: "full": where all are; "agent": each agent what its sensors show."""
+        return "agent" if self.solution is None else self.solution.information
+
+    @property
+    def bound(self) -> Bound:
+        """What `value` is to that of the best response of agents that know what their sensors show; see `Solution`."""
+        return "lower" if self.solution is None else self.solution.bound
+
+
+def best_response(
+    scenario: Scenario,
+    *,
+    team: str,
+    against: object = None,
+    method: Method = "exact",
+    reward: Reward = "score",
+    turns: int | None = None,
+    seed: int | None = None,
+    budget: int | None = None,
+) -> Response:
+    """Return how a team plays best against others whose strategies are known, and what it gets.
+
+    Args:
+        scenario: of the game.
+        team: that answers.
+        against: the strategy of all others, or strategies by team or agent; None: those of the scenario.
+        method: "exact": by value iteration over all states that the game can reach, for a team that knows where all
+            are; the others may remember, and only draw if they are from a `Solution` of this scenario. "learn": by
+            MaskablePPO of sb3-contrib, for agents that know what their sensors show.
+        reward: what the team gets, see `solve`; in games of more than two teams its score less the average of the
+            others. "learn" takes "score" and "turns".
+        turns: the game is cut after so many turns; None: as the scenario says.
+        seed: of the start, and of the training; None: that of the scenario, or 0.
+        budget: for "exact" how many states there may be, for "learn" turns of training.
+
+    Raises:
+        BadType, BadValue: an argument is impossible, or the method does not do what is asked.
+        UnknownName (KeyError): there is no such team.
+        TooLarge: see `solve`.
+        MissingExtra (ImportError): Stable-Baselines3 is not installed, which "learn" needs.
+    """
+    as_choice(method, "method", METHODS)
+    teams = teams_of(scenario, team)
+    others = _by_team(against, teams[1:])
+    if method == "learn":
+        first = as_int(0 if seed is None else seed, "seed")
+        cut = scenario if turns is None else scenario.replace(max_turns=as_count(turns, "turns"))
+        return _learned(cut, team, others, reward, first, as_count(_TRAINED if budget is None else budget, "budget"))
+    solution = _answer(
+        scenario,
+        team,
+        others,
+        reward,
+        team,
+        turns=turns,
+        seed=seed,
+        max_states=MAX_STATES if budget is None else budget,
+    )
+    interval = (solution.value - solution.error, solution.value + solution.error)
+    return Response(team, method, solution.value, interval, solution.strategy(), solution)
+
+
+def nash_conv(
+    scenario: Scenario,
+    strategies: Mapping[str, object],
+    *,
+    team: str | None = None,
+    reward: Reward = "score",
+    turns: int | None = None,
+    seed: int | None = None,
+    max_states: int = MAX_STATES,
+) -> float:
+    """Return what the two teams of a game together could gain by answering best to each other; 0 in equilibrium.
+
+    As OpenSpiel defines it, that is the sum of what each team gets by its best response, less what it gets now; what
+    both get now adds up to 0.
+
+    Args:
+        scenario: of two teams.
+        strategies: of both; they may remember, and only draw if they are from a `Solution` of this scenario.
+        team: that gets the reward, and the other one pays; None: the first one.
+        reward: see `solve`.
+        turns: see `solve`.
+        seed: see `solve`.
+        max_states: see `solve`.
+
+    Raises:
+        BadType, BadValue, TooLarge: see `best_response`.
+        UnknownName (KeyError): there is no such team.
+    """
+    teams, given = teams_of(scenario, team), as_mapping(strategies, "strategies")
+    for one in given:
+        if one not in teams:
+            raise UnknownName("team", one, teams)
+    if len(teams) != 2 or len(given) != 2:
+        raise BadValue(f"nash_conv needs the strategies of both teams of a game of two, not {list(given)} of {teams}.")
+    options: dict[str, Any] = {"turns": turns, "seed": seed, "max_states": max_states}
+    pairs = (teams, teams[::-1])
+    return sum(_answer(scenario, one, {two: given[two]}, reward, teams[0], **options).value for one, two in pairs)
+
+
+def exploitability(
+    scenario: Scenario,
+    strategies: Mapping[str, object],
+    *,
+    team: str | None = None,
+    reward: Reward = "score",
+    turns: int | None = None,
+    seed: int | None = None,
+    max_states: int = MAX_STATES,
+) -> float:
+    """Return `nash_conv` per team, as OpenSpiel defines it; see there for the arguments."""
+    options: dict[str, Any] = {"team": team, "reward": reward, "turns": turns, "seed": seed, "max_states": max_states}
+    return nash_conv(scenario, strategies, **options) / 2
+
+
+def openspiel(
+    scenario: Scenario,
+    *,
+    team: str | None = None,
+    reward: Reward = "score",
+    turns: int | None = None,
+    discount: float = 1.0,
+    seed: int | None = None,
+    max_states: int = MAX_STATES,
+) -> "TeamsGame":
+    """Return a game of two teams that move at once as a simultaneous-move `pyspiel.Game`.
+
+    The first player is the team whose reward it is. Each knows what the sensors of its agents together show, and
+    remembers it. The game is not registered: use it as it is, or by `pyspiel.convert_to_turn_based`.
+
+    Args:
+        scenario: see `solve`.
+        team: the first player; None: the first team.
+        reward: see `solve`.
+        turns: see `solve`; the game needs a last turn.
+        discount: see `solve`.
+        seed: see `solve`.
+        max_states: see `solve`.
+
+    Raises:
+        BadType, BadValue, TooLarge: see `solve`; the game has no last turn, or teams take turns in it.
+        MissingExtra (ImportError): OpenSpiel is not installed.
+    """
+    try:
+        from gamms.solve.teams_game import TeamsGame
+    except ImportError:
+        raise MissingExtra("A game of OpenSpiel", "solve") from None
+    teams = teams_of(scenario, team)
+    if len(teams) != 2:
+        raise BadValue(f"A game of {len(teams)} teams is no game of OpenSpiel here: only those of two are.")
+    setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
+    table = explore(setup, by_winner=looks_at_winners(reward))
+    return TeamsGame(table, rewards_of(table, reward, discount, teams[0]))
+
+
+# -- inside -------------------------------------------------------------------------------------------------------
+
+
+def _by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:
+    """Return strategies by team or agent."""
+    if isinstance(against, Mapping):
+        return dict(against)
+    return {} if against is None else dict.fromkeys(teams, against)
+
+
+def _answer(
+    scenario: Scenario,
+    team: str,
+    others: Mapping[str, Any],
+    reward: Reward,
+    of: str,
+    *,
+    turns: int | None,
+    seed: int | None,
+    max_states: int,
+) -> Solution:
+    """Return the exact best response of a team; `of` is the team that gets the reward."""
+    known = next(iter(others.values())) if len(others) == 1 else None
+    if isinstance(known, SolvedStrategy) and known.team != team and known.is_of(scenario, turns):
+        return known.answered(reward, of)
+    return solved(setup_of(scenario, (team,), others, turns=turns, seed=seed, max_states=max_states), reward, 1.0, of)
+
+
+def _learned(
+    scenario: Scenario, team: str, others: Mapping[str, Any], reward: Reward, seed: int, budget: int
+) -> Response:
+    """Return a response that a policy has learned."""
+    if reward not in ("score", "turns"):
+        raise BadValue(f"method='learn' is for reward='score' or 'turns', not {shown(reward)}: use method='exact'.")
+    try:
+        from sb3_contrib import MaskablePPO
+    except ImportError:
+        raise MissingExtra("A best response that is learned", "train") from None
+    gets = _gain if reward == "score" else _turn
+    env = rl.sb3_env(scenario, num_games=_TRAINED_GAMES, team=team, others=others, reward=gets, seed=seed)
+    try:
+        model = MaskablePPO("MultiInputPolicy", env, n_steps=64, batch_size=256, seed=seed, device="cpu")
+        model.learn(budget)
+        with TemporaryDirectory() as folder:
+            rl.save_policy(model, Path(folder) / "response.safetensors", env)
+            strategy = rl.policy(Path(folder) / "response.safetensors", other_scenario=True)
+    finally:
+        env.close()
+    values = _played(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT)
+    mean, half = float(values.mean()), float(1.96 * values.std(ddof=1) / len(values) ** 0.5)
+    return Response(team, "learn", mean, (mean - half, mean + half), strategy)
+
+
+def _gain(turn: rl.Turn) -> FloatArray:
+    """Return by how much the score of a team has changed more than those of the others."""
+    own = turn.gains.get(turn.team, np.zeros(len(turn.after.mask)))
+    others = [turn.gains[team] for team in turn.after.roster.teams if team != turn.team and team in turn.gains]
+    number = max(1, len(turn.after.roster.teams) - 1)
+    return (own - sum(others, np.zeros(len(own))) / number)[:, None]
+
+
+def _turn(turn: rl.Turn) -> FloatArray:
+    """Return -1 for each turn."""
+    return np.full((len(turn.after.mask), 1), -1.0)
+
+
+def _played(scenario: Scenario, team: str, strategies: Mapping[str, Any], reward: Reward, seed: int) -> FloatArray:
+    """Return what a team gets in games, (games,)."""
+    with scenario.batch(_PLAYED, seed=seed, strategies=strategies) as games:
+        games.run()
+        if reward == "turns":
+            return -games.turn.astype(np.float64)
+        others = [games.scores[one] for one in games.teams if one != team and one in games.scores]
+        own = games.scores.get(team, np.zeros(_PLAYED))
+        gained: FloatArray = own - sum(others, np.zeros(_PLAYED)) / max(1, len(games.teams) - 1)
+        return gained

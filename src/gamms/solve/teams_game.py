@@ -1,0 +1,181 @@
+"""A game of two teams as a simultaneous-move game of OpenSpiel, made of the same states and turns as its values."""
+
+from typing import Any
+
+import numpy as np
+import pyspiel
+
+from gamms.errors import BadValue
+from gamms.ir.graph import FloatArray
+from gamms.solve.information import observing
+from gamms.solve.stages import Rewards
+from gamms.solve.table import Table
+
+_MOST_ENTRIES = 1 << 20  # of a tensor
+
+
+class _Model:
+    """What all states of a game share."""
+
+    def __init__(self, table: Table, rewards: Rewards) -> None:
+        self.table, self.rewards = table, rewards
+        self.turns: int = table.last_turn or 0
+        self.players = len(table.setup.teams)
+        self.num_actions = int(table.sizes.max())
+        self.observed = np.zeros((len(table), self.players), np.int64)  # the number of what a team observes of a state
+        numbers: list[dict[tuple[str, ...], int]] = [{} for _ in range(self.players)]
+        with observing(table) as observer:
+            for state in range(len(table)):
+                seen = observer.observe(state)
+                for side, known in enumerate(numbers):
+                    own = tuple(seen[agent] for agent in table.members(side).tolist())
+                    self.observed[state, side] = known.setdefault(own, len(known))
+        self.num_observations = max(map(len, numbers))
+
+    def __deepcopy__(self, _: dict[int, Any]) -> "_Model":
+        """Return itself: OpenSpiel copies states."""
+        return self
+
+    def reward(self, row: int, turn: int) -> float:
+        """Return what the first team gets in a turn, discounted from the start."""
+        last = self.rewards.last if turn == self.turns - 1 else None
+        rewards = self.rewards.usual if last is None else last
+        return float(rewards[row]) * self.rewards.discount**turn
+
+
+class TeamsGame(pyspiel.Game):  # type: ignore[misc] # OpenSpiel has no types
+    """A game of two teams, in which each is a player that knows what the sensors of its agents together show.
+
+    Args:
+        table: all states, with a last turn.
+        rewards: what the first team gets and the second pays.
+    """
+
+    def __init__(self, table: Table, rewards: Rewards) -> None:
+        if table.last_turn is None:
+            raise BadValue("A game of OpenSpiel needs a last turn: give turns=, or the scenario max_turns.")
+        if table.order:
+            raise BadValue(
+                "Teams take turns in this game, and OpenSpiel gets those that move at once: unset its order."
+            )
+        self.model = model = _Model(table, rewards)
+        most = sum(float(abs(one).max()) for one in (rewards.usual, rewards.last) if one is not None) * model.turns
+        has_tensor = model.turns * (model.num_observations + model.num_actions) <= _MOST_ENTRIES
+        kind = pyspiel.GameType(
+            short_name="python_gamms",
+            long_name="A GAMMS scenario",
+            dynamics=pyspiel.GameType.Dynamics.SIMULTANEOUS,
+            chance_mode=pyspiel.GameType.ChanceMode.DETERMINISTIC,
+            information=pyspiel.GameType.Information.IMPERFECT_INFORMATION,
+            utility=pyspiel.GameType.Utility.ZERO_SUM,
+            reward_model=pyspiel.GameType.RewardModel.REWARDS,
+            max_num_players=model.players,
+            min_num_players=model.players,
+            provides_information_state_string=True,
+            provides_information_state_tensor=has_tensor,
+            provides_observation_string=True,
+            provides_observation_tensor=has_tensor,
+            parameter_specification={},
+        )
+        info = pyspiel.GameInfo(
+            num_distinct_actions=model.num_actions,
+            max_chance_outcomes=0,
+            num_players=model.players,
+            min_utility=-most,
+            max_utility=most,
+            utility_sum=0.0,
+            max_game_length=model.turns,
+        )
+        super().__init__(kind, info, {})
+
+    def new_initial_state(self) -> "TeamsState":
+        """Return the start."""
+        return TeamsState(self, self.model)
+
+    def make_py_observer(self, iig_obs_type: Any = None, params: Any = None) -> "_Observer":  # noqa: ARG002 - of OpenSpiel
+        """Return what tells players what they know."""
+        return _Observer(self.model, recalls=iig_obs_type is not None and iig_obs_type.perfect_recall)
+
+
+class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
+    """A moment of a game: the number of the state in the table, and how the players came there."""
+
+    def __init__(self, game: TeamsGame, model: _Model) -> None:
+        super().__init__(game)
+        self.model, self.number, self.turn = model, 0, 0
+        self.seen = [[int(one)] for one in model.observed[0]]  # by player
+        self.done: list[list[int]] = [[] for _ in range(model.players)]  # by player
+        self._last, self._sum = 0.0, 0.0
+
+    def current_player(self) -> Any:
+        """Return that all players move."""
+        return pyspiel.PlayerId.TERMINAL if self.is_terminal() else pyspiel.PlayerId.SIMULTANEOUS
+
+    def is_terminal(self) -> bool:
+        """Return whether the game is over."""
+        offsets = self.model.table.offsets
+        return self.turn >= self.model.turns or bool(offsets[self.number] == offsets[self.number + 1])
+
+    def _legal_actions(self, player: int) -> list[int]:
+        return list(range(int(self.model.table.sizes[self.number, player])))
+
+    def _apply_actions(self, actions: list[int]) -> None:
+        table = self.model.table
+        row = table.row_of(self.number, actions)
+        self._last = self.model.reward(row, self.turn)
+        self._sum += self._last
+        self.number, self.turn = int(table.usual.after[row]), self.turn + 1
+        for player, action in enumerate(actions):
+            self.done[player].append(int(action))
+            self.seen[player].append(int(self.model.observed[self.number, player]))
+
+    def _action_to_string(self, player: int, action: int) -> str:
+        nodes = self.model.table.actions_of(self.number, player, action)
+        return ", ".join(f"{name} to {node}" for name, node in sorted(nodes.items()))
+
+    def rewards(self) -> list[float]:
+        """Return what the players got in the last turn."""
+        return [self._last, -self._last]
+
+    def returns(self) -> list[float]:
+        """Return what they have got so far."""
+        return [self._sum, -self._sum]
+
+    def __str__(self) -> str:
+        table = self.model.table
+        where = zip(table.roster.names, table.nodes[self.number], table.alive[self.number], strict=True)
+        places = ", ".join(f"{name} {'on ' + str(node) if is_alive else 'out'}" for name, node, is_alive in where)
+        return f"turn {self.turn}: {places}"
+
+
+class _Observer:
+    """Says what a player knows: what its agents observe now, or all that they have observed and done."""
+
+    def __init__(self, model: _Model, *, recalls: bool) -> None:
+        self._model, self._recalls = model, recalls
+        turns = model.turns + 1 if recalls else 1
+        self._seen: FloatArray = np.zeros((turns, model.num_observations))
+        self._done = np.zeros((model.turns if recalls else 0, model.num_actions))
+        size = self._seen.size + self._done.size + 1
+        self.tensor = np.zeros(size if size <= 2 * _MOST_ENTRIES else 0, np.float32)
+        self.dict = {"observation": self.tensor}
+
+    def set_from(self, state: TeamsState, player: int) -> None:
+        """Put what a player knows into the tensor: one entry for each observation and action of a turn."""
+        if not len(self.tensor):
+            return
+        self._seen[:], self._done[:] = 0.0, 0.0
+        seen = state.seen[player] if self._recalls else state.seen[player][-1:]
+        self._seen[np.arange(len(seen)), seen] = 1.0
+        if self._recalls:
+            self._done[np.arange(len(state.done[player])), state.done[player]] = 1.0
+        self.tensor[:-1] = np.concatenate((self._seen.ravel(), self._done.ravel()))
+        self.tensor[-1] = state.turn / self._model.turns
+
+    def string_from(self, state: TeamsState, player: int) -> str:
+        """Return what a player knows as a text."""
+        seen = state.seen[player]
+        if not self._recalls:
+            return f"turn {state.turn}, sees {seen[-1]}"
+        steps = [f"{one} {did}" for one, did in zip(seen, state.done[player], strict=False)]
+        return f"player {player}: {', '.join([*steps, str(seen[-1])])}"

@@ -1,0 +1,114 @@
+"""Scenarios as games of OpenSpiel: its own checks, and its values beside ours."""
+
+import sys
+
+import pytest
+from solved_games import pursuit, scene
+
+pytest.importorskip("pyspiel", reason="OpenSpiel is not installed")
+
+import pyspiel
+from open_spiel.python import policy
+from open_spiel.python.algorithms import cfr, expected_game_score, exploitability
+
+from gamms.errors import BadValue, MissingExtra
+from gamms.solve import openspiel, solve
+
+EYES = {"eyes": {"type": "AGENT"}}
+TEAMS = {"red": {"count": 1, "sensors": ["eyes"]}, "blue": {"count": 1, "sensors": ["eyes"]}}
+PENNIES = scene("pair", TEAMS, ["solved_games:pennies"], turns=2, sensors=EYES)
+
+
+def ours(solution, game, turned):
+    """The policy of a solution in the turn-based form of a game."""
+    found, shares = policy.TabularPolicy(turned), {}
+
+    def walk(state):
+        if state.is_terminal():
+            return
+        places = dict(zip(solution.table.roster.names, solution.table.nodes[state.number].tolist(), strict=True))
+        for player, team in enumerate(solution.table.setup.teams):
+            nodes = {tuple(one.nodes.items()): one.share for one in solution.policy(team, places, state.turn)}
+            row = [
+                nodes.get(tuple(solution.table.actions_of(state.number, player, action).items()), 0.0)
+                for action in state.legal_actions(player)
+            ]
+            shares[state.information_state_string(player)] = row
+        for first in state.legal_actions(0):
+            for second in state.legal_actions(1):
+                after = state.clone()
+                after.apply_actions([first, second])
+                walk(after)
+
+    walk(game.new_initial_state())
+    for text, row in found.state_lookup.items():
+        known = shares[text.split("\n", 1)[1]]
+        found.action_probability_array[row, : len(known)] = known
+    return found
+
+
+@pytest.mark.parametrize(
+    "scenario",
+    [
+        PENNIES,
+        pursuit("path", [0], [2], turns=2, sensors=EYES).replace(
+            **{"teams.cops.sensors": ["eyes"], "teams.robbers.sensors": ["eyes"]}
+        ),
+    ],
+    ids=["pennies", "pursuit"],
+)
+def test_openspiel_finds_the_same_value_and_nothing_to_gain_against_our_strategies(scenario):
+    solution, game = solve(scenario), openspiel(scenario)
+    turned = pyspiel.convert_to_turn_based(game)
+    played = ours(solution, game, turned)
+    assert solution.is_exact
+    assert exploitability.exploitability(turned, played) == pytest.approx(0.0, abs=1e-9)
+    value = expected_game_score.policy_value(turned.new_initial_state(), [played, played])
+    assert value == pytest.approx([solution.value, -solution.value], abs=1e-9)
+
+
+def test_cfr_gets_near_our_value():
+    turned = pyspiel.convert_to_turn_based(openspiel(PENNIES))
+    solver = cfr.CFRPlusSolver(turned)
+    for _ in range(100):
+        solver.evaluate_and_update_policy()
+    average = solver.average_policy()
+    value = expected_game_score.policy_value(turned.new_initial_state(), [average, average])[0]
+    assert value == pytest.approx(solve(PENNIES).value, abs=2 * exploitability.nash_conv(turned, average))
+    assert exploitability.exploitability(turned, average) < 0.03
+
+
+def test_the_game_passes_openspiels_own_simulations():
+    game = openspiel(PENNIES)
+    pyspiel.random_sim_test(game, num_sims=3, serialize=False, verbose=False)
+    state = game.new_initial_state()
+    state.apply_actions([0, 1])
+    assert state.clone().history() == state.history()
+    assert len(state.information_state_tensor(0)) == game.information_state_tensor_size()
+    assert str(state).startswith("turn 1: blue_0 on ")
+    assert state.rewards() == state.returns() == [-state.returns()[1], state.returns()[1]]
+
+
+def test_players_know_what_their_sensors_show_and_no_more():
+    blind = openspiel(PENNIES.replace(**{"teams.red.sensors": []}))
+    seeing = openspiel(PENNIES)
+    told = []
+    for game in (blind, seeing):
+        texts = []
+        for other in (0, 1):
+            state = game.new_initial_state()
+            state.apply_actions([0, other])
+            texts.append(state.information_state_string(0))
+        told.append(texts)
+    assert told[0][0] == told[0][1]
+    assert told[1][0] != told[1][1]
+
+
+def test_games_that_openspiel_cannot_have_are_refused(monkeypatch):
+    with pytest.raises(BadValue, match="turns="):
+        openspiel(scene("pair", TEAMS, ["solved_games:pennies"], sensors=EYES))
+    with pytest.raises(BadValue, match="order"):
+        openspiel(PENNIES.replace(settings={"order": [["red"], ["blue"]]}))
+    monkeypatch.setitem(sys.modules, "gamms.solve.teams_game", None)
+    with pytest.raises(MissingExtra, match=r"gamms\[solve\]"):
+        openspiel(PENNIES)
