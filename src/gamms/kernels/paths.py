@@ -125,12 +125,20 @@ def first_steps(tight: Arcs, hops: FloatArray, ids: IntArray) -> IntArray:
     return steps
 
 
-class Trees(NamedTuple):
-    """Shortest paths from several starts to the nodes that can be reached: entries by start, then by row."""
+class Reached(NamedTuple):
+    """The nodes that can be reached from several starts: entries by start, then by row."""
 
     lines: IntArray  # (entries,)  numbers of starts
     rows: IntArray  # (entries,)  of nodes
     far: FloatArray  # (entries,)  distances from the start
+
+
+class Trees(NamedTuple):
+    """The same, with the shortest paths."""
+
+    lines: IntArray
+    rows: IntArray
+    far: FloatArray
     arcs: IntArray  # (entries,)  the last arc on the path; -1 at the start itself
 
 
@@ -145,15 +153,41 @@ def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf)
         ids: (nodes,) different numbers.
         cutoff: what is farther away than this counts as out of reach.
     """
-    nodes = len(ids)
+    reached = reached_from(arcs, roots, len(ids), cutoff)
+    return Trees(*reached, last_arcs(arcs, roots, ids, reached))
+
+
+def reached_from(arcs: Arcs, roots: IntArray, nodes: int, cutoff: float = inf) -> Reached:
+    """Return what `route_trees` returns, without the paths: half of its time or less.
+
+    Args:
+        arcs: the ways.
+        roots: (roots,) rows, each once.
+        nodes: how many rows there are.
+        cutoff: as there.
+    """
     if len(arcs.ends) < _FEW or not len(roots) or not has_scipy():
         distances = np.array([heap_distances(arcs, root, cutoff) for root in roots[:, None]]).reshape(-1, nodes)
     else:
         distances = _sparse().csgraph.dijkstra(_matrix(arcs), indices=roots, limit=cutoff)
     flat = distances.reshape(-1)
-    near = np.flatnonzero(np.isfinite(flat))
+    near = np.flatnonzero(flat < inf)
     lines = near // max(nodes, 1)
-    rows = near - lines * nodes
+    return Reached(lines, near - lines * nodes, flat[near])
+
+
+def last_arcs(arcs: Arcs, roots: IntArray, ids: IntArray, reached: Reached) -> IntArray:
+    """Return the last arcs on the shortest paths, (entries,) those of `Trees`.
+
+    Args:
+        arcs: the ways.
+        roots: (roots,) rows, each once.
+        ids: (nodes,) different numbers.
+        reached: what `reached_from` returns of the roots.
+    """
+    nodes, (lines, rows, far) = len(ids), reached
+    near, flat = lines * nodes + rows, np.full(len(roots) * nodes, inf)
+    flat[near] = far
     used, runs = chosen_runs(arcs.offsets, rows)
     # The arcs of all roots side by side, as if each had a graph of its own, in which rows are `before` and `after`.
     starts = _starts(arcs)
@@ -180,7 +214,8 @@ def route_trees(arcs: Arcs, roots: IntArray, ids: IntArray, cutoff: float = inf)
         among = among[np.lexsort((after[among], flat[after[among]]))]
         ties = zip(after[among].tolist(), ids[starts[used[among]]].tolist(), used[among].tolist(), strict=True)
         _break_ties(last, (starts - arcs.ends).data, begins, ties)
-    return Trees(lines, rows, flat[near], last[near])
+    found: IntArray = last[near]
+    return found
 
 
 def _break_ties(last: IntArray, back: memoryview, begins: IntArray, ties: Iterable[tuple[int, int, int]]) -> None:

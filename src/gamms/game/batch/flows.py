@@ -179,7 +179,7 @@ class Flows:
         size = max(1, _AT_ONCE // max(len(ids), 1))
         for first in range(0, len(new), size):
             some = new[first : first + size]
-            tree = kernels.route_trees(arcs, some, ids, limit)
+            tree = kernels.reached_from(arcs, some, len(ids), limit)
             ends = np.searchsorted(tree.lines, np.arange(1, len(some)))
             found.update(zip(some.tolist(), np.split(tree.rows, ends), strict=True))
         self._keep({(weight, limit, row): found[row] for row in new.tolist()})

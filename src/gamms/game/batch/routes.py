@@ -15,7 +15,7 @@ from gamms.ir.obstacles import BoolArray
 
 _MOST_BYTES = 512 * 2**20  # of the tables of one graph, and of those of other graphs that are kept beside them
 _AT_ONCE = 1 << 20  # nodes and edges that are searched at once, in all
-_DETOURS = (2.0, 6.0, np.inf)  # how long ways are that are looked for first, then, and last, in straight lines
+_DETOURS = (1.5, 3.0, 8.0, np.inf)  # how long ways are that are looked for first, then, and last, in straight lines
 _SHORT = 0xFFFF  # nodes that have numbers of two bytes, without the last
 _MANY = 255  # actions that have numbers of one byte, without the last
 
@@ -59,12 +59,14 @@ class RouteTable:
         nodes, most = len(streets.counts), int(streets.counts.max(initial=1))
         narrow = np.dtype(np.uint16 if nodes < _SHORT else np.int32)
         tables = min(nodes, max(1, _MOST_BYTES // 2 // (max(nodes, 1) * narrow.itemsize)))
-        values = max(_MOST_BYTES // 2 // 9, 3 * nodes + 1)
-        self._most = max(1, min(tables, (values - 1) // max(3 * nodes, 1)))  # tables that fit if each is extended twice
+        times = len(_DETOURS)  # that a table may be computed, each time for more of the map
+        values = max(_MOST_BYTES // 2 // 9, times * nodes + 1)
+        self._most = max(1, min(tables, (values - 1) // max(times * nodes, 1)))  # tables that fit for certain
         # Memory is taken for what is written alone. Of each table and node the number of its values, from its first:
         self._ranks = np.empty((tables, nodes), narrow)
         self._unknown = _SHORT if nodes < _SHORT else -1
         self._first, self._tables, self._used = np.zeros(tables, np.int64), 0, 1
+        self._has_hops = np.zeros(tables, np.bool_)  # which tables say where the ways lead
         self._table_of, self._level = np.full(nodes, -1, np.int64), np.full(nodes, -1, np.int64)  # by target
         self._far, self._hops = np.empty(values), np.empty(values, np.uint8 if most < _MANY else np.int32)
         self._none = _MANY if most < _MANY else -1  # stands for no path
@@ -84,7 +86,7 @@ class RouteTable:
         found = np.empty(sources.shape)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
         with _lock:
-            for some in self._ready(starts, ends):
+            for some in self._ready(starts, ends, with_hops=False):
                 flat[some] = self._far[self._values(starts[some], ends[some])]
         return found
 
@@ -160,9 +162,9 @@ class RouteTable:
 
     # -- tables -------------------------------------------------------------------------------------------------
 
-    def _ready(self, starts: IntArray, ends: IntArray) -> Iterator[Any]:
+    def _ready(self, starts: IntArray, ends: IntArray, *, with_hops: bool = True) -> Iterator[Any]:
         """Yield places in `starts` whose tables are there: all in one go, if they fit."""
-        if self._fill(starts, ends):
+        if self._fill(starts, ends, with_hops=with_hops):
             yield slice(None)
             return
         order = np.argsort(ends, kind="stable")
@@ -170,7 +172,7 @@ class RouteTable:
         for first in range(0, len(targets), self._most):
             last = targets[min(first + self._most, len(targets)) - 1]
             some = order[np.searchsorted(ordered, targets[first]) : np.searchsorted(ordered, last, side="right")]
-            while not self._fill(starts[some], ends[some]):  # it starts again with no tables
+            while not self._fill(starts[some], ends[some], with_hops=with_hops):  # it starts again with no tables
                 pass
             yield some
 
@@ -181,8 +183,17 @@ class RouteTable:
         found: IntArray = np.where(ranks == self._unknown, 0, self._first[tables] + ranks)
         return found
 
-    def _fill(self, starts: IntArray, ends: IntArray) -> bool:
+    def _fill(self, starts: IntArray, ends: IntArray, *, with_hops: bool) -> bool:
         """Compute the tables that are missing; where that is too much, discard all and return False."""
+        if not self._fill_distances(starts, ends):
+            return False
+        if with_hops:
+            lacking = ends[~self._has_hops[self._table_of[ends]]]
+            if len(lacking):
+                self._add_hops(np.unique(lacking))
+        return True
+
+    def _fill_distances(self, starts: IntArray, ends: IntArray) -> bool:
         xy = self._streets.columns.xy
         for level, detour in enumerate(_DETOURS):
             tables = self._table_of[ends]
@@ -203,7 +214,7 @@ class RouteTable:
         size = max(1, _AT_ONCE // (len(ids) + len(arcs.ends)))
         for first in range(0, len(targets), size):
             some = targets[first : first + size]
-            lines, rows, far, first_arcs = kernels.route_trees(arcs, some, ids, cutoff)
+            lines, rows, far = kernels.reached_from(arcs, some, len(ids), cutoff)
             fresh = some[self._table_of[some] < 0]
             if self._tables + len(fresh) > len(self._first) or self._used + len(rows) > len(self._far):
                 self._table_of[:], self._level[:], self._tables, self._used = -1, -1, 0, 1
@@ -216,10 +227,24 @@ class RouteTable:
             ranks = np.full((len(some), len(ids)), self._unknown, self._ranks.dtype)
             ranks[lines, rows] = np.arange(len(rows)) - begins[lines]
             self._ranks[tables], self._first[tables] = ranks, self._used + begins
-            self._far[values], self._hops[values] = far, self._action_of[first_arcs]
+            self._far[values], self._has_hops[tables] = far, False
             self._used += len(rows)
-            self._mark_detours(some)
         return True
+
+    def _add_hops(self, targets: IntArray) -> None:
+        """Compute where the ways to some targets lead, whose distances are known."""
+        # NOTE: apart from the distances, because who flees asks for these alone (benchmarks/README.md, learning).
+        arcs, ids = self._arcs, self._streets.columns.node_ids
+        size = max(1, _AT_ONCE // (len(ids) + len(arcs.ends)))
+        for first in range(0, len(targets), size):
+            some = targets[first : first + size]
+            tables = self._table_of[some]
+            lines, rows = np.nonzero(self._ranks[tables] != self._unknown)
+            values = self._first[tables][lines] + self._ranks[tables[lines], rows]
+            reached = kernels.Reached(lines, rows, self._far[values])
+            self._hops[values] = self._action_of[kernels.last_arcs(arcs, some, ids, reached)]
+            self._has_hops[tables] = True
+            self._mark_detours(some)
 
     def _mark_detours(self, targets: IntArray) -> None:
         """Note from which nodes an edge to a target is not the shortest way there."""
