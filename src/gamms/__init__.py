@@ -20,7 +20,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     # ruff: isort: off
     from gamms import agent, graph, memory, sensor, typing, visual
     from gamms import belief as belief, bridge as bridge, context as context, errors as errors, game as game
-    from gamms import limits as limits, llm as llm, osm as osm
+    from gamms import limits as limits, llm as llm, osm as osm, planning as planning
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rl as rl, rules as rules
     from gamms import scenario as scenario, solve as solve, strategies as strategies, testing as testing
     from gamms.context import Context, InternalContext, create_context
@@ -58,6 +58,7 @@ _MODULES = {
         "llm",
         "memory",
         "osm",
+        "planning",
         "recorder",
         "recordings",
         "rendering",

@@ -36,14 +36,15 @@ from gamms.visual.drawers.graph import render_values
 from gamms.visual.drawing import drawing_of
 from gamms.visual.legend import Bar, Row, Rows, Values
 
-_MOST_BYTES = 1 << 27  # about: of what was worked out, for one context
+_MOST_BYTES = 1 << 27  # about: of what was worked out, for one map
 _MARK = 16  # of so many turns, one is kept
 _FAINT = 0.01  # of the highest probability: less is not drawn
 _CAN_BE, _DARK = (150, 110, 190), 384  # a colour, and the sum of a grey in the middle
 
 Step = Callable[[FloatArray, int, list[Observation]], FloatArray]
 
-_worked_out: WeakKeyDictionary[Context, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
+# By the map, which contexts share with their forks: what planners believe is worked out in a fork of each turn.
+_worked_out: WeakKeyDictionary[Ground, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
 
 
 def observe(ctx: Context, state: State | AerialState, *, share: bool = True, horizon: int = 50) -> "Belief":
@@ -227,7 +228,7 @@ class Belief:
             digests.append(blake2b(digests[-1] + (seen.digest if seen else b""), digest_size=16).digest())
         if digests[-1] in self._now:
             return self._now[digests[-1]]
-        kept = _worked_out.setdefault(self._ctx, OrderedDict())
+        kept = _worked_out.setdefault(ground_of(self._ctx.graph.columns()), OrderedDict())
         begin = next((turn for turn in range(self.turn, -1, -1) if digests[turn + 1] in kept), -1)
         value = kept[digests[begin + 1]] if begin >= 0 else start
         for turn in range(begin + 1, self.turn + 1):

@@ -1,6 +1,7 @@
 """What engines and clients do with a whole game: snapshots, detached copies (forks), and `ctx.game.internals`."""
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import AbstractContextManager
 from copy import deepcopy
 from functools import partial
 from types import CellType, FunctionType, MethodType
@@ -426,6 +427,11 @@ class GameInternals(Guarded):
         else:
             place = getattr(agent, "position", agent.current_node_id)
         return place
+
+    @refused_while_deciding
+    def lending(self) -> AbstractContextManager[None]:
+        """Lend the game its own states of `random` and `numpy.random`, once for several steps."""
+        return self._parts.global_random.of(self._parts.ctx)
 
     @refused_while_deciding
     def reseed(self, seed: int) -> None:

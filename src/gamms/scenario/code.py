@@ -30,7 +30,10 @@ from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.text import shown
 from gamms.typing.game import PRIVATE_MODULES
 
-OFFERED = ("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies", "gamms.rl")
+OFFERED = (
+    *("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies"),
+    *("gamms.planning", "gamms.rl"),
+)
 ON_REQUEST = ("gamms.llm",)  # likewise, but only if the caller allows it: it sends what agents know to a server
 GROUP = "gamms.scenario"  # of entry points
 RULES = "gamms.rules"  # the module of rules that are named without one

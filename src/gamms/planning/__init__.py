@@ -1,0 +1,22 @@
+"""Planning: agents that play their game ahead, as far as they know it, before they decide.
+
+    strategy = gamms.planning.mcts(200, depth=15, rollout="gamms.strategies:chase")
+
+    def look_ahead(state):
+        model = gamms.planning.Model(state)
+        model.sample(0)
+        model.play(10, {state["name"]: state["legal"][-1]})
+        ...
+
+`model.py` has the game that is played ahead; read it first. `hidden.py` draws where agents are that are out of sight,
+`mcts.py` searches. A client of the game, beliefs and scenarios: May import: `scenario`, `strategies`, `belief` and
+below. To add a planner write a strategy, or a plan of a team, that makes a `Model` of what it gets.
+"""
+
+from gamms.planning.mcts import SearchOptions, mcts
+from gamms.planning.model import Model, ModelOptions, Policy, closeness
+
+__all__ = ["Model", "ModelOptions", "Policy", "SearchOptions", "closeness", "mcts"]
+
+FOR_SCENARIOS = {"closeness": closeness, "mcts": mcts}
+"""What scenario files may name."""

@@ -1,0 +1,112 @@
+"""Where agents are that are out of sight: drawn by what the agents that plan, and their team, have seen."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from gamms import belief, kernels
+from gamms.context import Context
+from gamms.ir.graph import FloatArray
+from gamms.typing import AgentType, IAgent, SensorType
+from gamms.typing.game import State
+
+_IN_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
+_ON_GROUND = (SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT)
+_MOST_STEPS = 50  # of a teammate that was not seen for long; more change little
+
+
+class Hidden:
+    """What agents know of where the others are, and worlds in which that is so.
+
+    They remember what they see, as `gamms.belief.observe` does; teammates as well, and where they are themselves.
+
+    Args:
+        ctx: of the copy of the game in which the others are placed.
+        states: of the agents, by name.
+        motion: how agents of other teams move.
+    """
+
+    def __init__(self, ctx: Context, states: Mapping[str, State], motion: belief.Motion) -> None:
+        self._ctx, self._states = ctx, states
+        others = [one for name, one in sorted(ctx.agent.agents.items()) if name not in states and one.alive]
+        self._flying = {one.name: one for one in others if one.type is AgentType.AERIAL}
+        walking = [one for one in others if one.name not in self._flying]
+        teams = {ctx.agent.get_agent(name).team for name in states}
+        self._mates = [one for one in walking if one.team in teams - {None}]
+        self._enemies = [one for one in walking if one not in self._mates]
+        self._seen_in_air = {
+            name: place
+            for state in states.values()
+            for kind, data in state["sensor"].values()
+            if kind in _IN_AIR
+            for name, (_, place) in data.items()
+            if name in self._flying
+        }
+        self._observe()
+        memory = belief.merge(*(part for state in states.values() for part in _memories(state)))
+        now: Any = {"memory": memory, **{key: one for key, one in next(iter(states.values())).items() if key == "turn"}}
+        known = belief.believed(ctx, now)
+        self._turn, self._last_seen = known.turn, known.last_seen
+        names = [one.name for one in self._enemies]
+        self._chances = np.cumsum(known.probabilities(names, motion), axis=1) if names else np.zeros((0, 1))
+        self._node_ids = ctx.graph.columns().node_ids
+
+    def place(self) -> dict[str, int]:
+        """Put all others somewhere where they can be; return the nodes of those on the ground.
+
+        What is drawn follows from the seed of the context and the name of each agent.
+        """
+        ctx, places = self._ctx, dict[str, int]()
+        key = kernels.purpose_key(ctx.seed, "hidden places")
+        for enemy, chances in zip(self._enemies, self._chances, strict=True):
+            chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(enemy.name), 0))
+            places[enemy.name] = int(self._node_ids[_drawn(chances, chance)])
+        for mate in self._mates:
+            places[mate.name] = self._walked(mate, key)
+        for name, node in places.items():
+            agent: Any = ctx.agent.get_agent(name)
+            agent.current_node_id = agent.prev_node_id = node
+        for name, flyer in self._flying.items():
+            if name in self._seen_in_air:
+                _put_in_air(flyer, self._seen_in_air[name])
+        return places
+
+    def _walked(self, mate: IAgent, key: int) -> int:
+        """Return where a teammate is after a random walk from where it was known to be; unknown, anywhere."""
+        seen = self._last_seen.get(mate.name)
+        name = kernels.name_key(mate.name)
+        if seen is None or not self._ctx.graph.graph.has_node(seen.node):
+            return int(self._node_ids[kernels.below(kernels.draw_bits(key, name, 0), len(self._node_ids))])
+        node, near = seen.node, self._ctx.graph.graph.neighborhoods
+        for step in range(min(self._turn - seen.turn, _MOST_STEPS)):
+            ways: Sequence[int] = near[node]
+            node = ways[kernels.below(kernels.draw_bits(key, name, 0, step), len(ways))]
+        return int(node)
+
+    def _observe(self) -> None:
+        """Remember what the agents see now; one that decides by itself tells its team, for which a plan knows all."""
+        is_alone = len(self._states) == 1
+        mates = {one.name for one in self._mates}
+        for name, state in self._states.items():
+            here: Any = state["curr_pos"]
+            belief.observe(self._ctx, state, share=is_alone)
+            if not isinstance(here, tuple):
+                belief.note(self._ctx, state, name, here, share=is_alone)
+            shown = [data for kind, data in state["sensor"].values() if kind in _ON_GROUND]
+            for mate, node in sorted(pair for data in shown for pair in data.items() if pair[0] in mates):
+                belief.note(self._ctx, state, mate, int(node), share=is_alone)
+
+
+def _memories(state: State) -> tuple[dict[Any, Any], dict[Any, Any]]:
+    return state.get("memory", {}), state.get("team_memory", {})
+
+
+def _drawn(sums: FloatArray, chance: float) -> int:
+    """Return which of some numbers is drawn, by their sums so far."""
+    return min(int(np.searchsorted(sums, chance * sums[-1], side="right")), len(sums) - 1)
+
+
+def _put_in_air(flyer: Any, place: tuple[float, ...]) -> None:
+    flyer.position = place
+    flyer.position = place  # so that its position before is the same

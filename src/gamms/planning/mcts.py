@@ -1,0 +1,379 @@
+"""Search for agents that decide at once: Monte Carlo tree search in worlds that fit what they know."""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import count
+from math import exp, inf, log, sqrt
+from time import perf_counter
+from typing import Any, Literal, NamedTuple, Unpack, cast
+
+from gamms import kernels
+from gamms.arguments import as_choice, as_count, as_float, as_int, as_range
+from gamms.errors import BadType, BadValue
+from gamms.planning.model import Model, ModelOptions, Policy, States, checked_options
+from gamms.scenario.code import offered_function
+from gamms.strategies import random_walk
+from gamms.text import shown, shown_as_called
+from gamms.typing import SensorType
+from gamms.typing.game import Action, Draws, State, Strategy
+
+Value = Callable[[Model], float]
+Key = tuple[Any, ...]
+
+_SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
+_ITERATIONS = 200
+_EXPLORATION = 0.7  # how much UCT is for actions that it does not know yet; gains are from 0 to 1
+_EXPLORED = 0.2  # the share of moves that Exp3 makes at random
+
+
+class SearchOptions(ModelOptions, total=False):
+    """Further keywords of `mcts`; and those of a `Model`."""
+
+    selection: Literal["uct", "exp3"]
+    """How actions are chosen. Default: "uct", and at the end the one that was tried most often. "exp3" draws one by how
+    often each was tried, for games in which opponents must not foresee it."""
+    actions: Callable[[State], Sequence[Action]]
+    """The actions that are searched: a function of the state. Default: `state["legal"]`, nodes."""
+    discount: float
+    """What a point is worth that is made a turn later, from 0 to 1. Default: 0.98."""
+    seed: int
+    """Of all draws. Default: 0."""
+
+
+class _Settings(NamedTuple):
+    """The arguments of `mcts`, checked."""
+
+    iterations: float
+    seconds: float
+    depth: int
+    rollout: Policy | Mapping[Any, Policy]
+    opponents: Policy | Mapping[Any, Policy]
+    are_searched: bool  # the opponents
+    value: Value | None
+    is_uct: bool
+    actions: Callable[[State], Sequence[Action]]
+    discount: float
+    seed: int
+    options: ModelOptions
+
+
+@shown_as_called
+def mcts(
+    iterations: int | None = None,
+    *,
+    seconds: float | None = None,
+    depth: int = 20,
+    rollout: Policy | Mapping[Any, Policy] = random_walk,
+    opponents: Policy | Mapping[Any, Policy] = "search",
+    value: str | Value | None = None,
+    **options: Unpack[SearchOptions],
+) -> Callable[[States], None]:
+    """Make a strategy, or a plan of a team, that searches for actions by playing the game ahead.
+
+    In each iteration it samples a world of a `Model`, and plays `depth` turns in it. Each agent of the team has a tree
+    of its own, whose nodes are what it has done and seen, and chooses at once with the others by UCT or Exp3, on its
+    own gains: decoupled search for simultaneous moves (Tak, Lanctot, Winands: Monte Carlo tree search variants for
+    simultaneous move games, CIG 2014; Lanctot, Lisy, Winands: Monte Carlo tree search in simultaneous move games with
+    applications to Goofspiel, 2014), with trees of information sets (Cowling, Powley, Whitehouse: Information set Monte
+    Carlo tree search, 2012). Behind its tree an agent follows the rollout policy,
+    which is also what it tries first at each node, and does where nothing speaks for another action.
+
+    The gain of an iteration is by how much the lead of the team grows (`Model.lead`), later points for less, and what
+    `value` says at its end.
+
+    For iterations alone, the same seed gives the same actions; for seconds, how far it comes depends on the machine.
+    No turn of the model is begun that would end late, by the longest so far.
+
+    Args:
+        iterations: how many; None: 200, or as many as there are seconds for.
+        seconds: how long a decision may take; None: as long as it takes.
+        depth: how many turns are played ahead.
+        rollout: the policy of the own team behind its trees, and of teammates that decide by themselves.
+        opponents: the policy of the others; "search": they search as well, for what is worst for the team, and go at
+            random behind their trees.
+        value: what the model at the end of an iteration is worth to the team besides its points, such as
+            `gamms.planning.closeness`; None: nothing.
+        options: see `SearchOptions`.
+
+    Raises:
+        BadType, BadValue: an argument is impossible.
+        UnknownName (KeyError): there is no such option.
+    """
+    checked_options(options, SearchOptions)
+    rest: dict[str, Any] = {name: one for name, one in options.items() if name in ModelOptions.__annotations__}
+    are_searched = isinstance(opponents, str) and opponents == "search"
+    worth = offered_function(value) if isinstance(value, str) else value
+    if value is not None and not callable(worth):
+        raise BadType(f"value is a function of the model, such as gamms.planning.closeness, not {shown(value)}.")
+    actions = options.get("actions", _legal)
+    if not callable(actions):
+        raise BadType(f"actions is a function of the state, not {shown(actions)}.")
+    discount = as_float(options.get("discount", 0.98), "discount")
+    if not 0.0 < discount <= 1.0:
+        raise BadValue(f"discount must be more than 0 and at most 1, not {discount}.")
+    limit = inf if seconds is None else as_range(seconds, "seconds")
+    if not limit > 0.0:
+        raise BadValue(f"seconds must be more than 0, not {shown(seconds)}.")
+    chosen = as_choice(options.get("selection", "uct"), "selection", ("uct", "exp3"))
+    most = (
+        inf
+        if iterations is None and seconds is not None
+        else as_count(_ITERATIONS if iterations is None else iterations, "iterations")
+    )
+    settings = _Settings(
+        iterations=most,
+        seconds=limit,
+        depth=as_count(depth, "depth"),
+        rollout=rollout,
+        opponents=random_walk if are_searched else opponents,
+        are_searched=are_searched,
+        value=worth,
+        is_uct=chosen == "uct",
+        actions=actions,
+        discount=discount,
+        seed=as_int(options.get("seed", 0), "seed"),
+        options=cast("ModelOptions", rest),
+    )
+
+    def mcts(states: States) -> None:
+        _Search(settings, states, perf_counter()).decide()
+
+    return mcts
+
+
+def _legal(state: State) -> Sequence[Action]:
+    return state["legal"]
+
+
+class _Range:
+    """The gains of a search so far, by which others are from 0 to 1."""
+
+    def __init__(self) -> None:
+        self._least, self._most = inf, -inf
+
+    def add(self, gain: float) -> None:
+        """Take in a gain."""
+        self._least, self._most = min(self._least, gain), max(self._most, gain)
+
+    def share(self, gain: float) -> float:
+        """Return where between the least and the most a gain is."""
+        return (gain - self._least) / (self._most - self._least) if self._most > self._least else 0.5
+
+
+class _Node:
+    """What an agent knows at some point of an iteration, and what came of its actions there.
+
+    Attributes:
+        actions: what it may do; None: no iteration came so far.
+        counts, totals: how often it did each, and the gains that this brought.
+        weights: of Exp3.
+        children: (action, what it saw then) -> the node behind.
+    """
+
+    __slots__ = ("actions", "children", "counts", "totals", "weights")
+
+    def __init__(self) -> None:
+        self.actions: Sequence[Action] | None = None
+        self.children: dict[Key, _Node] = {}
+        self.counts: list[int] = []
+        self.totals: list[float] = []
+        self.weights: list[float] = []
+
+    def offer(self, actions: Sequence[Action]) -> None:
+        """Set what the agent may do."""
+        self.actions = actions
+        self.counts, self.totals, self.weights = [0] * len(actions), [0.0] * len(actions), [0.0] * len(actions)
+
+    def by_uct(self, known: _Range, draw: Draws) -> int:
+        """Return the action with the highest upper bound, of several any; those that were not tried come first."""
+        # By lot, or agents that search together would try their actions in step, and not see whose brings what.
+        if not self.counts[0]:
+            return 0
+        untried = [action for action, tries in enumerate(self.counts) if not tries]
+        if untried:
+            return draw.choice(untried)
+        explore = log(sum(self.counts))
+        bounds = [
+            known.share(total / tries) + _EXPLORATION * sqrt(explore / tries)
+            for tries, total in zip(self.counts, self.totals, strict=True)
+        ]
+        highest = max(bounds)
+        return draw.choice([action for action, bound in enumerate(bounds) if bound == highest])
+
+    def chances(self) -> list[float]:
+        """Return how probably Exp3 chooses each action."""
+        highest, number = max(self.weights), len(self.weights)
+        shares = [exp(_EXPLORED / number * (weight - highest)) for weight in self.weights]
+        total = sum(shares)
+        return [(1.0 - _EXPLORED) * share / total + _EXPLORED / number for share in shares]
+
+    def best(self) -> int:
+        """Return the action that was tried most often; of several, the one with the highest mean, then the first."""
+        ranks = [(tries, total / max(tries, 1)) for tries, total in zip(self.counts, self.totals, strict=True)]
+        return ranks.index(max(ranks))
+
+    def mixed(self, chance: float) -> int:
+        """Return an action by how often each was tried, but for what Exp3 tries in any case."""
+        number, tries = len(self.counts), sum(self.counts)
+        shares = [max(0.0, one - tries * _EXPLORED / number) for one in self.counts]
+        return _drawn(shares if any(shares) else [1.0] * number, chance)
+
+
+def _drawn(shares: Sequence[float], chance: float) -> int:
+    """Return which of some shares a number from 0 to 1 falls into."""
+    left = chance * sum(shares)
+    for number, share in enumerate(shares):
+        left -= share
+        if left < 0.0:
+            return number
+    return max(number for number, share in enumerate(shares) if share)
+
+
+class _Walker:
+    """An agent in one iteration, on its way down its tree.
+
+    Args:
+        search: its settings, and the gains so far.
+        roots: what it knows at first -> the root of its tree; of an agent that decides, its only root under ().
+        policy: what it does behind its tree.
+        is_own: whether it decides.
+    """
+
+    def __init__(self, search: "_Search", roots: dict[Key, _Node], policy: Strategy, *, is_own: bool) -> None:
+        self._search, self._branch, self._policy, self._is_own = search, roots, policy, is_own
+        self._action: int | None = None  # that it did last; None: it is at the root
+        self._has_left = False  # whether it is behind its tree
+        self.visits: list[tuple[int, _Node, int, float]] = []  # turn, node, action and how probable that was
+
+    def __call__(self, state: State) -> Action | None:
+        """Return its action in the tree; None behind it."""
+        if self._has_left:
+            return None
+        key = () if self._is_own and self._action is None else (self._action, *_seen(state))
+        node = self._branch.get(key)
+        settings = self._search.settings
+        if node is None:
+            self._has_left = self._action is not None  # one node is added in an iteration, and the root for nothing
+            node = self._branch[key] = _Node()
+            if self._has_left:
+                return None
+        if node.actions is None:
+            node.offer(self._policy_first(state))
+        if not node.actions:
+            self._has_left = True
+            return None
+        chance = 1.0
+        if settings.is_uct:
+            action = node.by_uct(self._search.known, state["draw"])
+        else:
+            chances = node.chances()
+            action = _drawn(chances, state["draw"].random())
+            chance = chances[action]
+        self.visits.append((self._search.turn, node, action, chance))
+        self._branch, self._action = node.children, action
+        return node.actions[action]
+
+    def _policy_first(self, state: State) -> list[Action]:
+        """Return the actions to search, first what the policy says: it is done where nothing speaks for another."""
+        actions = list(self._search.settings.actions(state))
+        self._policy(state)
+        first = state.pop("action", None)
+        if first in actions:
+            actions.remove(first)
+            actions.insert(0, first)
+        return actions
+
+
+def _seen(state: State) -> Key:
+    """Return what an agent sees of others, and where it is itself."""
+    seen = [sorted(data.items()) for kind, data in state["sensor"].values() if kind in _SHOWING_AGENTS]
+    return (state["curr_pos"], *(pair for pairs in seen for pair in pairs))
+
+
+class _Search:
+    """A search for the actions of one turn.
+
+    Args:
+        settings: of the strategy.
+        states: what the strategy or plan was given.
+        began: when it was called.
+
+    Attributes:
+        settings: as given.
+        known: the gains so far.
+        turn: of the iteration under way, from 0.
+    """
+
+    def __init__(self, settings: _Settings, states: States, began: float) -> None:
+        self.settings, self.known, self.turn = settings, _Range(), 0
+        self._end, self._longest = began + settings.seconds, 0.0
+        self._model = Model(
+            states, seed=settings.seed, rollout=settings.rollout, opponents=settings.opponents, **settings.options
+        )
+        self._own: dict[str, dict[Key, _Node]] = {name: {} for name in self._model.states}
+        for name, state in self._model.states.items():
+            if not settings.actions(state):
+                raise BadValue(
+                    f"mcts has no action to choose for agent {name!r}: it searches state['legal'], which agents that "
+                    "fly do not have. Give actions=, a function of the state."
+                )
+        agents = self._model.ctx.agent.agents.items()
+        rivals = [name for name, one in agents if name not in self._own and one.team in (None, *self._rivals())]
+        self._others: dict[str, dict[Key, _Node]] = {name: {} for name in rivals if settings.are_searched}
+
+    def _rivals(self) -> list[Any]:
+        return [team for team in self._model.ctx.agent.teams if team != self._model.team]
+
+    def decide(self) -> None:
+        """Set the actions of all agents."""
+        for number in count():
+            if number >= self.settings.iterations or not self._iterate(number):
+                break
+        for name, state in self._model.states.items():
+            node = self._own[name].get(())
+            if node is None or not node.actions:  # there was no time, or it died at once wherever it was
+                self._model.policies[name](state)
+                continue
+            if self.settings.is_uct:
+                action = node.best()
+            else:
+                key = kernels.purpose_key(self.settings.seed, "mcts", state["turn"])
+                action = node.mixed(kernels.fraction(kernels.draw_bits(key, kernels.name_key(name), 0)))
+            state["action"] = node.actions[action]
+
+    def _iterate(self, number: int) -> bool:
+        """Play ahead once, and note what came of it; return False, and note nothing, if there is no time for it."""
+        model, rewards = self._model, list[float]()
+        began = perf_counter()
+        if began + self._longest > self._end:
+            return False
+        model.sample(number)
+        policies = model.policies
+        walkers = {name: _Walker(self, roots, policies[name], is_own=True) for name, roots in self._own.items()}
+        walkers |= {name: _Walker(self, roots, policies[name], is_own=False) for name, roots in self._others.items()}
+        lead = model.lead()
+        with model.game.internals.lending():
+            for turn in range(self.settings.depth):
+                self.turn, now = turn, perf_counter()
+                self._longest = max(self._longest, now - began)
+                if now + self._longest > self._end:
+                    return False
+                began = now
+                model.play(1, walkers)
+                before, lead = lead, model.lead()
+                rewards.append(lead - before)
+                if model.is_over:
+                    break
+        value = self.settings.value
+        gains = [0.0 if value is None or model.is_over else float(value(model))]
+        for reward in reversed(rewards):
+            gains.append(reward + self.settings.discount * gains[-1])
+        gains.reverse()
+        for gain in gains[:-1]:
+            self.known.add(gain)
+        for name, walker in walkers.items():
+            for turn, node, action, chance in walker.visits:
+                share = self.known.share(gains[turn])
+                node.counts[action] += 1
+                node.totals[action] += gains[turn]
+                node.weights[action] += (share if name in self._own else 1.0 - share) / chance
+        return True

@@ -1,0 +1,262 @@
+"""The game as agents know it, to play ahead in: `Model`."""
+
+from collections.abc import Callable, Mapping
+from inspect import iscoroutinefunction
+from math import hypot
+from typing import Any, Literal, TypedDict, Unpack, cast
+
+from gamms import belief, kernels
+from gamms.arguments import as_count, as_int
+from gamms.context import Context
+from gamms.errors import BadType, BadValue, MissingKey, UnknownName
+from gamms.game import Game
+from gamms.planning.hidden import Hidden
+from gamms.scenario.code import first_of, offered_function
+from gamms.strategies import random_walk
+from gamms.text import shown
+from gamms.typing.game import Action, State, Strategy
+
+Policy = str | Callable[..., Any]
+"""What agents do in a model: a strategy, what makes one from the context, or the name of one, such as
+"gamms.strategies:chase"."""
+Choice = Callable[[State], Action | None]
+"""Chooses an action; None: by the policy of the agent."""
+States = State | Mapping[str, State]
+
+
+class ModelOptions(TypedDict, total=False):
+    """Keywords of a `Model`, and of planners that make one."""
+
+    information: Literal["private", "full"]
+    """"full": of the game as it is, where `ctx.game.information` allows that. Default: "private"."""
+    sample: Callable[[Context, Any], object] | None
+    """Sets what else no agent of the team knows, in each world: called with the context of the model, in which agents
+    have been placed, and a NumPy generator. Default: None, all else is as at the start."""
+    motion: belief.Motion
+    """How agents of other teams move until they are seen again. Default: `belief.random_walk()`."""
+
+
+class Model:
+    """A game that agents play ahead while they decide: what they know of it, and random numbers of its own.
+
+    It has many worlds, one for each number: in each, agents that are out of sight are somewhere where they can be by
+    what these agents and their team have seen, and all draws follow from the seed, the turn and the number. What is not
+    known and not drawn is as at the start of the game; docs/planning.md lists it.
+
+        model = Model(state, opponents="gamms.strategies:flee")
+        model.sample(3)
+        model.play(10, {"ann": 17})
+
+    Args:
+        state: what the strategy gets; a plan gives the dict of its states.
+        seed: of all that is drawn.
+        rollout: the policy of the own team, or of several teams: team -> policy.
+        opponents: that of all others, likewise.
+        options: see `ModelOptions`.
+
+    Attributes:
+        names: the agents that decide.
+        team: their team.
+        policies: agent -> what it does by itself.
+        game: the game that is played ahead: `game.scores`, `game.turn`, `game.over`, `game.ctx`.
+
+    Raises:
+        MissingKey (KeyError): the state is not of `ctx.game`.
+        BadType, BadValue: an argument is impossible, or the game does not allow full information.
+        UnknownName (KeyError): there is no such option, strategy, team or agent.
+    """
+
+    def __init__(
+        self,
+        state: States,
+        *,
+        seed: int = 0,
+        rollout: Policy | Mapping[Any, Policy] = random_walk,
+        opponents: Policy | Mapping[Any, Policy] = random_walk,
+        **options: Unpack[ModelOptions],
+    ) -> None:
+        checked_options(options, ModelOptions)
+        self.states = states_of(state)
+        some = next(iter(self.states.values()))
+        self._seed, self._turn = as_int(seed, "seed"), some["turn"]
+        self._sample = options.get("sample")
+        if self._sample is not None and not callable(self._sample):
+            raise BadType(f"sample is a function of the context and a generator, not {shown(self._sample)}.")
+        information = options.get("information", "private")
+        fork = some["fork"](0, information=information)
+        self.names, self.team = fork.names, some["team"]
+        if set(self.names) != set(self.states):
+            raise BadValue(
+                f"A model is made of all states that a plan gets, those of {list(self.names)}, not only of "
+                f"{list(self.states)}."
+            )
+        self.game: Game = fork.game
+        self._actions: Mapping[str, Action | Choice] = {}
+        self.policies: Mapping[str, Strategy] = self._policies({"rollout": rollout, "opponents": opponents}, fork.own)
+        for agent in self.ctx.agent.create_iter():
+            agent.register_strategy(self._steered(agent.name, self.policies[agent.name]))
+        motion = options.get("motion", belief.random_walk())
+        self._hidden = None if information == "full" else Hidden(self.ctx, self.states, motion)
+        self._now = self.game.snapshot()
+        self.sample(0)
+
+    @property
+    def ctx(self) -> Context:
+        """The context of the game that is played ahead."""
+        ctx: Context = self.game.ctx
+        return ctx
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the game that is played ahead has ended."""
+        return self.game.is_over
+
+    def sample(self, number: int) -> None:
+        """Return to where the agents decide, in the world of a number: the same whenever it is sampled.
+
+        Raises:
+            BadType, BadValue: the number is not one from 0.
+        """
+        game, which = self.game, as_count(number, "number of a world", 0)
+        game.restore(self._now)
+        names = ",".join(self.names)
+        game.internals.reseed(kernels.purpose_key(self._seed, "model", names, self._turn, which) >> 1)
+        if self._hidden is not None:
+            game.internals.state.began.update(self._hidden.place())
+        if self._sample is not None:
+            self._sample(self.ctx, self.ctx.stream("hidden"))
+
+    def play(self, turns: int, actions: Mapping[str, Action | Choice] | None = None) -> None:
+        """Play some turns, or to the end of the game.
+
+        Args:
+            turns: how many.
+            actions: what agents do in the first of them; all else follows the policies.
+
+        Raises:
+            UnknownName (KeyError): an action is for an unknown agent.
+        """
+        given = {} if actions is None else actions
+        for name in given:
+            if name not in self.ctx.agent.agents:
+                raise UnknownName("agent", name, self.ctx.agent.agents)
+        with self.game.internals.lending():
+            for turn in range(as_count(turns, "turns of play", 0)):
+                self._actions = {} if turn else given
+                if not self.game.step():
+                    return
+
+    def lead(self) -> float:
+        """Return by how many points the own team leads, before the team that has most besides; an end counts 1.
+
+        The team that has won has a point more, the others one less; in a tie there is none.
+        """
+        scores, over = self.game.scores, self.game.over
+        others = [scores[team] for team in self.ctx.agent.teams if team != self.team]
+        lead = float(scores[self.team] - max(others, default=0.0))
+        winner = None if over is None else over["winner"]
+        return lead if winner is None else lead + (1.0 if winner == self.team else -1.0)
+
+    # -- policies -------------------------------------------------------------------------------------------------
+
+    def _steered(self, name: str, policy: Strategy) -> Strategy:
+        """Return a strategy that does what `play` was given, else what a policy says."""
+
+        def strategy(state: State) -> None:
+            action = self._actions.get(name)
+            if callable(action):
+                action = action(state)
+            if action is None:
+                policy(state)
+            else:
+                state["action"] = action
+
+        return strategy
+
+    def _policies(
+        self, given: Mapping[str, Policy | Mapping[Any, Policy]], own: Callable[[Any], Any]
+    ) -> dict[str, Strategy]:
+        """Return what each agent does that is given no action."""
+        made: dict[tuple[str, Any], Strategy] = {}
+        found = {}
+        for name, agent in self.ctx.agent.agents.items():
+            argument = (
+                "rollout" if agent.team == self.team and (self.team is not None or name in self.names) else "opponents"
+            )
+            policies = given[argument]
+            key = argument, agent.team if isinstance(policies, Mapping) else None
+            if key not in made:
+                policy: Any = policies
+                if isinstance(policies, Mapping):
+                    if agent.team not in policies:
+                        raise UnknownName(f"team in {argument}=", agent.team, policies)
+                    policy = policies[agent.team]
+                made[key] = self._made(policy, argument, own)
+            found[name] = made[key]
+        return found
+
+    def _made(self, policy: Policy, argument: str, own: Callable[[Any], Any]) -> Strategy:
+        """Return the strategy that a policy is, or makes, in this game."""
+        function: Any = policy
+        if isinstance(policy, str):
+            function = offered_function(policy)
+            if function is None:
+                raise BadValue(
+                    f"{argument}={shown(policy)} is no strategy of GAMMS, such as 'gamms.strategies:chase'. To use one "
+                    "of your own, give the function; in a scenario file {function: …}."
+                )
+        if not callable(function) or iscoroutinefunction(function):
+            raise BadType(f"{argument} is a strategy, an ordinary function of the state, not {shown(policy)}.")
+        if first_of(function) == "ctx":
+            return cast("Strategy", function(self.ctx))
+        return cast("Strategy", function if isinstance(policy, str) else own(function))
+
+
+def closeness(model: Model) -> float:
+    """Say how near a team of a model is to its opponents: a `value` for those that pursue.
+
+    Each living opponent counts from 0 to -1 point: its distance to the nearest living agent of the team, in a straight
+    line, as a share of the diagonal of the map.
+    """
+    block, graph = model.ctx.agent.block, model.ctx.graph
+    living = [row for row in range(len(block.names)) if block.alive[row]]
+    own = [block.node[row] for row in living if block.teams[row] == model.team]
+    others = [block.node[row] for row in living if block.teams[row] != model.team]
+    if not own or not others:
+        return 0.0
+    corners = graph.columns().xy.min(axis=0), graph.columns().xy.max(axis=0)
+    places = [graph.graph.get_node(node) for node in own]
+    ends = [graph.graph.get_node(node) for node in others]
+    far = [min(hypot(end.x - place.x, end.y - place.y) for place in places) for end in ends]
+    return -sum(far) / float(max(hypot(*(corners[1] - corners[0])), 1e-9))
+
+
+def states_of(given: States) -> dict[str, State]:
+    """Return the states that a plan was given, or that of a strategy, by the names of the agents.
+
+    Raises:
+        MissingKey (KeyError): they are not of `ctx.game`.
+    """
+    some: Any = given
+    if not isinstance(some, dict) or not some or not all(isinstance(key, str) for key in some):
+        raise BadType(f"A model is made of the state of an agent, or of the states of a plan, not of {shown(given)}.")
+    is_one = "curr_pos" in some and not isinstance(some["curr_pos"], dict)
+    states: dict[str, Any] = {some.get("name", ""): some} if is_one else dict(some)
+    for state in states.values():
+        if "fork" not in state:
+            raise MissingKey(
+                "A model needs state['fork']. ctx.game puts it into the states of strategies and plans; in a loop of "
+                "your own there is none."
+            )
+    return states
+
+
+def checked_options(options: Mapping[str, object], kind: type) -> None:
+    """Refuse keywords that are not known.
+
+    Raises:
+        UnknownName (KeyError): there is no such option.
+    """
+    for name in options:
+        if name not in kind.__annotations__:
+            raise UnknownName("option", name, kind.__annotations__)

@@ -1,0 +1,218 @@
+"""Search: better actions than those of scripts, the same for the same seed, and in time."""
+
+import subprocess
+import sys
+from pathlib import Path
+from time import perf_counter
+
+import pytest
+
+import gamms
+from gamms.errors import BadType, BadValue, UnknownName
+from gamms.planning import mcts
+from gamms.scenario import load
+
+DATA = Path(gamms.__file__).parent / "data"
+
+
+def moves_of(ctx, turns):
+    moves = []
+    for _ in range(turns):
+        ctx.game.step()
+        moves.append({name: move.end for name, move in sorted(ctx.game.moves.items())})
+    return moves
+
+
+def test_a_search_finds_what_a_script_does_not_see(line):
+    """Where bob flees, ann waits for nothing; where bob comes, she meets it."""
+
+    def come(state):
+        state["action"] = max(0, state["curr_pos"] - 1)
+
+    search = mcts(40, depth=4, opponents=come)
+    line.agent.get_agent("ann").register_strategy(search)
+    line.agent.get_agent("bob").register_strategy(come)
+    line.game.run(2)
+    assert line.game.scores["red"] == 1
+
+
+def test_rewards_that_come_later_count_less_and_a_value_stands_for_those_behind_the_end(line):
+    line.game.remove("tag")
+    line.agent.get_agent("bob").register_strategy(gamms.strategies.stay)
+    search = mcts(30, depth=2, value=lambda model: model.ctx.agent.get_agent("ann").current_node_id)
+    line.agent.get_agent("ann").register_strategy(search)
+    line.game.run(4)
+    assert line.agent.get_agent("ann").current_node_id == 4
+
+
+def test_a_plan_searches_for_all_agents_of_its_team(tag):
+    near = tag.replace(
+        **{
+            "sensors.eyes.sensor_range": 100,
+            "teams.blue.agents.bob.node": 2,
+            "teams.blue.agents.cat.node": 17,
+            "max_turns": 6,
+        }
+    )
+    stay = {"blue": gamms.strategies.stay}
+    search = mcts(120, depth=3, opponents="gamms.strategies:stay")
+    with near.build(strategies=stay) as ctx:
+        ctx.game.command("red", search)
+        assert ctx.game.run().scores["red"] == 2
+
+
+@pytest.mark.parametrize("opponents", ["search", "gamms.strategies:flee"])
+def test_the_same_seed_gives_the_same_actions(tag, opponents):
+    def played(seed):
+        with tag.build() as ctx:
+            ctx.game.command("red", mcts(12, depth=4, opponents=opponents, seed=seed))
+            return moves_of(ctx, 4)
+
+    assert played(1) == played(1)
+    assert played(1) != played(2)
+
+
+def test_two_processes_play_the_same(tmp_path, monkeypatch):
+    code = f"""
+from gamms.planning import mcts
+from gamms.scenario import load
+with load({str(DATA / "grid_tag.yaml")!r}).build(5) as ctx:
+    ctx.game.command("red", mcts(6, depth=5, rollout="gamms.strategies:chase"))
+    ctx.record.start("game.ggr", overwrite=True)
+    ctx.game.run(3)
+"""
+    environment = {"PYTHONHASHSEED": "1", "PYTHONPATH": ":".join(sys.path)}
+    subprocess.run([sys.executable, "-c", code], check=True, cwd=tmp_path, env=environment, capture_output=True)
+    there = (tmp_path / "game.ggr").read_bytes()
+    monkeypatch.chdir(tmp_path)
+    exec(code, {})
+    assert (tmp_path / "game.ggr").read_bytes() == there
+
+
+def test_a_scenario_file_names_it_for_agents_and_for_teams(tag):
+    search = {
+        "function": "gamms.planning:mcts",
+        "with": {"iterations": 6, "depth": 3, "opponents": "gamms.strategies:flee"},
+    }
+    team = tag.to_dict()["teams"]["red"]
+    plan = {key: value for key, value in team.items() if key != "strategy"} | {"plan": search}
+    games = [tag.replace(**{"teams.red": one, "max_turns": 4}) for one in ({**team, "strategy": search}, plan)]
+    results = [game.play() for game in games]
+    assert [result.turns for result in results] == [4, 4]
+    assert not any(result.errors for result in results)
+    assert games[1].play() == results[1]
+    with pytest.raises(gamms.scenario.ScenarioError, match="Unknown option 'dpth'"):
+        games[0].replace(**{"teams.red.strategy.with.dpth": 3}).play()
+
+
+def test_agents_that_are_searched_in_batches_play_as_in_games(tag):
+    search = mcts(6, depth=3, opponents="gamms.strategies:flee")
+    short = tag.replace(max_turns=3)
+    alone = [short.play(seed, {"ann": search}) for seed in (1, 2)]
+    with short.batch(seeds=[1, 2], strategies={"ann": search}) as games:
+        games.run()
+        assert [games.result(number) for number in range(2)] == alone
+
+
+def test_opponents_that_search_make_no_action_certain():
+    """Bob wins where he goes to the other side than ann: she has to be on each as often."""
+    sides = []
+    for seed in range(14):
+        with gamms.create_context(seed=seed, logger_config={"level": "ERROR"}) as ctx:
+            ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 1))
+            for name, team in (("ann", "red"), ("bob", "blue")):
+                ctx.agent.create_agent(name, start_node_id=1, team=team)
+
+            @ctx.game.add
+            def match(ctx):
+                ends = [ctx.agent.get_agent(name).current_node_id for name in ("ann", "bob")]
+                ctx.game.scores["red"] += 1 if ends[0] == ends[1] else -1
+                ctx.game.end("shown")
+
+            sides_only = {"actions": lambda state: [node for node in state["legal"] if node != 1]}
+            search = mcts(40, depth=1, seed=seed, selection="exp3", sample=_in_the_middle, **sides_only)
+            ctx.agent.get_agent("ann").register_strategy(search)
+            ctx.game.step()
+            sides.append(ctx.agent.get_agent("ann").current_node_id)
+    assert 2 <= sides.count(0) <= 12
+    assert sides.count(1) == 0
+
+
+def _in_the_middle(ctx, _):
+    ctx.agent.get_agent("bob").current_node_id = 1
+
+
+@pytest.mark.parametrize("seconds", [0.1, 0.3])
+def test_a_budget_of_time_is_kept(tag, seconds):
+    spent = []
+    search = mcts(seconds=seconds, depth=20, rollout="gamms.strategies:chase")
+
+    def timed(states):
+        began = perf_counter()
+        search(states)
+        spent.append(perf_counter() - began)
+
+    with tag.build() as ctx:
+        ctx.game.command("red", timed)
+        ctx.game.run(4)
+    assert sorted(spent)[1] > 0.7 * seconds, "it searches as long as it may"
+    assert sorted(spent)[2] < 1.1 * seconds, "and no longer, where the machine has nothing else to do"
+
+
+def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):
+    east = mcts(seconds=1e-9, rollout=lambda state: state.update(action=state["curr_pos"] + 1))
+    with tag.build(strategies={"ann": east}) as ctx:
+        ctx.game.step()
+        assert ctx.game.moves["ann"].end == 1
+
+
+def test_where_nothing_speaks_for_another_action_the_policy_is_followed(tag):
+    north = mcts(20, depth=2, rollout=lambda state: state.update(action=state["curr_pos"] + 6))
+    with tag.build(strategies={"ann": north, "amy": gamms.strategies.stay}) as ctx:
+        ctx.game.step()
+        assert ctx.game.moves["ann"].end == 6
+
+
+@pytest.mark.parametrize("name", ["grid_tag", "helsinki_pursuit"])
+def test_it_plays_the_scenarios_that_come_with_gamms(name):
+    with load(DATA / f"{name}.yaml").build(2) as ctx:
+        ctx.game.command("red", mcts(4, depth=4, rollout="gamms.strategies:chase", opponents="gamms.strategies:flee"))
+        result = ctx.game.run(3)
+    assert result.turns == 3
+    assert result.errors == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "error", "words"),
+    [
+        ({"iterations": 0}, BadValue, "iterations"),
+        ({"iterations": "many"}, BadType, "iterations"),
+        ({"seconds": 0}, BadValue, "seconds must be more than 0"),
+        ({"depth": 0}, BadValue, "depth"),
+        ({"selection": "ucb"}, BadValue, "Did you mean 'uct'"),
+        ({"discount": 1.5}, BadValue, "discount"),
+        ({"value": 3}, BadType, "value is a function of the model"),
+        ({"actions": 3}, BadType, "actions is a function of the state"),
+        ({"horizon": 3}, UnknownName, "Unknown option 'horizon'"),
+        ({"seed": "x"}, BadType, "seed"),
+    ],
+)
+def test_impossible_arguments_are_refused_when_it_is_made(arguments, error, words):
+    with pytest.raises(error, match=words):
+        mcts(**arguments)
+
+
+def test_agents_that_fly_need_actions():
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        fly = {"type": "AERIAL", "speed": 10.0, "team": "red"}
+        ctx.agent.create_agent("hawk", start_node_id=0, strategy=mcts(4), **fly)
+        with pytest.raises(BadValue, match="Give actions="):
+            ctx.game.step()
+        east = [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)]
+        search = mcts(
+            20, depth=2, actions=lambda state: east, value=lambda model: model.ctx.agent.get_agent("hawk").position[0]
+        )
+        ctx.agent.get_agent("hawk").register_strategy(search)
+        ctx.game.run(2)
+        assert ctx.agent.get_agent("hawk").position[0] == 20.0
