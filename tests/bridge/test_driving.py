@@ -137,6 +137,14 @@ def test_a_robot_without_a_fix_is_waited_for_until_the_limit(ctx):
     assert ctx.game.data["robots"]["anna"] == {"status": "no fix", "waited_s": 2.0}
 
 
+def test_degrees_on_a_map_without_a_crs_are_warned_about_once(ctx, heard):
+    ctx.game.add(drive("anna", lambda: {"lat": 60.0, "lon": 24.0}, limit_s=1.0, clock=SimulatedClock()))
+    ctx.game.run(2)
+    assert [one["status"] for one in ctx.game.events] == ["off map"] * 2
+    (warning,) = [one for one in heard if "latitude" in one]
+    assert "set ctx.graph.graph.crs" in warning
+
+
 def test_fixes_that_stop_coming_are_stale(ctx):
     feed = Feed(clock=SimulatedClock())
     feed.put({"x": 100.0, "y": 0.0})
@@ -288,6 +296,8 @@ def test_wrong_arguments_say_what_is_right(ctx):
         (lambda: drive(3, print), BadType, "agent"),
         (lambda: drive("anna", None), BadType, "A feed is a function"),
         (lambda: drive("anna", "gps.txt"), BadType, "A feed is a function"),
+        (lambda: drive("anna", list, clock=3), BadType, r"A clock has now\(\) and sleep"),
+        (lambda: SimulatedRobot(ctx, "anna", clock=3), BadType, r"A clock has now\(\) and sleep"),
         (lambda: drive("anna", list, send=3), BadType, "send must be a function"),
         (lambda: drive("anna", list, limit_s=math.inf), BadValue, "limit_s must be finite"),
         (lambda: drive("anna", list, checks=3), BadType, "checks must be gamms.bridge.Checks"),

@@ -12,7 +12,7 @@ from websockets.sync.client import connect
 
 import gamms
 from gamms.bridge import Fix, Process, Udp, WebSocketServer, drive
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, NetworkError
 
 HOME = "127.0.0.1"
 
@@ -174,8 +174,10 @@ def test_pages_of_other_sites_may_not_connect():
 
 
 def test_a_port_that_is_taken_is_an_error_at_once():
-    with WebSocketServer() as link, pytest.raises(OSError):
+    with WebSocketServer() as link, pytest.raises(NetworkError, match=r"Nothing can listen at .* in use"):
         WebSocketServer(int(link.url.rpartition(":")[2]))
+    with Udp(listen=(HOME, 0)) as link, pytest.raises(NetworkError, match=r"Nothing can listen at .* in use"):
+        Udp(listen=link.address)
 
 
 def test_a_viewer_that_does_not_read_is_disconnected():

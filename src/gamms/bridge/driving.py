@@ -93,6 +93,7 @@ class Drive:
         self._turn = -1  # that the robot was last sent off in
         self._way, self._told_at = 0, 0.0  # the number of its way, and when it was sent
         self._put_on: int | None = None  # node on which the agent of a late robot is to be put
+        self._has_warned = False  # of degrees on a map without a CRS
         self.key = ("robot", agent)
         self.drawer = partial(self._draw)
         legend = Rows("", (Row(SIGN, "robot, as measured", sign="ring"),))
@@ -127,6 +128,12 @@ class Drive:
                 )
 
         def to_xy(lat: float, lon: float) -> XY:
+            if ctx.graph.crs is None and not self._has_warned:
+                self._has_warned = True
+                ctx.logger.warning(
+                    f"The robot of {self.agent!r} sends latitude and longitude, and the map has no CRS: set "
+                    "ctx.graph.graph.crs, such as to 'EPSG:32635', or send x and y."
+                )
             x, y = ctx.graph.graph.from_latlon(lat=lat, lon=lon)
             return float(x), float(y)
 
@@ -244,7 +251,7 @@ class Drive:
 
     def _status(self, now: float) -> str:
         if self._tracker is None or self._tracker.last is None:
-            return "no fix"
+            return "off map" if self._tracker is not None and self._tracker.counts["off_map"] else "no fix"
         if self._is_stale(now):
             return "stale"
         return "off road" if self._on is None or self._on.off > self._checks.within_m else "ok"

@@ -44,6 +44,19 @@ class WallClock:
         time.sleep(seconds)
 
 
+def as_clock(value: object) -> Clock:
+    """Return a clock; that of the machine for None.
+
+    Raises:
+        BadType: it is none.
+    """
+    if value is None:
+        return WallClock()
+    if not (callable(getattr(value, "now", None)) and callable(getattr(value, "sleep", None))):
+        raise BadType(f"A clock has now() and sleep(seconds), as gamms.bridge.SimulatedClock(), unlike {shown(value)}.")
+    return value  # type: ignore[return-value] # as was checked
+
+
 class SimulatedClock:
     """A clock that goes on only while it is waited for: games with simulated robots take no time, and are the same.
 
@@ -84,7 +97,7 @@ class Feed:
     """
 
     def __init__(self, source: Source | None = None, *, clock: Clock | None = None, send: Send | None = None) -> None:
-        self.clock: Clock = clock or WallClock()
+        self.clock = as_clock(clock)
         self.send = send
         self.counts: Counter[str] = Counter()
         self._waiting: deque[Received] = deque(maxlen=_MOST_WAITING)

@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, Roads, line_of, parse
-from gamms.errors import BadType, BadValue, MissingExtra
+from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class Udp(Link):
 
     Raises:
         BadType, BadValue: an address is none, or there is neither.
-        OSError: the port is taken.
+        NetworkError (ConnectionError): the port is taken, or there is no such host.
     """
 
     def __init__(self, listen: Address | None = None, to: Address | None = None, *, clock: Clock | None = None) -> None:
@@ -164,6 +164,9 @@ class Udp(Link):
             self._socket.setblocking(False)
             if listen is not None:
                 self._socket.bind(as_address(listen, "listen", 0))
+        except OSError as error:
+            self._socket.close()
+            raise _cannot_listen(listen, error) from None
         except BaseException:
             self._socket.close()
             raise
@@ -298,7 +301,7 @@ class WebSocketServer(Link):
 
     Raises:
         MissingExtra (ImportError): websockets is not installed.
-        OSError: the port is taken.
+        NetworkError (ConnectionError): the port is taken, or there is no such host.
     """
 
     def __init__(
@@ -364,7 +367,7 @@ class WebSocketServer(Link):
         try:
             asyncio.run(self._serve(is_ready))
         except OSError as error:
-            self._errors.append(error)
+            self._errors.append(_cannot_listen(self._listen, error))
         finally:
             is_ready.set()
 
@@ -426,6 +429,12 @@ def as_address(value: object, name: str, least_port: int) -> Address:
     if port >= _PORTS:
         raise BadValue(f"A port must be less than {_PORTS}, not {port}.")
     return as_name(value[0], "a host"), port
+
+
+def _cannot_listen(address: object, error: OSError) -> NetworkError:
+    return NetworkError(
+        f"Nothing can listen at {shown(address)}: {error.strerror}. Check the host; port 0 takes a free one."
+    )
 
 
 def _url_of(server: "Server") -> str:

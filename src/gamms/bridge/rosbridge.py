@@ -224,7 +224,7 @@ def rosbridge(
     """
     where, seconds = as_name(url, "a URL"), as_range(timeout_s, "timeout_s")
     if not where.startswith(("ws://", "wss://")):
-        raise BadValue(f"The URL of a rosbridge server begins with ws:// or wss://, not as {shown(url)}.")
+        raise BadValue(f"The URL of a rosbridge server begins with ws:// or wss://, unlike {shown(url)}.")
     at = as_numbers(origin, "origin", "(x, y)")
     try:
         import roslibpy

@@ -6,7 +6,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_int, as_name, as_range
-from gamms.bridge.feeds import Clock, Message, SimulatedClock
+from gamms.bridge.feeds import Clock, Message, SimulatedClock, as_clock
 from gamms.bridge.lines import Fix
 from gamms.context import Context
 from gamms.typing import IAgent
@@ -43,7 +43,7 @@ class SimulatedRobot:
     ) -> None:
         name = as_name(getattr(agent, "name", agent), "an agent")
         one = ctx.agent.get_agent(name)
-        self.clock: Clock = clock or SimulatedClock()
+        self.clock = as_clock(clock or SimulatedClock())
         self._speed, self._noise_m = as_range(speed, "speed"), as_range(noise_m, "noise_m")
         self._rng = kernels.stream(as_int(seed, "seed"), "simulated robot", name)
         self.xy: tuple[float, float] = one.xy
