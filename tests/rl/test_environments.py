@@ -44,6 +44,73 @@ def test_pettingzoo_finds_no_fault_in_the_environment_of_a_team(team, capsys):
     assert "Passed" in capsys.readouterr().out
 
 
+RESPAWN = {"rule": "respawn", "with": {"after": 2}}
+KINDS = {
+    "agents come back": {"rules": [TAG, RESPAWN]},
+    "conflicts": {"conflicts": {"capacity": 1, "allow_swaps": False}},
+    "channels": {"channels": {"radio": {"range_m": 30.0, "loss": 0.2}}},
+    "order of play": {"settings": {"order": [["red"], ["blue"]]}},
+    "deeds": {"settings": {"deeds": {"scan": {"node": "node"}}}},
+    "agents join": {"rules": [TAG, "others:join"]},
+    "agents leave": {"rules": [TAG, "others:leave"]},
+    "agents change teams": {"rules": [TAG, "others:defect"]},
+}
+OTHERS = """
+def join(ctx):
+    if ctx.game.turn == 3:
+        ctx.agent.create_agent("red_late", start_node_id=0, team="red")
+        ctx.agent.create_agent("red_later", start_node_id=0, team="red", strategy=stay)
+
+
+def stay(state):
+    state["action"] = state["curr_pos"]
+
+
+def leave(ctx):
+    if ctx.game.turn == 4:
+        ctx.agent.delete_agent("red_0")
+
+
+def defect(ctx):
+    if ctx.game.turn == 2:
+        ctx.agent.agents["blue_0"].team = "red"
+"""
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_pettingzoo_finds_no_fault_in_games_of_any_kind(kind, tmp_path, capsys):
+    (tmp_path / "others.py").write_text(OTHERS)
+    game = scene(folder=tmp_path, **KINDS[kind])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(rl.parallel_env(game, team="red"), num_cycles=25)
+        parallel_api_test(rl.parallel_env(game), num_cycles=25)
+    assert "Passed" in capsys.readouterr().out
+
+
+def test_agents_that_may_come_back_wait_in_their_places():
+    game = scene([{**TAG, "with": {**TAG["with"], "metres": 1000}}, RESPAWN])
+    env, games = rl.parallel_env(game, team="blue"), rl.vector_env(game, num_games=2, team="blue")
+    env.reset(seed=1)
+    games.reset(seed=1)
+    waited = 0
+    for turn in range(12):
+        was_in = env.learners.alive[0].any()
+        observed, rewards, terminated, truncated, _ = env.step({})
+        many, _, ended, late, infos = games.step(np.zeros(4, int))
+        waited += not was_in
+        assert set(terminated.values()) == {False}
+        assert set(truncated.values()) == {turn == 11}
+        assert (ended.any(), late.all()) == (False, turn == 11)
+        assert infos["valid"].all() == was_in
+        assert was_in or not any(rewards.values())
+        if turn < 11:
+            assert env.agents == ["blue_0", "blue_1"]
+            assert np.array_equal(many["observation"][0], observed["blue_0"]["observation"])
+    assert env.agents == []
+    assert waited > 3
+
+
 def test_gymnasium_finds_no_fault_in_the_environment_of_one_agent(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     with warnings.catch_warnings():
@@ -173,6 +240,17 @@ def test_wrong_arguments_are_refused_by_name():
         rl.single_agent_env(scene(), agent="red_7")
     with pytest.raises(BadValue, match="render_mode must be None, 'human' or 'rgb_array', not 'film'"):
         rl.parallel_env(scene(), render_mode="film")
+    with pytest.raises(BadValue, match="team names no team"):
+        rl.vector_env(scene(), num_games=2, team=[])
+    with pytest.raises(BadValue, match="'red_0' is of the team 'red': give agent= without team="):
+        rl.vector_env(scene(), num_games=2, team="blue", agent="red_0")
+    with pytest.raises(BadType, match=r"graph\(\).*call it, graph"):
+        rl.vector_env(scene(), num_games=2, observation=rl.graph)
+    for actions in (np.zeros(3, int), np.zeros(4), [["a"] * 4], None):
+        with pytest.raises(BadValue, match="Actions are"):
+            rl.vector_env(scene(), num_games=2, team="red").step(actions)
+    with pytest.raises(UnknownName, match="Unknown agent that learns 'red_9'"):
+        rl.parallel_env(scene(), team="red").step({"red_9": 1})
     with pytest.raises(BadType, match="reward must be a function"):
         rl.vector_env(scene(), num_games=2, reward=3)
     with pytest.raises(BadValue, match=r"reward must give numbers for 2 games and 2 agents"):

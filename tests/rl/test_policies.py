@@ -14,7 +14,7 @@ from safetensors.numpy import save_file
 
 import gamms
 from gamms import rl
-from gamms.errors import BadFile, BadType, BadValue, MissingFile, TooLarge
+from gamms.errors import BadFile, BadType, BadValue, MissingFile, MissingFolder, TooLarge
 from gamms.scenario import Scenario, ScenarioError, from_recording, load
 
 WALK = "gamms.strategies:random_walk"
@@ -229,6 +229,8 @@ def test_a_network_can_be_asked_for_each_action(tmp_path):
 def test_what_cannot_be_saved_is_refused_by_name(tmp_path):
     with pytest.raises(BadValue, match=r"saved as .safetensors or .onnx, not as 'red.pkl'"):
         rl.save_policy(network(), tmp_path / "red.pkl", scene(), team="red")
+    with pytest.raises(MissingFolder, match="There is no folder"):
+        rl.save_policy(network(), tmp_path / "none" / "red.safetensors", scene(), team="red")
     file = tmp_path / "red.safetensors"
     with pytest.raises(BadType, match=r"saved as nn.Sequential of Linear.*torch.onnx.export"):
         rl.save_policy(Sequential(Softsign()), file, scene(), team="red")

@@ -11,6 +11,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from gamms.errors import BadValue
 from gamms.rl.learners import ActionArray, Array, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import observation_space, observed
@@ -115,7 +116,10 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
             actions: (slots,) numbers of legal nodes; one that is not legal stays.
         """
         was_alive = self.learners.alive
-        played = self.learners.step(np.asarray(actions).reshape(self.num_games, self.num_agents))
+        given = np.asarray(actions)
+        if given.size != self.num_envs:
+            raise BadValue(f"Actions are one for each of {self.num_envs} slots, not of the shape {given.shape}.")
+        played = self.learners.step(given.reshape(self.num_games, self.num_agents))
         has_ended = self.learners.is_over
         found, infos = observed(self.learners), {}
         if has_ended.any():

@@ -3,12 +3,13 @@
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from gamms.arguments import as_count, as_int
+from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch
 from gamms.ir.graph import FloatArray, IntArray
@@ -24,6 +25,7 @@ Namespace = Any  # the functions of such a library, as the array API names them
 ActionArray = np.ndarray[tuple[int, ...], np.dtype[np.integer[Any]]]
 
 _MOST_OTHERS = 8
+_GAMMS = str(Path(__file__).parents[1])  # the folder of GAMMS
 
 
 class Turn(NamedTuple):
@@ -93,6 +95,7 @@ class Learners:
         masks: (games, agents, actions) which actions are legal: of dead agents and in games that are over to stay.
         alive: (games, agents) which agents take part.
         is_over: (games,) which games have ended.
+        may_return: whether a rule brings back agents that are out: then they wait, and end with their games.
 
     Raises:
         UnknownName (KeyError): there is no such team.
@@ -118,11 +121,11 @@ class Learners:
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
-        for name, function in (("observation", observation), ("reward", reward)):
-            if function is not None and not callable(function):
-                raise BadType(f"{name} must be a function, not {shown(function)}.")
+        for name, function, given in (("observation", observation, "a view"), ("reward", reward, "a turn")):
+            if function is not None:
+                as_function_of(function, name, given)
         self.scenario, self.observation, self._reward = scenario, observation or default_observation, reward
-        strategies, self._hand = dict(others or {}), None
+        strategies, self._hand = dict(as_mapping(others or {}, "others")), None
         if agent is not None:
             strategies[agent] = self._hand = _Hand()
         first, number = as_int(seed, "seed"), as_count(num_games, "num_games")
@@ -146,9 +149,15 @@ class Learners:
     def _look_at(self, teams: Sequence[Hashable] | None, agent: str | None) -> None:
         """Find out who learns, and refuse what cannot be learned."""
         if agent is None:
-            self.teams = self.games.teams if teams is None else tuple(teams)
+            self.teams = self.games.teams if teams is None else tuple(as_items(teams, "team", "names of teams"))
+            if not self.teams:
+                raise BadValue("team names no team: give one, several, or None for all.")
         else:
             self.teams = self.games.observe_agent(agent)["team"]
+            if teams is not None and tuple(teams) != self.teams:
+                raise BadValue(
+                    f"Agent {shown(agent)} is of the team {shown(self.teams[0])}: give agent= without team=."
+                )
         self.agent = agent
         views = self._views()
         self.num_actions = max(1, int(views[0].streets.counts.max()))
@@ -167,6 +176,7 @@ class Learners:
             if one.name in self.names and (one.type is AgentType.AERIAL or one.speed is not None):
                 what = "flies" if one.type is AgentType.AERIAL else f"has the speed {one.speed:g}"
                 raise BadValue(f"Agent {shown(one.name)} {what}: only those learn so far that go one edge in a turn.")
+        self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
                 "No rule of this scenario gives scores, of which rewards are made: give reward=, a function of a "
@@ -222,11 +232,12 @@ class Learners:
                 given = self._checked(self._reward(turn), turn.after, "reward")
             earned.append(column + given)
         plays = was_alive & ~was_over[:, None]
-        has_ended = self.games.terminated[:, None] | (~self.alive & ~self.is_over[:, None])
+        counts = plays | ~was_over[:, None] if self.may_return else plays
+        is_out = ~self.alive & ~self.is_over[:, None] & (not self.may_return)
         return Played(
             self._xp.where(plays, joined(self._xp, earned), 0.0),
-            plays & has_ended,
-            plays & self.games.truncated[:, None],
+            counts & (self.games.terminated[:, None] | is_out),
+            counts & self.games.truncated[:, None],
         )
 
     def begin_all(self, seed: int | None = None) -> None:
@@ -309,7 +320,14 @@ class Learners:
     def _own(self, given: Array) -> Any:
         """Return what a caller gave as an array of the library of the games."""
         library = self.games.library
-        return np.asarray(given) if library is None else library.own(given, "Actions")
+        found = np.asarray(given) if library is None else library.own(given, "Actions")
+        is_integer = found.dtype.kind in "iu" if library is None else self._xp.isdtype(found.dtype, "integral")
+        if tuple(found.shape) != self._shape or not is_integer:
+            raise BadValue(
+                f"Actions are integers, one for each of {self._shape[0]} games and {self._shape[1]} agents, not "
+                f"{found.dtype} of the shape {tuple(found.shape)}."
+            )
+        return found
 
     def _by_team(self, of_all: Array) -> list[Any]:
         """Return the columns of each team, views of an array (games, agents)."""
@@ -372,6 +390,12 @@ def default_observation(view: ArrayView) -> Float32Array:
 
 default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # attributes that other observations may have
 default_observation.of_each = True  # type: ignore[attr-defined] # what it gives for an agent does not depend on others
+
+
+def _brings_back(rule: object) -> bool:
+    """Return whether a rule says that it brings back agents that are out, or code of the caller names `respawn`."""
+    own = (code for code in _codes_of(rule, set()) if not code.co_filename.startswith(_GAMMS))
+    return getattr(rule, "brings_back", False) or any("respawn" in code.co_names for code in own)
 
 
 def _gives_scores(rule: object) -> bool:

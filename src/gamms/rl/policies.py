@@ -10,8 +10,8 @@ from typing import Annotated, Any, NamedTuple, cast
 import msgspec
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_path
-from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile
+from gamms.arguments import as_bool, as_context, as_function_of, as_path
+from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile, MissingFolder
 from gamms.game.batch import ArrayView, array_strategy
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
@@ -109,6 +109,8 @@ def save_policy(
     file = as_path(path, "path")
     if file.suffix not in _BY_SUFFIX[:2]:
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
+    if not file.absolute().parent.is_dir():
+        raise MissingFolder(file.name, file.absolute().parent)
     if isinstance(env, Scenario):
         teams = None if team is None else (team,)
         with Learners(env, teams=teams, agent=agent, observation=observation, reward=_no_reward) as learners:
@@ -158,8 +160,8 @@ def policy(
         MissingFile (FileNotFoundError): there is no such file.
         MissingExtra (ImportError): the library of the file is not installed.
     """
-    if observation is not None and not callable(observation):
-        raise BadType(f"observation must be a function, not {shown(observation)}.")
+    if observation is not None:
+        as_function_of(observation, "observation", "a view")
     loaded = _loaded(as_path(path, "path"), as_bool(trusted, "trusted"))
     player = _Player(loaded, observation, as_bool(sample, "sample"), as_bool(other_scenario, "other_scenario"))
     return _maker(player)

@@ -7,6 +7,8 @@ import numpy as np
 from gymnasium import spaces
 from pettingzoo import ParallelEnv
 
+from gamms.arguments import as_mapping
+from gamms.errors import UnknownName
 from gamms.rl.learners import Float32Array, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import observation_space, observed
@@ -17,7 +19,8 @@ Observed = dict[str, dict[str, Any]]  # agent -> `observation` and `action_mask`
 class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # PettingZoo has no types
     """The agents of some teams in one game; made by `gamms.rl.parallel_env`.
 
-    Agents that are dead leave `agents`; those that come back are there again.
+    Agents that are dead leave `agents`. Where a rule brings agents back, they stay there and wait, with no reward and
+    only staying legal: PettingZoo knows no agent that comes back.
 
     Args:
         learners: in one game, in a context.
@@ -39,11 +42,11 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of what an agent observes."""
-        return self.observation_spaces[agent]
+        return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
         """Return the space of what an agent does: the number of a legal node, 0 to stay."""
-        return self.action_spaces[agent]
+        return self.action_spaces[self._known(agent)]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
         """Begin a game; without a seed, that of the next one.
@@ -52,7 +55,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
             What each agent observes, and the infos of each.
         """
         self.learners.begin_next(seed)
-        self.agents = [name for name, is_in in zip(self.possible_agents, self.learners.alive[0], strict=True) if is_in]
+        self.agents = self._those_in()
         return self._answers(self.agents)
 
     def step(
@@ -67,6 +70,8 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
             Observations, rewards, terminations, truncations and infos by agent; `infos[agent]["is_legal"]` is whether
             its action was.
         """
+        for name in as_mapping(actions, "actions"):
+            self._known(name)
         asked, masks = self.agents, self.learners.masks[0]
         given = np.zeros(len(self.possible_agents), np.int64)
         was_legal = {}
@@ -81,8 +86,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         terminated = {name: bool(played.terminated[0, self._number[name]]) for name in asked}
         truncated = {name: bool(played.truncated[0, self._number[name]]) for name in asked}
         is_over = bool(self.learners.is_over[0])
-        alive = self.learners.alive[0]
-        self.agents = [] if is_over else [name for name in self.possible_agents if alive[self._number[name]]]
+        self.agents = [] if is_over else self._those_in()
         return observations, rewards, terminated, truncated, infos
 
     def action_masks(self) -> dict[str, Any]:
@@ -104,6 +108,16 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
     def close(self) -> None:
         """End the game."""
         self.learners.close()
+
+    def _known(self, agent: str) -> str:
+        if agent not in self._number:
+            raise UnknownName("agent that learns", agent, self.possible_agents)
+        return agent
+
+    def _those_in(self) -> list[str]:
+        """Return the agents that are alive, or may come back."""
+        alive, may_return = self.learners.alive[0], self.learners.may_return
+        return [name for name, is_in in zip(self.possible_agents, alive, strict=True) if is_in or may_return]
 
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return what these agents observe, and their infos."""

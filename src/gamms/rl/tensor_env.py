@@ -103,7 +103,8 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
             terminated, truncated = (
                 one[:, None] | played_one for one, played_one in zip(ends[1:], played[1:], strict=True)
             )
-            terminated = terminated | ~alive
+            if not learners.may_return:
+                terminated = terminated | ~alive
             ended = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         columns = {"observation": learners.observe(), "action_mask": learners.masks, "mask": alive & ~over[:, None]}
         columns |= {key: one[..., None] for key, one in ended.items()}

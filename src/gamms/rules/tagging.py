@@ -199,6 +199,7 @@ def respawn(
         teams=named,
         rank=Rank.RESPAWNS,
         key=key,
+        brings_back=True,
         disclose=all_know("respawns", key),
         array_form=in_arrays,
         array_trigger=may_come_back,

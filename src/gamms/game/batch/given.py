@@ -91,7 +91,8 @@ def acting(game: PlayedGame, roster: Roster, given: Mapping[Hashable, Given], nu
     """
     plans = game.plans
     if given:
-        game.plans = {**plans, **{team: Plan(_taking(_of_agents(game, roster, given, number, team))) for team in given}}
+        own = {team: Plan(_taking(_of_agents(game, roster, given, number, team), game)) for team in given}
+        game.plans = {**plans, **own}
     try:
         yield
     finally:
@@ -154,11 +155,21 @@ def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller h
     return one.tolist() if isinstance(one, np.ndarray | np.generic) else one
 
 
-def _taking(actions: Mapping[str, _ActionOfOne]) -> Callable[[dict[str, Any]], None]:
-    """Return a plan by which agents, if they are alive, take actions, by name."""
+def _taking(actions: Mapping[str, _ActionOfOne], game: PlayedGame) -> Callable[[dict[str, Any]], None]:
+    """Return a plan by which agents, if they are alive, take actions, by name.
+
+    Those that were not there from the start follow their strategies, or stay.
+    """
 
     def plan(states: dict[str, Any]) -> None:
         for name, state in states.items():
+            if name not in actions:
+                strategy = game.ctx.agent.agents[name].strategy
+                if strategy is None:
+                    state["action"] = state["legal"][0]
+                else:
+                    strategy(state)
+                continue
             legal, (move, do, outbox) = state["legal"], actions[name]
             if not 0 <= move < len(legal):
                 raise BadValue(
