@@ -2,6 +2,7 @@
 
 import json
 import logging
+import re
 import traceback
 
 import openai
@@ -68,7 +69,7 @@ def test_a_key_is_not_in_what_a_strategy_prints_and_copies(strategy_of, tmp_path
     import copy
 
     strategy = strategy_of()
-    assert repr(strategy).startswith("Strategy('loop-1', http://127.0.0.1:")
+    assert re.fullmatch(r"Strategy\('loop-1', http://127\.0\.0\.1:\d+, calls=no file\)", repr(strategy))
     with new_game(strategy) as ctx:
         ctx.game.run(1)
         shown = [repr(one) for one in (strategy, copy.deepcopy(strategy), ctx, ctx.game, *ctx.game.rules)]
@@ -141,3 +142,18 @@ def test_secrets_in_headers_and_addresses_of_a_client_are_hidden_too(server, cap
     assert outcomes(result) == ["wrong answer: it is no JSON"]
     assert "query-secret" not in caplog.text
     assert "<hidden>" in caplog.text  # the library logs the address
+
+
+def test_a_key_that_a_function_gives_is_hidden_too(server):
+    secret = "sk-from-a-function-987"
+
+    async def key():
+        return secret
+
+    server.script = lambda _: f"it is {secret}"
+    client = openai.AsyncOpenAI(base_url=server.url, api_key=key)
+    with new_game(Strategy(client, "m", "Go.", attempts=2)) as ctx:
+        result = ctx.game.run(1)
+    assert server.headers[0]["authorization"] == f"Bearer {secret}"
+    assert server.requests[1]["messages"][2]["content"] == "it is <hidden>"
+    assert secret not in str(result.to_dict())

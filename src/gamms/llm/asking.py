@@ -75,7 +75,7 @@ class Asking:
                 await asyncio.sleep(wait)
                 continue
             try:
-                answer = server.without_secrets(parsed(reply.text), self._client)
+                answer = server.without_secrets(parsed(reply.text))
                 self.choice = choice_of(answer, question, state, self._ctx)
             except WrongAnswer as error:
                 outcome = f"wrong answer: {error}"

@@ -4,7 +4,7 @@ import json
 import logging
 import os
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from traceback import format_exception
 from typing import TYPE_CHECKING, Any, NamedTuple, cast
@@ -105,9 +105,9 @@ def as_client(client: object) -> "AsyncOpenAI":
 
 
 def host_of(client: "AsyncOpenAI") -> str:
-    """Return the address of a client's server without what may be secret in it."""
+    """Return the address of a client's server without what may be secret in it: paths are, too, at some gateways."""
     url = urlsplit(str(client.base_url))
-    return f"{url.scheme}://{url.hostname}{f':{url.port}' if url.port else ''}{url.path}"
+    return f"{url.scheme}://{url.hostname}{f':{url.port}' if url.port else ''}"
 
 
 async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
@@ -116,44 +116,40 @@ async def ask(client: "AsyncOpenAI", request: Mapping[str, Plain]) -> Reply:
     Nothing that the client raises gets out, with its headers: neither as an error nor as the context of one.
     """
     reply: Reply | None = None
-    _hide_in_logs(_secrets_of(client))
+    sender = client.with_options(max_retries=0)
+    _hide_secrets_of(sender)
     try:
-        body = await _body(client, dict(request))
+        body = await _body(sender, dict(request))
     except Exception as error:  # noqa: BLE001 - whatever a library of HTTP raises
         reply = _reply_of_error(error)
+    _hide_secrets_of(sender)  # again: the key may be what a function has given just now
     reply = _reply_in(body) if reply is None else reply
-    return reply._replace(text=without_secrets(reply.text, client), problem=without_secrets(reply.problem, client))
+    return reply._replace(text=without_secrets(reply.text), problem=without_secrets(reply.problem))
 
 
-def hidden(value: Any, secrets: Iterable[str]) -> Any:
-    """Return a plain value of JSON without secrets in its texts."""
+def without_secrets(value: Any) -> Any:
+    """Return a plain value of JSON without the secrets of any client, also in the keys of dicts."""
     if isinstance(value, str):
-        for secret in secrets:
+        for secret in sorted(_secrets, key=len, reverse=True):
             value = value.replace(secret, _HIDDEN)
         return value
     if isinstance(value, dict):
-        return {hidden(key, secrets): hidden(one, secrets) for key, one in value.items()}
-    return [hidden(one, secrets) for one in value] if isinstance(value, list) else value
+        return {without_secrets(key): without_secrets(one) for key, one in value.items()}
+    return [without_secrets(one) for one in value] if isinstance(value, list) else value
 
 
-def without_secrets(value: Any, client: "AsyncOpenAI") -> Any:
-    """Return a plain value of JSON without the secrets of a client."""
-    return hidden(value, _secrets_of(client))
+_secrets: set[str] = set()  # of all clients that were used
 
 
 class _HidingFilter(logging.Filter):
     """Hides secrets in what a library logs."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self.secrets: set[str] = set()
 
     def filter(self, record: logging.LogRecord) -> bool:
         """Let every record pass, without the secrets."""
         text = record.getMessage()
         if record.exc_info and record.exc_info[0] is not None:
             text += "\n" + "".join(format_exception(*record.exc_info))
-        safe = hidden(text, sorted(self.secrets, key=len, reverse=True))
+        safe = without_secrets(text)
         if safe != text:
             record.msg, record.args, record.exc_info = safe, (), None
         return True
@@ -162,8 +158,13 @@ class _HidingFilter(logging.Filter):
 _filter = _HidingFilter()
 
 
-def _hide_in_logs(secrets: Iterable[str]) -> None:
-    _filter.secrets.update(secrets)
+def _hide_secrets_of(client: "AsyncOpenAI") -> None:
+    """Hide all texts of a client that must not get out, from now on."""
+    headers = [str(one) for name, one in client.default_headers.items() if not _PUBLIC_HEADERS.fullmatch(name.lower())]
+    url = urlsplit(str(client.base_url))
+    found = [client.api_key, *client.auth_headers.values(), *headers, url.password, url.username, *url.query.split("=")]
+    found += [str(one) for one in (client.default_query or {}).values()]
+    _secrets.update(word for one in found if one for word in (one, *one.split()) if len(word) >= _SHORTEST_SECRET)
     for name in _LOGGERS:
         logging.getLogger(name).addFilter(_filter)  # which adds it once
 
@@ -216,7 +217,7 @@ async def _body(client: "AsyncOpenAI", fields: dict[str, Any]) -> bytes:
     model, messages = fields.pop("model"), fields.pop("messages")
     # One connection for each request: one that is kept belongs to an event loop, and every game has its own.
     headers = {"Accept-Encoding": "identity", "Connection": "close"}
-    create = client.with_options(max_retries=0).chat.completions.with_streaming_response.create
+    create = client.chat.completions.with_streaming_response.create
     sent = create(model=model, messages=messages, extra_body=fields, extra_headers=headers)
     async with sent as response:
         if response.headers.get("content-encoding", "identity") != "identity":
@@ -308,13 +309,3 @@ def _at(value: Any, *path: str | int) -> Any:
         else:
             return None
     return value
-
-
-def _secrets_of(client: "AsyncOpenAI") -> list[str]:
-    """Return all texts of a client that must not get out, the longest first."""
-    headers = [str(one) for name, one in client.default_headers.items() if not _PUBLIC_HEADERS.fullmatch(name.lower())]
-    url = urlsplit(str(client.base_url))
-    found = [client.api_key, *client.auth_headers.values(), *headers, url.password, url.username, *url.query.split("=")]
-    found += [str(one) for one in (client.default_query or {}).values()]
-    words = [word for one in found if one for word in (one, *one.split())]
-    return sorted({one for one in words if len(one) >= _SHORTEST_SECRET}, key=len, reverse=True)
