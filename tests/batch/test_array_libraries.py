@@ -21,7 +21,7 @@ from gamms.strategies import random_walk
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 LIMIT = {"rule": "time_limit", "with": {"turns": 12}}
-IN_NUMPY = {"guard", "safest_exit", "assign", "assign for some", "intercept", "intercept goals"}
+IN_NUMPY = {"guard", "safest_exit", "assign", "assign for some", "intercept", "intercept goals", "sweep", "sweep again"}
 NAMES = ["numpy", "torch", "array_api_strict"]
 
 

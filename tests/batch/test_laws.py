@@ -36,6 +36,7 @@ from gamms.strategies import (
     patrol,
     random_walk,
     random_waypoints,
+    sweep,
 )
 
 LAWS = settings(max_examples=70, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
@@ -246,6 +247,7 @@ PACED = {
     "assign": lambda ctx: assign(ctx, patience=1),
     "intercept": intercept,
     "cut off": lambda ctx: intercept(ctx, [8, 35]),
+    "sweep": lambda ctx: sweep(ctx, repeat=True),
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 23, 1.9),
     "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),
@@ -253,7 +255,7 @@ PACED = {
 BY_EDGES = {"guard", "intercept", "cut off"}
 motions = st.one_of(
     st.none(),
-    st.just({"legal": "any", "strategies": ["chase", "flee", "guard", "assign", "intercept", "cut off"]}),
+    st.just({"legal": "any", "strategies": ["chase", "flee", "guard", "assign", "intercept", "cut off", "sweep"]}),
     st.fixed_dictionaries(
         {
             "speed_unit": st.just("metres"),

@@ -24,6 +24,7 @@ from gamms.strategies import (
     random_waypoints,
     safest_exit,
     stay,
+    sweep,
     unblock,
 )
 
@@ -55,6 +56,8 @@ MADE = {
     "assign for some": lambda ctx: mix(0.7, assign(ctx, patience=2), goto(ctx, 5)),
     "intercept": intercept,
     "intercept goals": lambda ctx: intercept(ctx, [0, 41, 20], otherwise=stay),
+    "sweep": sweep,
+    "sweep again": lambda ctx: sweep(ctx, [1, 9, 33, 20], repeat=True),
     "safest_exit": lambda ctx: safest_exit(ctx, [0, 41, 20], otherwise=random_walk),
     "first": lambda ctx: first(chase(ctx, otherwise=None), flee(ctx, otherwise=None), patrol(ctx, [3, 20])),
     "mix": lambda ctx: mix(0.6, mix(0.5, random_walk, stay), first(chase(ctx, None), random_waypoints(ctx, [1, 9]))),
@@ -85,7 +88,10 @@ def test_teams_share_in_arrays_what_they_share_alone(settings):
     sight = {"position_noise_m": 8.0, "detection": 0.7}
     with hunted(sight=sight, settings=settings).build(seed=1) as ctx:
         for number in range(3):
-            strategies = assign(ctx, patience=number % 2, otherwise=stay), flee(ctx)
+            strategies = (
+                assign(ctx, patience=number % 2, otherwise=stay),
+                sweep(ctx, range(5 * number, 20), repeat=True),
+            )
             for team, strategy in zip(("red", "blue"), strategies, strict=True):
                 ctx.agent.get_agent(f"{team}_{number}").register_strategy(strategy)
         with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:

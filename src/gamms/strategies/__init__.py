@@ -25,12 +25,14 @@ yourself where a strategy asks for it. Without `legal`, an agent goes along one 
 **Arrays.** Most have an array form, which plays many games at once and follows its scalar form: `offer_form`.
 
 `travel.py` has those that need no enemies, `encounters.py` those that act on enemies, `assignment.py` the one by which
-a team shares them out; read `knowledge.py` first, which has what they know and how they go a step. May import:
-`belief`, `context` and below. To add a strategy, write a function and name it below.
+a team shares them out, `sweeping.py` the one by which it visits all nodes; read `knowledge.py` first, which has what
+they know and how they go a step. May import: `belief`, `context` and below. To add a strategy, write a function and
+name it below.
 """
 
 from gamms.strategies.assignment import assign
 from gamms.strategies.encounters import chase, flee, follow_belief, guard, intercept, safest_exit
+from gamms.strategies.sweeping import sweep
 from gamms.strategies.travel import (
     first,
     follow_path,
@@ -41,7 +43,6 @@ from gamms.strategies.travel import (
     random_walk,
     random_waypoints,
     stay,
-    sweep,
     unblock,
 )
 

@@ -3,15 +3,14 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from math import cos, inf, pi, sin
 from typing import Any, overload
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_context, as_count, as_flag, as_float, as_int
+from gamms.arguments import as_context, as_count, as_float, as_int
 from gamms.context import Context
 from gamms.errors import BadValue
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.strategies import portable
 from gamms.strategies.knowledge import (
     as_known_node,
@@ -21,19 +20,16 @@ from gamms.strategies.knowledge import (
     drawn_below,
     drawn_fraction,
     is_aerial,
-    is_living,
     known_nodes,
     legal_nodes,
     move_to,
     moves_to,
     no_actions,
     node_of,
-    nodes_in_view,
     offer_form,
     remember,
     remembered,
     required,
-    shared_memory,
 )
 from gamms.text import shown_as_called
 from gamms.typing import IContext
@@ -210,52 +206,6 @@ def _waypoints_in_arrays(
         target, left = np.where(draws, drawn, target), np.where(draws, turns, left)
     remember(view, "random_waypoints", target=target, left=left)
     return moves_to(view, target, fallback)
-
-
-@shown_as_called
-def sweep(
-    ctx: Context,
-    nodes: Iterable[NodeId] | None = None,
-    by_sight: bool = False,
-    repeat: bool = False,
-    otherwise: Strategy | None = stay,
-) -> Strategy:
-    """Visit all nodes, each by one member of the team: always the nearest that is left in the agent's part of the map.
-
-    The map is cut into parts with as many nodes each, one for each living member in the order of the names, by
-    recursive coordinate bisection (Berger, Bokhari: A partitioning strategy for nonuniform problems on
-    multiprocessors, 1987). An agent that is done with its part helps with the others. Which nodes were visited is in
-    `state["team_memory"]`, and where the agent goes in `state["memory"]`, under `"sweep"`.
-
-    Args:
-        ctx: the context.
-        nodes: ids of those to visit; None: all nodes.
-        by_sight: whether nodes count as visited, too, on which the agent's sensors would show agents.
-        repeat: begin again when all are visited.
-        otherwise: the strategy to use when all are visited, or the rest cannot be reached; None sets no action then.
-
-    Raises:
-        UnknownName (KeyError), BadType, BadValue: one is not a node of the map, or there are none.
-    """
-    as_context(ctx, "sweep")
-    chosen = None if nodes is None else known_nodes(ctx, nodes, "sweep", "nodes")
-    sees, again = as_flag(by_sight, "by_sight of sweep"), as_flag(repeat, "repeat of sweep")
-    fallback = as_otherwise(otherwise, "sweep")
-
-    def strategy(state: State) -> None:
-        here, memory, board = node_of(state, "sweep"), required(state, "memory", "sweep"), shared_memory(state, "sweep")
-        visited = board.setdefault("visited", set())
-        visited |= {here, *(nodes_in_view(ctx, state) if sees else ())}
-        ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
-        if again and visited.issuperset(ids):
-            visited.clear()
-            visited.add(here)
-        target = memory.get("sweep target")
-        if target is None or target in visited:
-            target = memory["sweep target"] = _next_to_visit(ctx, state, ids, visited)
-        move_to(ctx, state, target, fallback, "sweep")
-
-    return strategy
 
 
 # -- combinations -------------------------------------------------------------------------------------------------
@@ -452,39 +402,6 @@ def _first_node(action: object) -> int | None:
     if isinstance(wanted, Sequence):
         wanted = wanted[0] if wanted else None
     return None if wanted is None else as_int(wanted, "A node of an action")
-
-
-def _next_to_visit(ctx: Context, state: State, ids: Sequence[int], visited: set[int]) -> int | None:
-    """Return the nearest node that is left in the agent's part, else on the whole map; of several, the lowest id."""
-    name, here = required(state, "name", "sweep"), state["curr_pos"]
-    left = sorted(node for node in ids if node not in visited)
-    team = required(state, "team", "sweep")
-    members = [name] if team is None else sorted(one.name for one in ctx.agent.teams[team] if is_living(ctx, one.name))
-    parts = _parts(ctx, tuple(ids), len(members))
-    own = [node for node in left if node in parts[members.index(name)]]
-    nearest = ctx.graph.routes.nearest(here, own)
-    return ctx.graph.routes.nearest(here, left) if nearest is None else nearest
-
-
-_cut: WeakKeyDictionary[Context, dict[Any, list[set[int]]]] = WeakKeyDictionary()  # the last cut of a map
-
-
-def _parts(ctx: Context, ids: tuple[int, ...], number: int) -> list[set[int]]:
-    """Return so many parts of some nodes, with as many nodes each, by cutting along the longer side again and again."""
-    key = (ctx.graph.graph.revision, number, ids)
-    if key not in (known := _cut.setdefault(ctx, {})):
-        known.clear()
-        known[key] = [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
-    return known[key]
-
-
-def _bisected(ids: IntArray, xy: FloatArray, number: int) -> list[IntArray]:
-    if number <= 1:
-        return [ids]
-    axis = int(np.argmax(np.ptp(xy, axis=0))) if len(ids) else 0
-    order = np.lexsort((ids, xy[:, axis]))
-    first, second = np.split(order, [len(ids) * (number // 2) // number])
-    return _bisected(ids[first], xy[first], number // 2) + _bisected(ids[second], xy[second], number - number // 2)
 
 
 def _route(

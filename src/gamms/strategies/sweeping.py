@@ -1,0 +1,256 @@
+"""The strategy of a team that visits all nodes: which were visited, and who goes where next."""
+
+from collections.abc import Iterable, Sequence
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_context, as_flag
+from gamms.context import Context
+from gamms.game.batch.state import Arrays
+from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.strategies.knowledge import (
+    as_otherwise,
+    is_living,
+    known_nodes,
+    move_to,
+    moves_to,
+    node_of,
+    nodes_in_view,
+    offer_form,
+    remember,
+    remembered,
+    required,
+    shared_memory,
+)
+from gamms.strategies.travel import stay
+from gamms.text import shown_as_called
+from gamms.typing.game import NodeId, State, Strategy
+
+_MOST_AT_ONCE = 1 << 22  # nodes among which the nearest are looked for at once
+_FARTHER = (4.0, 16.0, 64.0, np.inf)  # mean lengths of edges: how far these are looked for first, then, and last
+_SLACK = 1.0 + 1e-9  # so much farther a node may be from here that is as near to there, by rounding
+
+
+@shown_as_called
+def sweep(
+    ctx: Context,
+    nodes: Iterable[NodeId] | None = None,
+    by_sight: bool = False,
+    repeat: bool = False,
+    otherwise: Strategy | None = stay,
+) -> Strategy:
+    """Visit all nodes, each by one member of the team: always the nearest that is left in the agent's part of the map.
+
+    The map is cut into parts with as many nodes each, one for each living member in the order of the names, by
+    recursive coordinate bisection (Berger, Bokhari: A partitioning strategy for nonuniform problems on
+    multiprocessors, 1987). An agent that is done with its part helps with the others. Which nodes were visited is in
+    `state["team_memory"]`, and where the agent goes in `state["memory"]`, under `"sweep"`.
+
+    Args:
+        ctx: the context.
+        nodes: ids of those to visit; None: all nodes.
+        by_sight: whether nodes count as visited, too, on which the agent's sensors would show agents.
+        repeat: begin again when all are visited.
+        otherwise: the strategy to use when all are visited, or the rest cannot be reached; None sets no action then.
+
+    Raises:
+        UnknownName (KeyError), BadType, BadValue: one is not a node of the map, or there are none.
+    """
+    as_context(ctx, "sweep")
+    chosen = None if nodes is None else known_nodes(ctx, nodes, "sweep", "nodes")
+    sees, again = as_flag(by_sight, "by_sight of sweep"), as_flag(repeat, "repeat of sweep")
+    fallback = as_otherwise(otherwise, "sweep")
+
+    def strategy(state: State) -> None:
+        here, memory, board = node_of(state, "sweep"), required(state, "memory", "sweep"), shared_memory(state, "sweep")
+        visited = board.setdefault("visited", set())
+        visited |= {here, *(nodes_in_view(ctx, state) if sees else ())}
+        ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
+        if again and visited.issuperset(ids):
+            visited.clear()
+            visited.add(here)
+        target = memory.get("sweep target")
+        if target is None or target in visited:
+            target = memory["sweep target"] = _next_to_visit(ctx, state, ids, visited)
+        move_to(ctx, state, target, fallback, "sweep")
+
+    if not sees:
+        offer_form(strategy, _sweep_in_arrays, chosen, again, parts=[fallback], board="sweep")
+    return strategy
+
+
+def _sweep_in_arrays(chosen: tuple[int, ...] | None, again: bool, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    nodes = len(view.streets.counts)
+    rows = np.arange(nodes) if chosen is None else np.unique(view.streets.rows(chosen))
+    board, memory = _Visited(view), view.memory_of[view.agents]
+    target, here = remembered(view, "sweep", target=-1)["target"], view.node
+    are_left = np.zeros(nodes, np.bool_)
+    are_left[rows] = True
+    left = board.left(rows)[:, memory]  # (games, agents) how many
+    is_new = ~board.has(here)
+    is_done = view.mask & again & ((left == 0) | ((left == 1) & is_new & are_left[here]))
+    seeks = view.mask & ((target < 0) | (target == here) | (~is_done & board.has(np.maximum(target, 0))))
+    at, columns = np.nonzero(seeks)
+    found, most = np.full(len(at), -1), max(1, _MOST_AT_ONCE // nodes)
+    for first in range(0, len(at), most):
+        some = slice(first, first + most)
+        which = at[some], columns[some]
+        wanted = are_left & ~(board.rows(which) & ~is_done[which][:, None])
+        wanted[np.arange(len(wanted)), here[which]] = False
+        own = wanted & (_parts_in_arrays(view, chosen, which))
+        found[some] = _nearest(view, here[which], own)
+        rest = first + np.flatnonzero(found[some] < 0)
+        found[rest] = _nearest(view, here[at[rest], columns[rest]], wanted[rest - first])
+    target[at, columns] = found
+    remember(view, "sweep", target=target)
+    board.visit(is_new=is_new, is_done=is_done)
+    return moves_to(view, target, fallback)
+
+
+class _Visited:
+    """Which nodes teams have visited, in all games of a view; what is visited now counts from the next turn on.
+
+    Args:
+        view: of the agents that ask.
+    """
+
+    def __init__(self, view: ArrayView) -> None:
+        agents, memories = len(view.roster.names), int(view.memory_of.max(initial=0)) + 1
+
+        def make(games: int) -> Arrays:
+            return {
+                "visited": np.zeros((games, memories, len(view.streets.counts)), np.bool_),
+                "turn": np.full((games, memories), -1),
+                "keeps": np.zeros((games, memories), np.bool_),  # whether what was visited before still counts
+                "next": np.full((games, agents), -1),  # what agents have visited in that turn
+            }
+
+        self._view, self._kept = view, view.keep(("team_memory", "sweep"), make)
+        self._memory = view.memory_of[view.agents]
+        self._turn()
+
+    def _turn(self) -> None:
+        """Take what was written in earlier turns."""
+        view, kept, games = self._view, self._kept, self._view.games
+        is_old = kept["turn"][games] != view.turn[:, None]
+        at, agents = np.nonzero((kept["next"][games] >= 0) & is_old[:, view.memory_of])
+        written = np.zeros(is_old.shape, np.bool_)
+        written[at, view.memory_of[agents]] = True
+        begins = np.nonzero(written & ~kept["keeps"][games])
+        kept["visited"][games[begins[0]], begins[1]] = False
+        kept["visited"][games[at], view.memory_of[agents], kept["next"][games[at], agents]] = True
+        kept["next"][games[at], agents] = -1
+        kept["keeps"][games] &= ~is_old
+        kept["turn"][games] = view.turn[:, None]
+
+    def has(self, node: IntArray) -> BoolArray:
+        """Return whether these nodes were visited, (games, agents)."""
+        found: BoolArray = self._kept["visited"][self._view.games[:, None], self._memory, node]
+        return found
+
+    def rows(self, which: tuple[IntArray, IntArray]) -> BoolArray:
+        """Return which nodes were visited, of some agents, (agents, nodes)."""
+        found: BoolArray = self._kept["visited"][self._view.games[which[0]], self._memory[which[1]]]
+        return found
+
+    def left(self, nodes: IntArray) -> IntArray:
+        """Return how many of these nodes were not visited, (games, memories)."""
+        found: IntArray = len(nodes) - self._kept["visited"][self._view.games][:, :, nodes].sum(axis=2)
+        return found
+
+    def visit(self, *, is_new: BoolArray, is_done: BoolArray) -> None:
+        """Note that agents have visited the nodes where they are; those that are done begin again."""
+        view, kept = self._view, self._kept
+        size = kept["visited"][view.games].sum(axis=2)[:, self._memory]
+        counts = view.mask & np.where(is_done, is_new | (size != 1), is_new)
+        at, columns = np.nonzero(counts)
+        kept["next"][view.games[at], view.agents[columns]] = view.node[at, columns]
+        at, columns = np.nonzero(counts & ~is_done)
+        kept["keeps"][view.games[at], self._memory[columns]] = True
+
+
+def _parts_in_arrays(view: ArrayView, chosen: tuple[int, ...] | None, which: tuple[IntArray, IntArray]) -> BoolArray:
+    """Return which nodes are in the parts of agents, (agents, nodes)."""
+    columns, streets, team_of = view.streets.columns, view.streets, view.roster.team_of
+    at, agents = which[0], view.agents[which[1]]
+    are_mates = view.living[at] & (team_of == team_of[agents, None])
+    has_team = np.array([team is not None for team in view.roster.teams], np.bool_)[team_of[agents]]
+    members = np.where(has_team, are_mates.sum(axis=1), 1)
+    rank = np.where(has_team, (are_mates & (np.arange(len(team_of)) < agents[:, None])).sum(axis=1), 0)
+    ids = columns.node_ids if chosen is None else np.array(chosen)
+    found = np.zeros((len(at), len(columns.node_ids)), np.bool_)
+    for number in np.unique(members).tolist():
+        parts = np.full(len(columns.node_ids), -1)
+        for part, those in enumerate(_bisected(ids, columns.xy[streets.rows(ids)], number)):
+            parts[streets.rows(those)] = part
+        some = members == number
+        found[some] = parts == rank[some, None]
+    return found
+
+
+def _nearest(view: ArrayView, starts: IntArray, wanted: BoolArray) -> IntArray:
+    """Return the node that is nearest by road of those that are wanted, (agents, nodes); -1 where none can be reached.
+
+    Of several that are equally near, it is the one with the lowest id.
+    """
+    streets, found = view.streets, np.full(len(starts), -1)
+    arcs, left = streets.ways("length"), np.flatnonzero(wanted.any(axis=1))
+    mean = float(arcs.weights.mean()) if len(arcs.weights) else 0.0
+    for farther in _FARTHER:
+        roots, line_of = np.unique(starts[left], return_inverse=True)
+        if not len(roots):
+            break
+        cutoff = np.inf if farther == np.inf else farther * mean
+        lines, rows, far = kernels.reached_from(arcs, roots, len(streets.counts), cutoff)
+        entries, ends = kernels.chosen_runs(np.searchsorted(lines, np.arange(len(roots) + 1)), line_of)
+        who = np.repeat(np.arange(len(left)), np.diff(ends))
+        are_wanted = wanted[left[who], rows[entries]]
+        who, entries = who[are_wanted], entries[are_wanted]
+        least = np.full(len(left), np.inf)
+        np.minimum.at(least, who, far[entries])
+        is_found = (least * _SLACK <= cutoff) & np.isfinite(least)
+        near = np.flatnonzero((far[entries] <= (least * _SLACK)[who]) & is_found[who])
+        who, nodes = who[near], rows[entries[near]]
+        metres = view.routes().distances(starts[left[who]], nodes)
+        order = np.lexsort((streets.ids(nodes), metres, who))[::-1]  # the best is written last
+        found[left[who[order]]] = nodes[order]
+        left = left[~is_found]
+    return found
+
+
+def _next_to_visit(ctx: Context, state: State, ids: Sequence[int], visited: set[int]) -> int | None:
+    """Return the nearest node that is left in the agent's part, else on the whole map; of several, the lowest id."""
+    name, here = required(state, "name", "sweep"), state["curr_pos"]
+    left = sorted(node for node in ids if node not in visited)
+    team = required(state, "team", "sweep")
+    members = [name] if team is None else sorted(one.name for one in ctx.agent.teams[team] if is_living(ctx, one.name))
+    parts = _parts(ctx, tuple(ids), len(members))
+    own = [node for node in left if node in parts[members.index(name)]]
+    nearest = ctx.graph.routes.nearest(here, own)
+    return ctx.graph.routes.nearest(here, left) if nearest is None else nearest
+
+
+_cut: WeakKeyDictionary[Context, dict[Any, list[set[int]]]] = WeakKeyDictionary()  # the last cut of a map
+
+
+def _parts(ctx: Context, ids: tuple[int, ...], number: int) -> list[set[int]]:
+    """Return so many parts of some nodes, with as many nodes each, by cutting along the longer side again and again."""
+    key = (ctx.graph.graph.revision, number, ids)
+    if key not in (known := _cut.setdefault(ctx, {})):
+        known.clear()
+        known[key] = [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
+    return known[key]
+
+
+def _bisected(ids: IntArray, xy: FloatArray, number: int) -> list[IntArray]:
+    if number <= 1:
+        return [ids]
+    axis = int(np.argmax(np.ptp(xy, axis=0))) if len(ids) else 0
+    order = np.lexsort((ids, xy[:, axis]))
+    first, second = np.split(order, [len(ids) * (number // 2) // number])
+    return _bisected(ids[first], xy[first], number // 2) + _bisected(ids[second], xy[second], number - number // 2)
