@@ -5,7 +5,7 @@ import math
 import pytest
 
 import gamms
-from gamms.bridge import Checks, Feed, SimulatedClock, SimulatedRobot, drive
+from gamms.bridge import Checks, Feed, SimulatedClock, SimulatedRobot, Udp, drive
 from gamms.errors import BadType, BadValue, Duplicate, UnknownName
 
 
@@ -204,6 +204,29 @@ def test_robots_of_teams_that_move_one_after_another_wait_for_each_other_once(ct
     ctx.game.step()
     assert clock.now() == pytest.approx(2 * 9.7, abs=0.11)
     assert not ctx.game.events
+
+
+def test_a_long_way_fits_into_a_line_and_goes_on_from_where_the_robot_is():
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx, Udp(to=("127.0.0.1", 9)) as link:
+        grid = gamms.graph.grid(1, 700, spacing=10.0)
+        grid.graph["crs"] = "EPSG:32635"
+        for _, place in grid.nodes(data=True):
+            place["x"], place["y"] = place["x"] + 385_000.125, place["y"] + 6_672_000.125
+        ctx.graph.attach_networkx_graph(grid)
+        ctx.agent.create_agent("anna", start_node_id=0, speed=699, strategy=goes(699))
+        robot = SimulatedRobot(ctx, "anna", speed=400.0)
+        sent = []
+
+        def send(message):
+            sent.append(len(message["points"]))
+            link.send(message)
+            robot.send(message | {"way": len(sent)})
+
+        ctx.game.add(drive("anna", robot, send=send, limit_s=100.0, checks=Checks(max_speed=500.0)))
+        ctx.game.step()
+        assert ctx.agent.get_agent("anna").current_node_id == 699
+        assert sent[0] == 500
+        assert link.counts["unsent"] == 0
 
 
 def test_what_a_plan_decides_goes_to_the_robot_too(ctx):

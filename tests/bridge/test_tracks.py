@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.bridge import recording_from_tracks
+from gamms.cli import main
 from gamms.errors import BadFile, BadType, BadValue, MissingFile, UnknownType
 
 QUIET = {"level": "CRITICAL"}
@@ -154,6 +155,23 @@ def test_the_map_may_be_a_file(town, tmp_path):
         {"anna": fixes((0, 0), (100, 0))}, tmp_path / "town.gamms", tmp_path / "game", turn_seconds=5.0
     )
     assert places_of(tmp_path / "game.ggr")[:, 0] == pytest.approx([0, 50, 100])
+
+
+def test_the_command_line_makes_recordings_of_tracks(town, tmp_path, capsys, monkeypatch):
+    def convert(*arguments):
+        monkeypatch.setattr("sys.argv", ["gamms", "convert", str(tmp_path / "ride.csv"), *map(str, arguments)])
+        with pytest.raises(SystemExit) as ended:
+            main()
+        return ended.value.code
+
+    town.graph.save(tmp_path / "town.gamms")
+    (tmp_path / "ride.csv").write_text("t,x,y\n0,385000,6672003\n10,385100,6672003\n", encoding="utf-8")
+    out = tmp_path / "ride.ggr"
+    assert not convert(out, "--map", tmp_path / "town.gamms", "--turn-seconds", "5")
+    assert "ride: 2 points, on average 3.0 m beside their roads; 0 are off all roads." in capsys.readouterr().out
+    assert places_of(out, "ride")[:, 0] == pytest.approx([0, 50, 100])
+    assert convert(out)
+    assert "give --map FILE.gamms" in capsys.readouterr().err
 
 
 BAD = {

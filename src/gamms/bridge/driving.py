@@ -21,7 +21,7 @@ from gamms.visual.legend import SIGN, Row, Rows
 ROBOTS = "robots"  # in `ctx.game.data`: agent -> where its robot was measured, and what is wrong with that
 _TICK_S = 0.05
 _REPEAT_S = 1.0  # after which waypoints are sent again, for a robot that has lost them
-_MOST_POINTS = 2_000  # of one message
+_MOST_POINTS = 500  # of one message, so that it fits into a line; the next one goes on from where the robot is
 _DECIMALS, _DEGREES = 3, 8
 _MARK_PX, _LINE_PX, _WAY_PX = 9.0, 2, 4
 
@@ -147,9 +147,9 @@ class Drive:
 
     def __call__(self, ctx: Context) -> None:
         """Put the agent of a late robot where that is."""
-        if self._put_on is not None:
-            ctx.agent.get_agent(self.agent).current_node_id = self._put_on
-            self._put_on = None
+        node, self._put_on = self._put_on, None
+        if node is not None and self.agent in ctx.agent.agents:  # a rule may have deleted it meanwhile
+            ctx.agent.get_agent(self.agent).current_node_id = node
 
     # -- a turn -------------------------------------------------------------------------------------------------
 

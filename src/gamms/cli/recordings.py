@@ -11,7 +11,7 @@ from rich.markup import escape
 from gamms.cli.output import console, echo, in_words, rich_table
 from gamms.errors import BadValue
 from gamms.progress import progress
-from gamms.text import as_text, shown
+from gamms.text import as_text, printable_line, shown
 
 if TYPE_CHECKING:
     from gamms.context import Context
@@ -24,7 +24,8 @@ _Map = Annotated[
     Path | None,
     typer.Option(
         "--map",
-        help="The map, .gamms, of a recording that holds none; for version 2, nodes are made up at (0, 0) without it.",
+        help="The map, .gamms, of tracks, or of a recording that holds none; for version 2, nodes are made up at "
+        "(0, 0) without it.",
         metavar="FILE",
     ),
 ]
@@ -70,7 +71,7 @@ def diff(
 
 def convert(
     file: Annotated[
-        Path, typer.Argument(help="A recording, .ggr, or a map, .gamms.", metavar="FILE", show_default=False)
+        Path, typer.Argument(help="A recording, .ggr, a map, .gamms, or tracks.", metavar="FILE", show_default=False)
     ],
     out: Annotated[
         Path,
@@ -86,10 +87,13 @@ def convert(
 ) -> None:
     """Make tables, tracks or lines of JSON of a recording.
 
-    A map, .gamms, becomes .geojson, .gpkg, .graphml or .csv.
+    A map, .gamms, becomes .geojson, .gpkg, .graphml or .csv. Tracks, .gpx or .csv, become a recording on a --map.
     """
     from gamms import recorder, recordings
 
+    if file.suffix.lower() in (".gpx", ".csv"):
+        _record_tracks(file, out, map, turn_seconds)
+        return
     if file.suffix.lower() == ".gamms":
         with recordings.with_map(file) as ctx:
             echo(f"Wrote {in_words(ctx.graph.export(out))}.")
@@ -117,6 +121,21 @@ def convert(
     if warning:
         echo(f"gamms: {warning} All before that has been converted.", err=True)
         raise typer.Exit(1)
+
+
+def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float) -> None:
+    """Make a recording of tracks, and say how well they fit the roads."""
+    from gamms.bridge import recording_from_tracks
+
+    if map is None:
+        raise BadValue("Tracks are matched to the roads of a map: give --map FILE.gamms.")
+    for found in recording_from_tracks([file], map, out, turn_seconds=turn_seconds):
+        parts = "" if found.parts == 1 else f" in {found.parts} parts"
+        echo(
+            f"{printable_line(found.agent)}: {found.points} points{parts}, on average {found.off_m:.1f} m beside their "
+            f"roads; {found.off_road} are off all roads."
+        )
+    echo(f"Wrote {out if out.suffix == '.ggr' else f'{out}.ggr'}.")
 
 
 def replay(  # noqa: PLR0913, PLR0917 - one argument per option
