@@ -317,3 +317,28 @@ def test_a_rule_that_raises_leaves_a_turn_that_was_played():
             assert games.turn.tolist() == [1, 1]
             moved = (games.observe("red")["curr_pos"] != before).sum()
             assert sum(games.result(i).agents[f"red_{k}"]["moves"] for i in range(2) for k in range(3)) == moved
+
+
+def test_games_go_on_from_any_rows_of_columns():
+    tag = scene(rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}])
+    with tag.batch(4, seed=1) as games, tag.batch(2, seed=9) as others:
+        for _ in range(3):
+            games.step()
+        columns, rows = games.columns(), np.array([3, 1])
+        others.step()
+        others.load({name: values[rows] for name, values in columns.items()}, 3, {"red": np.array([5.0, 0.0])})
+        assert others.turn.tolist() == [3, 3]
+        assert others.scores["red"].tolist() == [5.0, 0.0]
+        for team in games.teams:
+            mine, theirs = games.observe(team), others.observe(team)
+            assert (mine["curr_pos"][rows] == theirs["curr_pos"]).all()
+            assert (mine["mask"][rows] == theirs["mask"]).all()
+        still = {team: np.zeros(games.observe(team).node.shape, int) for team in games.teams}
+        games.step(still)
+        others.step({team: actions[:2] for team, actions in still.items()})
+        assert (games.columns()["node"][rows] == others.columns()["node"]).all()
+
+
+def test_games_that_are_played_one_by_one_have_no_columns():
+    with scene().batch(2, one_by_one=True) as games, pytest.raises(BadValue, match="one_by_one"):
+        games.columns()

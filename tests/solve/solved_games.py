@@ -157,3 +157,7 @@ GRAPHS = {
     "star": nx.star_graph(4),
     "fan": nx.Graph([(0, i) for i in range(1, 5)] + [(1, 2), (2, 3), (3, 4)]),
 }
+
+
+def nothing(ctx):
+    """Do nothing, and have no array form, so that the game is played in a context."""

@@ -213,6 +213,21 @@ def test_a_game_that_is_too_large_is_refused_before_it_is_played():
     assert len(solve(scenario, turns=2).table) < 200
 
 
+def test_games_in_arrays_and_in_contexts_have_the_same_states_and_values():
+    near = {"rule": "tag", "with": {"taggers": "cops", "tagged": "robbers", "then": "eliminate", "hops": 1}}
+    first = {"resolve": {"by_priority": ["robbers", "cops"]}}
+    scenario = pursuit("square", [0], [2], turns=4, conflicts=first).replace(rules=[near, "last_team"])
+    in_arrays = solve(scenario, turns=2)
+    in_context = solve(scenario.replace(rules=[near, "last_team", "solved_games:nothing"]), turns=2)
+    assert 0.0 < abs(in_arrays.value) < 1.0
+    assert in_arrays.value == pytest.approx(in_context.value, abs=1e-12)
+    assert sorted(map(tuple, in_arrays.table.nodes)) == sorted(map(tuple, in_context.table.nodes))
+
+
+def test_a_game_that_lets_agents_look_at_all_is_solved_as_it_is_played():
+    assert solve(pursuit("path", [0], [3], turns=3, settings={"information": "full"}), reward="turns").is_exact
+
+
 def test_arguments_are_checked():
     scenario = scene("pair", TEAMS, ["solved_games:pennies"], turns=3)
     with pytest.raises(UnknownName, match="green"):
@@ -223,6 +238,13 @@ def test_arguments_are_checked():
         solve(scenario, discount=0.0)
     with pytest.raises(BadType, match="scenario"):
         solve("tag.yaml")
+    with pytest.raises(BadType, match="reward"):
+        solve(scenario, reward=lambda: 1.0)
+    solution = solve(scenario)
+    with pytest.raises(BadType, match=r"strategies\['red'\]"):
+        solution.nash_conv({"red": solution.strategy("blue")})
+    with pytest.raises(BadValue, match="for agents of team 'blue'"):
+        scenario.play(strategies={"red": solution.strategy("blue")})
 
 
 def test_matrix_games_are_solved_as_linear_programs_are():

@@ -17,12 +17,16 @@ class Observer:
     Args:
         ctx: a context with the game.
         table: its states.
+
+    Attributes:
+        is_full: whether the game lets agents look at all there is.
     """
 
     def __init__(self, ctx: Context, table: Table) -> None:
         self._table = table
         self._agents = [ctx.agent.get_agent(name) for name in table.roster.names]
         self._seen: dict[tuple[int, ...], tuple[str, ...]] = {}
+        self.is_full: bool = ctx.game.settings()["information"] == "full"
 
     def observe(self, state: int) -> tuple[str, ...]:
         """Return what each agent knows of a state: where it is and what its sensors show; "" if it is out."""
@@ -56,6 +60,8 @@ def observing(table: Table) -> Iterator[Observer]:
 def what_teams_see(table: Table) -> dict[str, str]:
     """Return for each team that decides whether its sensors show where all are; see `Solution.sees`."""
     with observing(table) as observer:
+        if observer.is_full:
+            return dict.fromkeys(table.setup.teams, "full")
         return {team: _seen_by(table, observer, side) for side, team in enumerate(table.setup.teams)}
 
 

@@ -18,6 +18,7 @@ from gamms.solve.solution import (
     Reward,
     Solution,
     SolvedStrategy,
+    checked_discount,
     looks_at_winners,
     rewards_of,
     setup_of,
@@ -209,12 +210,12 @@ def openspiel(
         from gamms.solve.teams_game import TeamsGame
     except ImportError:
         raise MissingExtra("A game of OpenSpiel", "solve") from None
-    teams = teams_of(scenario, team)
+    teams, share = teams_of(scenario, team), checked_discount(reward, discount)
     if len(teams) != 2:
         raise BadValue(f"A game of {len(teams)} teams is no game of OpenSpiel here: only those of two are.")
     setup = setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states)
     table = explore(setup, by_winner=looks_at_winners(reward))
-    return TeamsGame(table, rewards_of(table, reward, discount, teams[0]))
+    return TeamsGame(table, rewards_of(table, reward, share, teams[0]))
 
 
 # -- inside -------------------------------------------------------------------------------------------------------

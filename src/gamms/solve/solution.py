@@ -7,7 +7,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_float, as_int, as_mapping
+from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_mapping
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray
@@ -70,6 +70,8 @@ class SolvedStrategy:
 
         def strategy(state: State) -> None:
             memory, turn = state["memory"], state["turn"]
+            if state["team"] != self.team:
+                raise BadValue(f"{self!r} is for agents of team {shown(self.team)}, not for {shown(state['name'])}.")
             agents = ctx.agent.agents
             living = [agents[name] if name in agents and agents[name].alive else None for name in roster.names]
             moved = self._moved_before(ctx)
@@ -323,6 +325,12 @@ class Solution:
         """
         teams = self.table.setup.teams
         given = {**{team: self.strategy(team) for team in teams}, **(strategies or {})}
+        for team, strategy in given.items():
+            if getattr(strategy, "team", None) != teams[self._side_of(team)]:
+                raise BadType(
+                    f"strategies[{shown(team)}] must be a strategy of this team from a solution, not "
+                    f"{shown(strategy)}: gamms.solve.nash_conv takes others."
+                )
         # What each team has now adds up to 0.
         return sum(given[team].answered(self._reward, self.team).value for team in teams)
 
@@ -376,14 +384,26 @@ def solve(
 
 def solved(setup: Setup, reward: Reward, discount: float, of: str) -> Solution:
     """Return the solution of a game of one or two teams that decide; `of` is the team that gets the reward."""
-    share = as_float(discount, "discount")
-    if not 0.0 < share <= 1.0:
-        raise BadValue(f"discount must be above 0 and at most 1, not {shown(discount)}.")
-    if not callable(reward):
-        as_choice(reward, "reward", REWARDS)
+    share = checked_discount(reward, discount)
     table = explore(setup, by_winner=looks_at_winners(reward))
     stages = Stages(table, rewards_of(table, reward, share, of), TOLERANCE)
     return Solution(table, stages, setup.teams[0], reward)
+
+
+def checked_discount(reward: Reward, discount: float) -> float:
+    """Return a discount, before a game is explored for a reward.
+
+    Raises:
+        BadType, BadValue: there is no such discount or reward.
+    """
+    share = as_float(discount, "discount")
+    if not 0.0 < share <= 1.0:
+        raise BadValue(f"discount must be above 0 and at most 1, not {shown(discount)}.")
+    if callable(reward):
+        as_function_of(reward, "reward", "a transition")
+    else:
+        as_choice(reward, "reward", REWARDS)
+    return share
 
 
 def looks_at_winners(reward: Reward) -> bool:
