@@ -14,9 +14,12 @@ TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 
 
 def leave(ctx):
-    """A rule without an array form."""
+    """A rule whose check has no array form."""
     if ctx.game.turn == 3:
         ctx.game.end("left")
+
+
+leave.check = lambda _: None
 
 
 @pytest.mark.parametrize("rules", [[TAG], [TAG, {"rule": "last_team"}], []])
@@ -48,7 +51,7 @@ def test_games_without_an_array_form_are_played_one_by_one_with_the_same_results
 def test_steps_can_be_given_actions_and_teams_without_play_their_own():
     scenario = scene([TAG])
     with scenario.batch(5, seed=1) as games, scenario.build(seed=1) as ctx:
-        ctx.game.add(lambda _: None, name="nothing")
+        ctx.game.add(lambda _: None, phase="deeds", name="nothing")
         with ctx.game.batch(seeds=[1]) as slow:
             for turn in range(10):
                 view = games.observe("red")

@@ -405,6 +405,11 @@ class GameInternals(Guarded):
         self.digests: Callable[[], dict[str, str]] | None = None
 
     @property
+    def parts(self) -> SnapshotTaker:
+        """The parts of the game of which snapshots are taken."""
+        return self._parts
+
+    @property
     def starts(self) -> dict[str, int | Position]:
         """Agent -> where it began, once the game has begun."""
         began = self.state.began

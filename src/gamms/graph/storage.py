@@ -139,6 +139,11 @@ class MapStorage(Guarded, IMapStorage):
         self._place_stream = self._place_stream or self._ctx.stream("graph", "place")
         return self._place_stream
 
+    @property
+    def has_placed(self) -> bool:
+        """Whether `ctx.graph.place` has drawn since its stream began."""
+        return self._place_stream is not None
+
     @refused_while_deciding
     def restart_stream(self) -> None:
         """Restart the random stream that `ctx.graph.place` draws from."""

@@ -1,8 +1,9 @@
 """Plays all games of a batch at once, in arrays; for games of which every part has an array form."""
 
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -13,16 +14,17 @@ from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
-from gamms.game.batch.movement import Movement
+from gamms.game.batch.grounds import Ground, ViewOfGrounds, decider_of, is_other_by_roads
+from gamms.game.batch.movement import Anywhere, Movement
+from gamms.game.batch.scalar_rules import OwnState, RuleContext, why_not_called
 from gamms.game.batch.sight import DELAYS, sees_all_nodes, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import movement_of, why_not_moved
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, TurnPart
-from gamms.game.batch.view import FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayStrategy, ArrayView
+from gamms.game.batch.view import FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
 from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
-from gamms.game.settings import PHASES as RULE_PHASES
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.slots import COUNTED
 from gamms.ir.game_state import PHASES
@@ -31,15 +33,8 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing import IAgent
 
+_FEWEST = 4  # games with the same roads closed that are played in arrays; measured in decision 0051
 _BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games by metres
-
-
-class Group(NamedTuple):
-    """Agents that one strategy decides for."""
-
-    name: str
-    agents: IntArray  # numbers in the roster
-    form: ArrayStrategy
 
 
 class ArrayEngine:
@@ -59,13 +54,13 @@ class ArrayEngine:
         roster, movement = Roster.of(game.agents), movement_of(game)
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
-        if any(map(turns_with_its_agent, roster.agents)):
+        self._has_scalar_rules = any(form_of(one.rule) is None for one in game.rules)
+        if self._has_scalar_rules or any(map(turns_with_its_agent, roster.agents)):
             self.state.headings = self._headings_of(roster)
         self.state.shared[DELAYS] = DelayedLooks(self.state)
         if settings["team_memory"]:
             self.state.share_memories()
         self._last: int | None = settings["max_turns"]
-        self._groups = _groups(roster, settings["plans"])
         self._parts: list[IntArray | None] = [None]  # the agents that move at once, one part after the other; None: all
         if settings["order"] is not None and len(settings["order"]) > 1:
             move_now = np.stack([roster.plays_for(teams) for teams in settings["order"]])  # (parts, agents)
@@ -76,11 +71,14 @@ class ArrayEngine:
         if settings["channels"]:
             self.state.radio = self._made_radio(settings["channels"])
         self._outboxes: list[Outbox] = []  # of this turn
-        self._rules = {
-            phase: [(one, form_of(one.rule)) for one in game.rules if one.phase == phase] for phase in RULE_PHASES
-        }
-        self._conflicts = form_of(settings["conflicts"])
-        self._checks = [form_of(one.rule.check) for one in game.rules if hasattr(one.rule, "check")]
+        self._own: list[OwnState | None] = [None] * len(seeds)
+        self._here = self._made_ground(game, lambda: game.fork(0), roster, movement)
+        self._here.shared, self._here.now = self.state.shared, self.state.now
+        self._grounds = [self._here]  # the maps of games, that of the start first
+        self._numbers: dict[Hashable, int] = {}  # what is open and closed -> the number of the ground
+        self._changed_roads: dict[tuple[int, tuple[int, ...], bool], int] = {}  # the number of the ground that follows
+        if len(self._parts) == 1 and type(movement) in (Movement, Anywhere):
+            self.state.change_roads = self._change_roads
         self._publish_facts(game.facts)
 
     def _headings_of(self, roster: Roster) -> Headings:
@@ -90,6 +88,76 @@ class ArrayEngine:
         nodes = [(block.previous[row], block.node[row]) for row in rows]
         before = [-1 if node == here else int(streets.rows(node)) for node, here in nodes]
         return Headings(streets, np.array(fixed, np.float64).reshape(-1, 2), np.array(before), self.state.start)
+
+    def _made_ground(
+        self, game: PlayedGame, start: Callable[[], PlayedGame], roster: Roster, movement: Movement
+    ) -> Ground:
+        return Ground(game, RuleContext(start, self.state, self._own, self._close), roster, movement)
+
+    def _close(self, game: int, map_now: Any) -> str | None:
+        """Put a game on the ground of a map, on which roads are closed; return why that is not possible."""
+        columns = map_now.columns
+        key = columns.edge_ids.tobytes(), tuple(map_now.closed)
+        known = self._grounds[self._numbers.get(key, 0)].movement.streets.columns
+        if not is_other_by_roads(known, columns):
+            return "it changes more of the map than which roads are closed"
+        if key not in self._numbers:
+            self._numbers[key] = len(self._grounds)
+            closed = self._grounds[0].context.start().fork(0)
+            closed.ctx.graph.storage.copy_from(map_now)
+            ground = self._made_ground(closed, lambda: closed, Roster.of(closed.agents), movement_of(closed))
+            ground.shared[DELAYS] = self._grounds[0].shared[DELAYS]
+            self._grounds.append(ground)
+        self.state.ground[game] = self._numbers[key]
+        return None
+
+    def _change_roads(self, games: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
+        """Put games on the grounds on which roads are opened or closed, too.
+
+        Raises:
+            UnknownName (KeyError): there is no such edge.
+            BadValue: the roads were closed before the games began.
+        """
+        before = self.state.ground[games]
+        for number in np.unique(before).tolist():
+            change, those = (number, edges, is_open), games[before == number]
+            if change not in self._changed_roads:
+                graph = self._grounds[number].context.start().fork(0).ctx.graph
+                (graph.open_roads if is_open else graph.close_roads)(edges)
+                why = self._close(int(those[0]), graph.storage.snapshot())
+                if why is not None:
+                    raise BadValue(f"{why}: open roads in arrays that were closed in arrays.")
+                self._changed_roads[change] = int(self.state.ground[those[0]])
+            self.state.ground[those] = self._changed_roads[change]
+
+    @contextmanager
+    def _on(self, ground: Ground) -> Iterator[None]:
+        """Play games on a ground."""
+        before, self._here = self._here, ground
+        self.state.stand_on(ground)
+        try:
+            yield
+        finally:
+            self._here = before
+            self.state.stand_on(before)
+
+    def _leave_small_grounds(self) -> None:
+        """Let games leave the arrays of which few have the same roads closed: the turn engine is faster then."""
+        state = self.state
+        if len(self._grounds) == 1 or not self._has_scalar_rules:
+            return
+        is_small = np.bincount(state.ground, minlength=len(self._grounds)) < _FEWEST
+        is_small[0] = False
+        why = f"roads are closed in it as in fewer than {_FEWEST} games"
+        for game in self._playing()[is_small[state.ground[self._playing()]]].tolist():
+            state.apart[game] = why
+
+    def _by_ground(self, games: IntArray) -> list[tuple[Ground, IntArray]]:
+        """Return games by the grounds that they are on."""
+        if len(self._grounds) == 1:
+            return [(self._here, games)] if len(games) else []
+        on = self.state.ground[games]
+        return [(self._grounds[number], games[on == number]) for number in np.unique(on).tolist()]
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return GameArrays(roster, movement, seeds, start)
@@ -105,7 +173,7 @@ class ArrayEngine:
 
     def _publish_facts(self, facts: Mapping[str, Any]) -> None:
         self.state.facts.update(facts)
-        for rules in self._rules.values():
+        for rules in self._here.rules.values():
             for one, _ in rules:
                 prepare = getattr(one.rule, "prepare_arrays", None)
                 if prepare is not None:
@@ -113,19 +181,26 @@ class ArrayEngine:
 
     @property
     def forms(self) -> list[Callable[..., object]]:
-        """The array forms that it calls."""
-        rules = [form for rules in self._rules.values() for _, form in rules]
-        return [*(group.form for group in self._groups), *rules, *self._checks, *filter(None, [self._conflicts])]
+        """The array forms that it calls, and the rules that have none."""
+        return self._grounds[0].forms
 
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
+        for game in games.tolist():
+            self._own[game] = None
 
     @property
     def is_over(self) -> BoolArray:
         """Which games have ended, (games,)."""
         over = ~self.state.is_going
         return over if self._last is None else over | (self.state.turn >= self._last)
+
+    def _playing(self) -> IntArray:
+        """Return the games that are not over and that arrays have."""
+        is_played = ~self.is_over
+        is_played[list(self.state.apart)] = False
+        return np.flatnonzero(is_played)
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over.
@@ -134,19 +209,28 @@ class ArrayEngine:
             given: team -> what its agents do, in place of what their strategies decide.
         """
         state = self.state
-        for named, form in self._rules["before"]:  # a game that one of them ends is over for the others
-            turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
-            if not len(turn.games):
-                return
-            turn.resume()
-            self._call(named, form, turn)
-            turn.close()
-        turn = ArrayTurn(state, np.flatnonzero(~self.is_over))
-        if not len(turn.games):
-            return
-        state.last_deeds, self._outboxes = [], []
+        for number in range(len(self._here.rules["before"])):  # a game that one of them ends is over for the others
+            for ground, games in self._by_ground(self._playing()):
+                with self._on(ground):
+                    turn = ArrayTurn(state, games)
+                    turn.resume()
+                    self._call(*ground.rules["before"][number], turn)
+                    turn.close()
+        state.last_deeds = []
+        self._leave_small_grounds()
+        for ground, games in self._by_ground(self._playing()):
+            with self._on(ground):
+                self._play_turn(ArrayTurn(state, games), given)
+        for ground in self._grounds:
+            ground.now.clear()
+        if state.radio is not None:
+            state.radio.end_turn()
+
+    def _play_turn(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> None:
+        """Play one turn of games on one ground, whose rules of the phase "before" were applied."""
+        state, self._outboxes = self.state, []
         actions, is_given = self._given(turn, given)
-        deeds, outboxes = self._given_deeds(turn, given)
+        deeds, outboxes = self._given_deeds(turn, given) if given else ([], [])
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some
@@ -163,13 +247,11 @@ class ArrayEngine:
             those[turn.games] = turn.alive if members is None else turn.alive & moves
             state.shared[DELAYS].note(turn.games, those[turn.games])
             chosen, own_deeds = self._decided(turn, wanted, is_decided)
-            own_deeds += _deeds_of(turn, deeds, those)
+            own_deeds += _deeds_of(turn, deeds, those) if deeds else []
             self._outboxes += [box.those(those[box.at, box.senders]) for box in outboxes]
             self._play_part(turn, chosen, own_deeds, part)
         if len(turn.games):
             self._finish(turn)
-        if state.radio is not None:
-            state.radio.end_turn()
 
     def _finish(self, turn: ArrayTurn) -> None:
         """Send what is to be sent in a turn in which all have moved, and apply its rules."""
@@ -179,31 +261,48 @@ class ArrayEngine:
             scene = Scene(turn.games, turn.turn, turn.node, turn.alive, state.purposes, hops)
             state.radio.send(scene, self._outboxes)
         turn.end_moves()
-        if self._rules["before"]:
+        if self._here.rules["before"]:
             turn.keep_moves()
+        parts = [(self._here, turn)]
         try:
-            for named, form in self._rules["after"]:
-                self._call(named, form, turn)
+            for number in range(len(self._here.rules["after"])):
+                for ground, part in parts:
+                    with self._on(ground):
+                        self._call(*ground.rules["after"][number], part)
+                if len(self._grounds) > 1:
+                    parts = [one for _, part in parts for one in self._parted(part)]
         finally:  # the agents have moved: the turn is played, without the rules that follow
-            turn.close()
+            for ground, part in parts:
+                with self._on(ground):
+                    part.close()
+
+    def _parted(self, turn: ArrayTurn) -> list[tuple[Ground, ArrayTurn]]:
+        """Return a turn as turns of games on one ground each, after a rule has closed roads in some of them."""
+        on, parts = self.state.ground[turn.games], list[tuple[Ground, ArrayTurn]]()
+        for number in np.unique(on).tolist():
+            other = self._grounds[number]
+            part = turn if (on == number).all() else turn.of(on == number)
+            part.roster, part.streets = other.roster, other.movement.streets
+            parts.append((other, part))
+        return parts
 
     def _play_part(self, turn: ArrayTurn, actions: IntArray, deeds: list[ArrayDeeds], part: TurnPart | None) -> None:
         """Let some agents do and move at once what they have decided; None: all."""
         moves = self.state.movement.moves(turn.node, actions, turn.games)
         turn.note_illegal(moves.illegal)
         turn.paths, in_conflict = moves.paths, np.zeros(moves.ends.shape, np.bool_)
-        if self._checks or deeds or self._rules["deeds"]:
+        if self._here.checks or deeds or self._here.rules["deeds"]:
             turn.begin_part(moves, deeds)
             is_refused = np.zeros(moves.ends.shape, np.bool_)
-            for check in self._checks:
+            for check in self._here.checks:
                 is_refused |= check(turn, moves.ends) & moves.goes
             moves = turn.refused(moves, is_refused)
-            for named, form in self._rules["deeds"]:
+            for named, form in self._here.rules["deeds"]:
                 self._call(named, form, turn)
             moves = turn.left_of(moves)
-        if self._conflicts is not None:
+        if self._here.conflicts is not None:
             turn.places, ends = self.state.movement.ends(moves)
-            in_conflict = self._conflicts(turn, ends) & moves.goes
+            in_conflict = self._here.conflicts(turn, ends) & moves.goes
             self.state.counts["blocked"][turn.games] += in_conflict
         turn.move(moves.without(in_conflict), in_conflict, part)
 
@@ -242,7 +341,7 @@ class ArrayEngine:
     def _decided(self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray) -> tuple[IntArray, list[ArrayDeeds]]:
         """Return these actions with those of agents, (agents,), whose strategies are to be asked, and what they do."""
         actions, deeds = given.copy(), list[ArrayDeeds]()
-        for group in self._groups:
+        for group in self._here.groups:
             agents = group.agents[~is_decided[group.agents]]
             if len(agents):
                 view = ArrayView(self.state, turn.games, agents)
@@ -265,7 +364,10 @@ class ArrayEngine:
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games."""
-        return ArrayView(self.state, np.arange(len(self.state)), agents)
+        games = np.arange(len(self.state))
+        if self.state.ground.any():
+            return ViewOfGrounds(self.state, agents, self._by_ground(games), self._on)
+        return ArrayView(self.state, games, agents)
 
     def overs(self) -> list[dict[str, Any] | None]:
         """Return how the games have ended; None of one that goes on."""
@@ -327,11 +429,12 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (why_not_sent(settings["channels"]) is not None, why_not_sent(settings["channels"]) or ""),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
+        (bool(game.internals.parts.collectors.tables()), "what is collected"),
         (settings["max_turns"] == 0, "a game of no turns"),
         (game.turn > 0 or bool(game.scores), "a game that has begun"),
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
-    deciders = [(agent, _decider_of(agent, settings["plans"])) for agent in game.agents]
+    deciders = [(agent, decider_of(agent, settings["plans"])) for agent in game.agents]
     reasons += [
         (one is not None and form_of(one) is None, f"the {_kind_of(agent, settings['plans'])} {as_code(one)}")
         for agent, one in deciders
@@ -352,7 +455,8 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         if one is not None and not getattr(form_of(one), IS_BLIND, False)
         for name, sensor in getattr(agent, "sensors", {}).items()
     ]
-    reasons += [(_rule_lacks_form(one), f"the rule {one.name!r}") for one in game.rules]
+    needs = [why_not_called(game, one) for one in game.rules]
+    reasons += [(why is not None, why or "") for why in needs]
     needs = [one.rule.why_not_in_arrays(game.agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
     reasons += [(why is not None, why or "") for why in needs]
     reasons += [
@@ -383,46 +487,5 @@ def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[I
     return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)
 
 
-def _rule_lacks_form(named: NamedRule) -> bool:
-    check = getattr(named.rule, "check", None)
-    return form_of(named.rule) is None or (check is not None and form_of(check) is None)
-
-
-def _decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
-    """Return the plan of the team of an agent, or its strategy; None: neither."""
-    return plans[agent.team].function if agent.team in plans else agent.strategy
-
-
 def _kind_of(agent: IAgent, plans: Mapping[Any, Plan]) -> str:
     return f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
-
-
-def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
-    """Return the strategies and plans of agents, each with all agents that have the same."""
-    found: dict[Hashable, list[int]] = {}
-    for number, agent in enumerate(roster.agents):
-        decider = _decider_of(agent, plans)
-        if decider is not None:
-            found.setdefault(_key_of(form_of(decider)), []).append(number)
-    groups = []
-    for numbers in found.values():
-        decider = _decider_of(roster.agents[numbers[0]], plans)
-        groups.append(Group(as_code(decider), np.array(numbers), form_of(decider)))
-    return groups
-
-
-def _key_of(form: Any) -> Hashable:
-    """Return a key that is equal for forms that do the same."""
-    if isinstance(form, partial):
-        key = (
-            form.func,
-            tuple(map(_key_of, form.args)),
-            tuple((k, _key_of(v)) for k, v in sorted(form.keywords.items())),
-        )
-    else:
-        key = form
-    try:
-        hash(key)
-    except TypeError:
-        return id(form)
-    return key

@@ -90,6 +90,9 @@ class PlayedGame(Protocol):
     def settings(self) -> dict[str, Any]:
         """Return all settings."""
 
+    def fork(self, seed: int) -> Any:
+        """Return a detached game that goes on from here."""
+
     def reset(self, seed: int | None = None) -> None:
         """Begin the game again."""
 

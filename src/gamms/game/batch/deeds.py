@@ -78,6 +78,11 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         self._fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
         self._check, self._roster, self._streets = check, roster, streets
 
+    @property
+    def kinds(self) -> list[str]:
+        """The deeds that are declared."""
+        return list(self._fields)
+
     def checked(
         self, deed: str, fields: Mapping[str, object], where: BoolArray, agents: IntArray, nodes: IntArray, order: int
     ) -> ArrayDeeds:

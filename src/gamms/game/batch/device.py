@@ -11,11 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from gamms.game.batch.arrays import ArrayEngine, Group
+from gamms.game.batch.arrays import ArrayEngine
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
+from gamms.game.batch.grounds import Group
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
@@ -249,7 +250,7 @@ class DeviceEngine(ArrayEngine):
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over."""
-        for named, form in self._rules["before"]:
+        for named, form in self._here.rules["before"]:
             self._play(named, form, ~self.is_over)
         state, playing = self.state, ~self.is_over
         if not playing.any():
@@ -259,7 +260,7 @@ class DeviceEngine(ArrayEngine):
         node = state.there["node"]
         ends = state.streets_there.step(node, actions)
         state.move(self._unopposed(playing, node, ends), playing)
-        for named, form in self._rules["after"]:
+        for named, form in self._here.rules["after"]:
             self._play(named, form, playing)
 
     def _actions(self, mask: Tensor, given: Mapping[Hashable, Given]) -> Tensor:
@@ -271,7 +272,7 @@ class DeviceEngine(ArrayEngine):
             agents = roster.members(team)
             parts.append((agents, self._view(agents, mask).checked(wanted.moves, f"team {team!r}")))
             taken[agents] = True
-        for group in self._groups:
+        for group in self._here.groups:
             agents = group.agents[~taken[group.agents]]
             if len(agents):
                 parts.append((agents, self._asked(group, agents, mask)))
@@ -318,18 +319,18 @@ class DeviceEngine(ArrayEngine):
     def _unopposed(self, playing: BoolArray, node: Tensor, wanted: Tensor) -> Tensor:
         """Return where agents go when those have stayed that checks refuse to move and conflicts stop."""
         ends, state, xp, put = wanted, self.state, self.library.xp, self.library.put
-        for check in self._checks:
+        for check in self._here.checks:
             games = np.flatnonzero(playing)
             refused = np.zeros(state.blocked.shape, np.bool_)
             refused[games] = check(HostTurn(state, games, before_moves=True), self.library.get(wanted)[games])
             ends = xp.where(put(refused), node, ends)
-        if self._conflicts is not None:
+        if self._here.conflicts is not None:
             found = getattr(self._resolver, TRIGGER)(DeviceTurn(state, ends=ends))
             games, stops = np.flatnonzero(playing & self.library.get(found)), np.zeros(state.blocked.shape, np.bool_)
             if len(games):
                 turn, moves = HostTurn(state, games, before_moves=True), xp.take(ends, put(games), axis=0)
                 rows = self.library.get(moves)
-                stops[games] = (rows != turn.node) & self._conflicts(turn, rows)
+                stops[games] = (rows != turn.node) & self._here.conflicts(turn, rows)
                 ends = xp.where(put(stops), node, ends)
             state.blocked[playing] = stops[playing]
         if ends is not wanted:
@@ -389,6 +390,7 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
         (any(map(reports_elsewhere, game.agents)), "sensors with position noise, false alarms or delays"),
         (any(map(turns_with_its_agent, game.agents)), "sensors that turn with their agents"),
         (any(one.phase not in {"before", "after"} for one in game.rules), "rules of other phases"),
+        (any(form_of(one.rule) is None for one in game.rules), "rules without an array form"),
         (any(agent.type is AgentType.AERIAL or agent.speed is not None for agent in game.agents), "flights or speeds"),
         (conflicts is not None and not hasattr(conflicts, TRIGGER), f"the conflicts {as_code(conflicts)}"),
     ]

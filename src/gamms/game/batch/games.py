@@ -13,8 +13,9 @@ from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
+from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given, acting, as_given
-from gamms.game.batch.libraries import ArrayLibrary
+from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.state import Columns
 from gamms.game.batch.view import ArrayView
@@ -75,7 +76,12 @@ class Batch:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))
         else:
             self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds))
-        self._log: list[dict[Hashable, Given]] | None = [] if as_bool(record, "record") else None
+        scalar = [one.name for one in source.game.rules if form_of(one.rule) is None]
+        if scalar and not self._is_one_by_one:
+            self.slow = f"the rule {scalar[0]!r}, which is called game by game"
+        self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
+        is_kept = as_bool(record, "record") or (scalar and not self._is_one_by_one)
+        self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when each game began
         self._steps = 0
         self._was_given = False  # whether actions came from outside and were not kept
@@ -132,14 +138,32 @@ class Batch:
         if self._log is not None:
             self._log.append(given)
         self._steps += 1
+        self._play_apart()
         return self._put(~self._engine.is_over)
+
+    def _play_apart(self, *, to_the_end: bool = False) -> None:
+        """Let the turn engine play the games that have left the arrays, from their starts to where the others are."""
+        if not isinstance(self._engine, ArrayEngine) or not self._engine.state.apart:
+            return
+        if self._apart is None:
+            self._apart = OneByOneEngine(self._source.game, self._roster, self.seeds)
+        apart, state, log = self._apart, self._engine.state, self._log or []
+        turns, overs = apart.turns().tolist(), apart.overs()
+        for number in [number for number in state.apart if overs[number] is None]:
+            for given in log[int(self._begun[number]) + turns[number] :]:
+                if overs[number] is None:
+                    moves = {team: one._replace(moves=self._get(one.moves)) for team, one in given.items()}
+                    apart.step_game(number, moves)
+            if to_the_end and overs[number] is None:
+                apart.run(number)
+            apart.copy_to(state, number)
 
     def _as_given(self, team: Hashable, value: object) -> Given:
         """Return actions as they were given, copies where they are kept."""
         library, is_kept = self.library, self._log is not None
         shape = len(self), len(self._roster.members(team))
 
-        def own(one: Any) -> Any:
+        def own(one: object) -> Any:
             array = library.get(one) if library is not None and library.is_own(one) else one
             return np.array(array) if is_kept and isinstance(array, np.ndarray) else array
 
@@ -155,7 +179,8 @@ class Batch:
         if not isinstance(self._engine, ArrayEngine) or self._steps & (self._steps - 1):
             return nullcontext()
         return refusing_changes(
-            self._engine.forms, "Keep it in view.keep(key, make), or turn.keep(key, make) of a rule."
+            self._engine.forms,
+            "Keep it in view.keep(key, make) or turn.keep(key, make), of a rule in scalar form in ctx.game.data.",
         )
 
     def run(self, progress: bool = False) -> None:
@@ -174,8 +199,11 @@ class Batch:
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if progress else None)
                 return
+            if self.slow is not None:
+                game.ctx.logger.info(f"A batch is slowed down by {self.slow}.")
             while not self._engine.is_over.all():
                 self.step()
+                self._play_apart(to_the_end=True)
                 if progress:
                     over = int(self._engine.is_over.sum())
                     show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
@@ -211,6 +239,9 @@ class Batch:
         self.seeds = tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds))
         if isinstance(self._engine, ArrayEngine):
             self._engine.start(games, given, self._starts(given))
+            if self._apart is not None:
+                for game, seed in changed.items():
+                    self._apart.start(game, seed)
         else:
             for game, seed in changed.items():
                 self._engine.start(game, seed)
@@ -243,7 +274,7 @@ class Batch:
         self._arrays("load").state.load(columns, turn, scores or {})
 
     def _arrays(self, what: str) -> ArrayEngine:
-        if not isinstance(self._engine, ArrayEngine) or self.library is not None:
+        if not isinstance(self._engine, ArrayEngine) or self.library is not None or self.slow is not None:
             why = self.slow or self.library
             raise BadValue(f"{what} is for games that are played in NumPy's arrays; these are not, because of {why}.")
         return self._engine
@@ -308,8 +339,14 @@ class Batch:
         return self._put(np.array([over is not None and over["truncated"] for over in self._engine.overs()]))
 
     def result(self, game: int) -> Result:
-        """Return the result of a game so far; its timings are 0."""
-        return self._engine.result(self._as_game(game))
+        """Return the result of a game so far; of one in arrays its timings are 0."""
+        number = self._as_game(game)
+        return (self._engine if self._apart is None or number not in self.detached else self._apart).result(number)
+
+    @property
+    def detached(self) -> dict[int, str]:
+        """The games that have left the arrays, because a rule did what these cannot have: game -> why."""
+        return dict(self._engine.state.apart) if isinstance(self._engine, ArrayEngine) else {}
 
     def table(self) -> dict[str, Any]:
         """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score."""
@@ -363,7 +400,7 @@ class Batch:
         there: T = array if self.library is None else self.library.put(array)
         return there
 
-    def _get(self, moves: Any) -> Any:
+    def _get(self, moves: Tensor) -> Any:
         """Return moves as an array of the host."""
         return moves if self.library is None else self.library.get(moves)
 

@@ -170,13 +170,14 @@ def _taking(actions: Mapping[str, _ActionOfOne], game: PlayedGame) -> Callable[[
                 else:
                     strategy(state)
                 continue
-            legal, (move, do, outbox) = state["legal"], actions[name]
+            legal, action = state["legal"], actions[name]
+            move = action.move
             if not 0 <= move < len(legal):
                 raise BadValue(
                     f"Action {move} of agent {shown(name)}, turn {state['turn']}, is not the number of a legal node: "
                     f"it has {len(legal)}, numbered from 0."
                 )
-            state["action"] = {"node_id": legal[move], "do": do} if do else legal[move]
-            state.get("outbox", []).extend(outbox)
+            state["action"] = {"node_id": legal[move], "do": action.do} if action.do else legal[move]
+            state.get("outbox", []).extend(action.outbox)
 
     return plan

@@ -69,11 +69,15 @@ class OneByOneEngine:
         """
         wanted = {team: one._replace(moves=self._checked(team, one.moves)) for team, one in given.items()}
         for number in np.flatnonzero(~self.is_over).tolist():
-            game = self.load(number)
-            with self._named(number), acting(game, self._roster, wanted, number):
-                game.step()
-            self._store(number)
-            self._refuse_hidden()
+            self.step_game(number, wanted)
+
+    def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
+        """Play one turn of a game; the moves that are given were checked."""
+        game = self.load(number)
+        with self._named(number), acting(game, self._roster, given, number):
+            game.step()
+        self._store(number)
+        self._refuse_hidden()
 
     def run(self, number: int) -> None:
         """Play a game to its end."""
@@ -107,6 +111,14 @@ class OneByOneEngine:
             self.load(number)
             self._observe(number)
         return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
+
+    def copy_to(self, state: GameArrays, number: int) -> None:
+        """Let arrays say what has become of a game."""
+        seen, over = self._observed, self._over[number]
+        state.turn[number], state.node[number] = self._turns[number], seen.node[number]
+        state.alive[number], state.over[number], state.is_going[number] = seen.alive[number], over, over is None
+        state.set_scores(number, self._scores[number])
+        state.now.clear()
 
     def _nothing_observed(self) -> GameArrays:
         graph, shape = self._game.ctx.graph, (len(self.seeds), len(self._roster.names))

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from itertools import compress
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 
+STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
@@ -55,10 +56,24 @@ class EventLog(GameLog[Emitted]):
         for unread in (self._pending, *self._unread.values()):
             unread.append(emitted)
 
-    def new(self, reader: Hashable) -> list[Emitted]:
-        """Return the events since the last call for a reader, at first none."""
+    def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
+        """Let readers find events that are in the log of a game already."""
+        for unread in self._unread.values():
+            for entry in entries:
+                fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
+                unread.append(Emitted(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields))
+
+    def new(self, reader: Hashable, later: BoolArray | None = None) -> list[Emitted]:
+        """Return the events since the last call for a reader, at first none.
+
+        Args:
+            reader: whatever reads them.
+            later: (games,) those whose events are read by another call; None: none.
+        """
         found = self._unread.get(reader, [])
         self._unread[reader] = []
+        if later is not None and later.any():
+            self._unread[reader] = [one.those(later[one.games]) for one in found if later[one.games].any()]
         return found
 
     def forget(self, games: IntArray) -> None:
@@ -96,33 +111,45 @@ class Headings:
         fixed: (agents, 2) `(cos, sin)` where the heading was set; NaN: it follows the moves.
         before: (agents,) rows of the nodes on which agents were before they began; -1: where they began.
         start: (games, agents) rows, where they began.
+
+    Attributes:
+        previous: (games, agents) rows of the nodes on which they were before they moved last.
     """
 
     def __init__(self, streets: Streets, fixed: FloatArray, before: IntArray, start: IntArray) -> None:
         self._axes, self._fixed, self._before = streets.axes, fixed, before
-        self._previous = np.where(before < 0, start, before)  # (games, agents) where they were before they moved last
+        self.previous = np.where(before < 0, start, before)
 
     def begin(self, games: IntArray, start: IntArray) -> None:
         """Begin games again, on these nodes."""
-        self._previous[games] = np.where(self._before < 0, start, self._before)
+        self.previous[games] = np.where(self._before < 0, start, self._before)
 
     def moved(self, games: IntArray, node: IntArray, which: BoolArray) -> None:
         """Note that some agents, (games, agents), have moved or stayed, from nodes."""
-        self._previous[games] = np.where(which, node, self._previous[games])
+        self.previous[games] = np.where(which, node, self.previous[games])
 
     def put(self, games: IntArray, agents: IntArray, node: IntArray) -> None:
         """Note that agents are on nodes as if they had always been there."""
-        self._previous[games, agents] = node
+        self.previous[games, agents] = node
 
     def of(self, games: IntArray, agents: IntArray, node: IntArray) -> tuple[FloatArray, FloatArray]:
         """Return cos and sin of the headings of agents that are on nodes, (looks,) each; both 0.0: none."""
-        (x, y), before = self._axes, self._previous[games, agents]
+        (x, y), before = self._axes, self.previous[games, agents]
         dx, dy = x[node] - x[before], y[node] - y[before]
         far = np.hypot(dx, dy)
         goes, fixed = far > 0.0, self._fixed[agents]
         far = np.where(goes, far, 1.0)
         follows = np.isnan(fixed[:, 0])
         return np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
+
+
+class MapOfGames(Protocol):
+    """A map, and what was worked out of it; see `grounds.Ground`."""
+
+    roster: Roster
+    movement: Movement
+    shared: dict[Hashable, Any]
+    now: dict[Hashable, Any]
 
 
 class GameArrays:
@@ -146,6 +173,9 @@ class GameArrays:
         radio: by what agents send messages, and what was sent; None: by nothing.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
+        ground: (games,) the number of the map of each, which differ in the roads that are closed.
+        change_roads: opens or closes roads in games, by ids of edges; None: that is not possible.
+        apart: games that the turn engine plays, by their numbers, and why.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         facts: what rules have published, by name, in a form that each says.
@@ -154,7 +184,7 @@ class GameArrays:
         shared: what was worked out once for all games, from what does not change, by what it is.
         places: where agents on edges are, in games by metres; None: all are on their nodes.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
-        headings: which way agents look, if their sensors turn with them.
+        headings: which way agents look, if their sensors turn with them or rules are called that have no array form.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
     """
 
@@ -164,6 +194,9 @@ class GameArrays:
         movement.begin(shape)
         self.start = start
         self.node = start.copy()
+        self.apart: dict[int, str] = {}
+        self.ground = np.zeros(games, np.int64)
+        self.change_roads: Callable[[IntArray, tuple[int, ...], bool], None] | None = None
         self.alive: BoolArray = np.ones(shape, np.bool_)
         self.last_moves = LastMoves(start.copy(), start.copy(), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_))
         self.last_paths: Paths | None = None
@@ -199,9 +232,10 @@ class GameArrays:
         """Begin some games again."""
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
+            self.apart.pop(game, None)
         self.start[games] = self.node[games] = start
         self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
-        self.blocked[games] = False
+        self.blocked[games], self.ground[games] = False, 0
         self.movement.clear(games)
         if self.headings is not None:
             self.headings.begin(games, start)
@@ -259,6 +293,11 @@ class GameArrays:
         self.events.clear()
         self.now.clear()
 
+    def stand_on(self, ground: MapOfGames) -> None:
+        """Have the map of some games."""
+        self.roster, self.movement, self.streets = ground.roster, ground.movement, ground.movement.streets
+        self.shared, self.now = ground.shared, ground.now
+
     def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""
         known = self.kept.get(key)
@@ -296,6 +335,23 @@ class GameArrays:
             self._has_fractions.add(key)
         np.add.at(self.scores[key], games, points)
         self.has_score[key][games] = True
+
+    def set_scores(self, game: int, scores: Mapping[Hashable, float]) -> None:
+        """Set all scores of a game."""
+        for key in self.scores:
+            if key not in scores:
+                self.scores[key][game], self.has_score[key][game] = 0.0, False
+        for key, points in scores.items():
+            self.add_score(key, np.array([game]), 0 if isinstance(points, int) else 0.0)
+            self.scores[key][game] = points
+
+    def note_events(self, game: int, events: Sequence[Mapping[str, Any]]) -> None:
+        """Note events that are in the log of a game already."""
+        self.events.note(game, events)
+        for event in events:
+            stopped = event.get(STOPPED.get(event["kind"], ""))
+            if stopped in self.roster.names:
+                self.stops[game, self.roster.names.index(stopped)] += 1
 
     def scores_of(self, game: int) -> dict[Any, Any]:
         """Return the scores of a game that were set."""

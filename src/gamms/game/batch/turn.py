@@ -7,10 +7,11 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 
 from gamms import kernels
+from gamms.errors import BadValue
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.state import Arrays, Emitted, GameArrays
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -335,7 +336,7 @@ class ArrayTurn(MovesOfTurn):
             fields[name] = self.streets.ids(rows).tolist()
         fields.update(values or {})
         self._state.events.add(kind, self.games[at], self.turn[at] + self._is_moving, fields)
-        stopped = {"tag": "other", "respawned": "agent", "eliminated": "agent"}.get(kind)
+        stopped = STOPPED.get(kind)
         if stopped is not None and agents is not None and stopped in agents:
             np.add.at(self._state.stops, (self.games[at], agents[stopped]), 1)
 
@@ -346,7 +347,8 @@ class ArrayTurn(MovesOfTurn):
         """
         number = np.full(len(self._state), -1)
         number[self.games] = np.arange(len(self.games))
-        found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader)]
+        later = self._state.is_going & (number < 0) & (self._state.ground > 0).any()  # they are on other grounds
+        found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader, later)]
         return [one if (one.games >= 0).all() else one.those(one.games >= 0) for one in found]
 
     def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
@@ -402,6 +404,29 @@ class ArrayTurn(MovesOfTurn):
         """Refuse these deeds, each for a reason; for the array form of a rule's check."""
         for at, agent, reason in zip(deeds.at.tolist(), deeds.agents.tolist(), why, strict=True):
             self._refused.setdefault((at, agent, deeds.kind), set()).add(reason)
+
+    def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
+        """Close the same roads, ids of edges, in each of these games, as `ctx.graph.close_roads` does in one.
+
+        Raises:
+            UnknownName (KeyError): there is no such edge in one of them.
+            BadValue: agents have speeds or an order of play, or are about to move.
+        """
+        self._change_roads(at, edges, is_open=False)
+
+    def open_roads(self, at: IntArray, edges: Sequence[int]) -> None:
+        """Open the same roads, which were closed, in each of these games; see `close_roads`."""
+        self._change_roads(at, edges, is_open=True)
+
+    def _change_roads(self, at: IntArray, edges: Sequence[int], *, is_open: bool) -> None:
+        change = self._state.change_roads
+        if change is None or self._is_moving:
+            raise BadValue(
+                "Roads are opened and closed in arrays where agents go one edge in a turn, all at once, and by rules "
+                "of the phases 'before' and 'after'."
+            )
+        if len(at):
+            change(self.games[at], tuple(edges), is_open)
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""

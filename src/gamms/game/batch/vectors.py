@@ -39,18 +39,20 @@ class Encoder:
     Args:
         streets: the graph.
         others: how many of the agents that one sees are in a vector: the nearest.
+        actions: how many actions are in a vector; None: the most that are legal anywhere.
     """
 
-    def __init__(self, streets: Streets, others: int) -> None:
+    def __init__(self, streets: Streets, others: int, actions: int | None = None) -> None:
         xy = streets.columns.xy
         low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
         scale = float((high - low).max()) / 2.0 or 1.0
         self._places: FloatArray = (xy - (low + high) / 2.0) / scale  # (nodes, 2)
-        actions, self._others = int(streets.counts.max(initial=1)), others
+        most, self._others = int(streets.counts.max(initial=1)), others
+        actions = most if actions is None else actions
         self._is_legal: BoolArray = np.arange(actions) < streets.counts[:, None]
         moves = np.zeros((len(xy), actions, len(MOVE)), np.float32)
         moves[..., 0] = self._is_legal
-        moves[..., 1:] = self._places[streets.legal] - self._places[:, None]
+        moves[:, :most, 1:] = self._places[streets.legal] - self._places[:, None]
         empty = np.zeros((len(xy), others * len(OTHER)), np.float32)
         self._of_node = np.concatenate((self._places.astype(np.float32), moves.reshape(len(xy), -1), empty), axis=1)
         self.names = (

@@ -354,9 +354,13 @@ class ArrayView(Mapping[str, Any]):
         """
         if not self.movement.follows_edges:
             raise BadValue("Vectors are for agents that go along edges, and here ctx.game.legal is 'any'.")
-        shared, key = self._state.shared, ("encoder", as_count(others, "others", least=0))
+        return self.encoded(as_count(others, "others", least=0), None)
+
+    def encoded(self, others: int, actions: int | None) -> Vectors:
+        """Return vectors of a number of actions; None: of the most that are legal anywhere."""
+        shared, key = self._state.shared, ("encoder", others, actions)
         if key not in shared:
-            shared[key] = Encoder(self.streets, others)
+            shared[key] = Encoder(self.streets, others, actions)
         found, encoder = self.seen(), shared[key]
         made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found))
         return made

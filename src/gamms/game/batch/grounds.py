@@ -1,0 +1,217 @@
+"""The maps of a batch: games in which rules have closed the same roads are played together on one ground."""
+
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager
+from functools import partial
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+
+from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.forms import form_of
+from gamms.game.batch.movement import Movement
+from gamms.game.batch.scalar_rules import RuleContext
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.surroundings import SeenNodes
+from gamms.game.batch.turn import ArrayRule
+from gamms.game.batch.vectors import Vectors
+from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.settings import PHASES as RULE_PHASES
+from gamms.game.settings import NamedRule, Plan
+from gamms.ir.graph import GraphColumns, IntArray
+from gamms.text import as_code
+from gamms.typing import IAgent
+
+T = TypeVar("T")
+
+
+class Group(NamedTuple):
+    """Agents that one strategy decides for."""
+
+    name: str
+    agents: IntArray  # numbers in the roster
+    form: ArrayStrategy
+
+
+class Ground:
+    """A map, and the array forms that play games on it.
+
+    Args:
+        game: at its start, on this map.
+        context: calls the rules of it that have no array form.
+        roster, movement: the agents and how they go.
+
+    Attributes:
+        game, context, roster, movement: as given.
+        groups: the strategies and plans of agents, each with all agents that have the same.
+        rules: phase -> its rules in their order, each with its form; those without follow each other as one.
+        conflicts: the form of the conflict resolver; None: there is none.
+        checks: the forms of the checks of rules.
+        shared, now: what was worked out for this map, and of how its games are now; see `GameArrays`.
+    """
+
+    def __init__(self, game: PlayedGame, context: RuleContext, roster: Roster, movement: Movement) -> None:
+        settings = game.settings()
+        self.game, self.context, self.roster, self.movement = game, context, roster, movement
+        self.groups = _groups(self.roster, settings["plans"])
+        self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
+        self.conflicts = form_of(settings["conflicts"])
+        self.checks = [form_of(one.rule.check) for one in game.rules if hasattr(one.rule, "check")]
+        self.shared: dict[Hashable, Any] = {}
+        self.now: dict[Hashable, Any] = {}
+
+    def _forms_of(self, phase: str) -> list[tuple[NamedRule, ArrayRule]]:
+        found: list[tuple[NamedRule, ArrayRule]] = []
+        group: list[NamedRule] = []
+        for one in self.game.rules:
+            if one.phase != phase:
+                continue
+            form = form_of(one.rule)
+            if form is not None:
+                found.append((one, form))
+                group = []
+            elif group:
+                group.append(one)
+            else:
+                group = [one]
+                found.append((one, partial(self.context.call, group)))
+        return found
+
+    @property
+    def forms(self) -> list[Callable[..., object]]:
+        """The array forms, and the rules that have none."""
+        rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
+        rules += self.context.functions([one for one in self.game.rules if form_of(one.rule) is None])
+        return [*(group.form for group in self.groups), *rules, *self.checks, *filter(None, [self.conflicts])]
+
+
+class ViewOfGrounds(ArrayView):
+    """A view of games on several grounds: what is legal and which nodes are seen is that of the map of each game.
+
+    Args:
+        state: of all games.
+        agents: of the view.
+        parts: the games of each ground.
+        on: has the state be on a ground.
+    """
+
+    def __init__(
+        self,
+        state: GameArrays,
+        agents: IntArray,
+        parts: Sequence[tuple[Ground, IntArray]],
+        on: Callable[[Ground], AbstractContextManager[None]],
+    ) -> None:
+        super().__init__(state, np.arange(len(state)), agents)
+        self._parts, self._on = parts, on
+
+    def _each(self, asked: Callable[[ArrayView], T]) -> Iterator[tuple[IntArray, T]]:
+        """Yield the games of each ground, and what a view of them gives."""
+        for ground, games in self._parts:
+            with self._on(ground):
+                yield games, asked(ArrayView(self._state, games, self.agents))
+
+    def _joined(self, asked: Callable[[ArrayView], IntArray], fill: int) -> IntArray:
+        """Return what views of games on each ground give, one value or several for each agent."""
+        parts = list(self._each(asked))
+        most = max((part.shape[2:] for _, part in parts), default=())
+        found = np.full((*self.node.shape, *most), fill, np.int64)
+        for games, part in parts:
+            padded = np.full((*part.shape[:2], *most), fill, np.int64)
+            padded[..., : part.shape[-1]] = part
+            found[games] = padded
+        return found
+
+    @property
+    def counts(self) -> IntArray:
+        """How many nodes are legal for each agent, its own included."""
+        return self._joined(lambda view: view.counts, 1)
+
+    def _legal(self) -> IntArray:
+        return self._joined(lambda view: view["legal"], -1)
+
+    def action_to(self, nodes: Any) -> IntArray:
+        """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal."""
+        wanted = np.broadcast_to(nodes, self.node.shape)
+        return self._joined(lambda view: view.action_to(wanted[view.games]), -1)
+
+    def seen_nodes(self, *names: str) -> SeenNodes:
+        """Return which nodes the sensors show to those in the mask."""
+        parts = [(games[one.at], one) for games, one in self._each(lambda view: view.seen_nodes(*names))]
+        at = np.concatenate([games for games, _ in parts])
+        order = np.argsort(at, kind="stable")
+        viewers, nodes = (
+            np.concatenate([getattr(one, name) for _, one in parts])[order] for name in ("viewers", "nodes")
+        )
+        return SeenNodes((*self.node.shape, len(self.streets.counts)), at[order], viewers, nodes)
+
+    def encoded(self, others: int, actions: int | None) -> Vectors:
+        """Return vectors of a number of actions; None: of the most that are legal anywhere while all roads are open."""
+        most = int(self.streets.counts.max(initial=1)) if actions is None else actions
+        whole = super().encoded(others, most)
+        for games, part in self._each(lambda view: view.encoded(others, most)):
+            whole.values[games], whole.legal[games] = part.values, part.legal
+        return whole
+
+
+def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
+    """Return the plan of the team of an agent, or its strategy; None: neither."""
+    return plans[agent.team].function if agent.team in plans else agent.strategy
+
+
+def is_other_by_roads(whole: GraphColumns, now: GraphColumns) -> bool:
+    """Return whether a map differs from the whole one in nothing but roads that are closed."""
+    same_nodes = np.array_equal(whole.node_ids, now.node_ids) and np.array_equal(whole.xy, now.xy)
+    order = np.argsort(whole.edge_ids, kind="stable")
+    known = whole.edge_ids[order]
+    places = np.minimum(np.searchsorted(known, now.edge_ids), max(len(known) - 1, 0))
+    if not same_nodes or (len(now.edge_ids) and not (len(known) and np.array_equal(known[places], now.edge_ids))):
+        return False
+    rows = order[places] if len(known) else places
+    columns = (whole.sources, now.sources), (whole.targets, now.targets), (whole.lengths, now.lengths)
+    if whole.node_attributes != now.node_attributes or not all(
+        np.array_equal(one[rows], other) for one, other in columns
+    ):
+        return False
+    if np.array_equal(whole.edge_ids, now.edge_ids):  # NOTE: as in most games, once there was one with these roads
+        return bool(whole.edge_attributes == now.edge_attributes)
+    numbered = list(enumerate(rows.tolist()))
+    return all(
+        values.get(new, _NOTHING) == whole.edge_attributes.get(name, {}).get(old, _NOTHING)
+        for name, values in now.edge_attributes.items()
+        for new, old in numbered
+    )
+
+
+_NOTHING = object()
+
+
+def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
+    """Return the strategies and plans of agents, each with all agents that have the same."""
+    found: dict[Hashable, list[int]] = {}
+    for number, agent in enumerate(roster.agents):
+        decider = decider_of(agent, plans)
+        if decider is not None:
+            found.setdefault(_key_of(form_of(decider)), []).append(number)
+    groups = []
+    for numbers in found.values():
+        decider = decider_of(roster.agents[numbers[0]], plans)
+        groups.append(Group(as_code(decider), np.array(numbers), form_of(decider)))
+    return groups
+
+
+def _key_of(form: Any) -> Hashable:
+    """Return a key that is equal for forms that do the same."""
+    if isinstance(form, partial):
+        key = (
+            form.func,
+            tuple(map(_key_of, form.args)),
+            tuple((k, _key_of(v)) for k, v in sorted(form.keywords.items())),
+        )
+    else:
+        key = form
+    try:
+        hash(key)
+    except TypeError:
+        return id(form)
+    return key

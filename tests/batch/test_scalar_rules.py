@@ -1,0 +1,386 @@
+"""Rules without an array form in games that are played in arrays: called game by game, with the same results."""
+
+import random
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+from hypothesis import Phase, given, settings
+from hypothesis import strategies as st
+from test_laws import LAWS
+
+import gamms
+from gamms.errors import BadValue, UnknownName
+from gamms.rules import Conflicts, capture_flag, contacts, payoff, respawn, tag
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
+BACK = {"rule": "respawn", "with": {"after": 2}}
+PAID = {"rule": "payoff", "with": {"table": {"bonus": {"agent": 0.5}, "tag": {"agent": 1}}}}
+FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}}}
+
+
+def bonus(ctx):
+    """Count visits in `data`, pay for them, and end the game when there were many."""
+    game = ctx.game
+    for agent in game.agents:
+        if agent.current_node_id % 4 == 0:
+            game.data.setdefault("visits", []).append(agent.name)
+            game.emit("bonus", agent=agent.name, node=agent.current_node_id, before=agent.prev_node_id)
+            game.scores[agent.team] += 0.25
+    if len(game.data.get("visits", ())) > 14:
+        game.end("bonus", winner=max(sorted(game.scores), key=game.scores.get))
+
+
+def meet(ctx):
+    """Put those elsewhere that meet others, and count it at the agents."""
+    for contact in contacts(ctx, "red", "blue"):
+        one = ctx.agent.get_agent(contact.a)
+        one.met = getattr(one, "met", 0) + 1
+        ctx.game.emit("met", agent=one.name, times=one.met, at=contact.a_node)
+        if one.met % 2:
+            ctx.agent.get_agent(contact.b).current_node_id = ctx.game.start_node(contact.b)
+
+
+def strike(ctx):
+    """Put agents out and back by lots of the game."""
+    draw = ctx.stream("strike", ctx.game.turn)
+    for name, move in ctx.game.moves.items():
+        lot = draw.random()
+        if lot < 0.05 and move.start != move.end:
+            ctx.game.eliminate(name)
+        elif lot > 0.9:
+            ctx.game.respawn(name, 3 if lot > 0.95 else None)
+
+
+def lucky(ctx):
+    """Draw from the stream of the game, in some turns."""
+    if ctx.game.turn % 3 == 1:
+        ctx.game.scores["luck"] += int(ctx.rng.integers(9))
+        ctx.agent.get_agent("red_0").luck = ctx.game.scores["luck"]
+    ctx.game.events.sort(key=lambda event: event["turn"])
+
+
+def near(ctx):
+    """Look where agents are, and at what has happened so far."""
+    number = len(ctx.game.tracks(ctx.game.agents)) + sum(event["kind"] == "tag" for event in ctx.game.events)
+    close = sum(
+        ctx.graph.distance(a.current_node_id, b.current_node_id) < 20 for a in ctx.game.agents for b in ctx.game.agents
+    )
+    ctx.game.data["near"] = [number, close, ctx.game.last_turn, len(ctx.game.errors), ctx.game.is_over]
+    ctx.game.scores["near"] = number * close
+
+
+def storm(ctx):
+    """Close roads, others in games of other seeds, and open some of them later."""
+    if ctx.game.turn in (2, 5):
+        near = [edge for edge in [*ctx.graph.graph.get_edges()] if edge % 7 in (ctx.seed % 2, ctx.game.turn)]
+        ctx.graph.close_roads(near[:9])
+    if ctx.game.turn == 7:
+        ctx.graph.open_roads(ctx.graph.closed_roads[:5])
+    if ctx.game.turn == 8 and ctx.seed % 2:
+        ctx.graph.graph.remove_edge(next(ctx.graph.graph.get_edges()))
+
+
+RULES = [bonus, meet, strike, lucky, near]
+ruled = st.lists(st.tuples(st.sampled_from(RULES), st.sampled_from(["before", "after"])), min_size=1, max_size=4)
+
+
+def check(ctx, seeds, *, restart=None):
+    """Check that all games of a batch equal those that are played alone; return those that have left the arrays."""
+    with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+        assert games.slow is None or "game by game" in games.slow, games.slow
+        if restart is not None:
+            for _ in range(restart):
+                games.step()
+            games.reset([0])
+        games.run()
+        for seed in set(seeds):
+            alone.game.reset(seed=seed)
+            result = plain(alone.game.run())
+            assert all(plain(games.result(number)) == result for number, one in enumerate(seeds) if one == seed)
+        return games.detached
+
+
+@settings(LAWS, max_examples=30)
+@given(
+    rules=ruled,
+    first=st.lists(st.sampled_from([TAG, OUT, BACK, PAID, FLAGS]), max_size=2, unique_by=str),
+    capacity=st.sampled_from([None, 1]),
+    seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
+    restart=st.integers(0, 6),
+    legal=st.sampled_from(["edges", "any"]),
+)
+def test_scalar_rules_in_arrays_do_what_they_do_in_games_alone(rules, first, capacity, seeds, restart, legal):
+    with scene(first, max_turns=12, settings={"legal": legal}).build(seed=1) as ctx:
+        for number, (rule, phase) in enumerate(rules):
+            ctx.game.add(rule, phase=phase, name=f"{rule.__name__} {number}")
+        ctx.game.add(gamms.rules.last_team())
+        ctx.game.conflicts = None if capacity is None else Conflicts(capacity)
+        assert check(ctx, seeds, restart=restart) == {}
+
+
+SEEING = {
+    "near": {"type": "AGENT_RANGE", "sensor_range": 25.0},
+    "map": {"type": "RANGE", "sensor_range": 12.0},
+    "next": {"type": "NEIGHBOR"},
+}
+IN_ARRAYS = [
+    lambda: [tag("red", "blue"), payoff({"bonus": {"agent": 0.5}, "tag": {"agent": 1}})],
+    lambda: [tag("red", "blue", metres=11, then="eliminate"), respawn(2)],
+    lambda: [capture_flag({"red": 0, "blue": 24})],
+]
+
+
+@gamms.array_strategy
+def look(view):
+    """Go to the node that is last among those in sight."""
+    seen, actions = view.seen_nodes("next"), view.draw.below(view.counts)
+    last = np.zeros(view.node.shape, np.int64)
+    last[seen.at, seen.viewers] = seen.nodes
+    return np.where(view.draw.random() < 0.5, np.maximum(view.movement.action_to(view.choices, last), 0), actions)
+
+
+MADE = {
+    "chase": gamms.strategies.chase,
+    "flee": gamms.strategies.flee,
+    "look": look,
+    "patrol": lambda ctx: gamms.strategies.patrol(ctx, [0, 24, 20]),
+    "walk": gamms.strategies.random_walk,
+}
+
+
+@settings(LAWS, max_examples=12, phases=[Phase.generate])
+@given(
+    rules=st.lists(
+        st.tuples(st.sampled_from([bonus, strike, lucky]), st.sampled_from(["before", "after"])), max_size=2
+    ),
+    phase=st.sampled_from(["before", "after"]),
+    others=st.sampled_from(IN_ARRAYS),
+    are_first=st.booleans(),
+    strategy=st.sampled_from([*MADE]),
+    capacity=st.sampled_from([None, 1]),
+    seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
+    restart=st.integers(0, 9),
+)
+def test_roads_that_rules_close_are_closed_in_their_games_alone(
+    rules, phase, others, are_first, strategy, capacity, seeds, restart
+):
+    red = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SEEING]}
+    blue = {"count": 2, "strategy": "gamms.strategies:flee", "sensors": ["near"]}
+    scenario = scene(max_turns=12, teams={"red": red, "blue": blue}, sensors=SEEING)
+    with scenario.build(seed=1, strategies={"red": MADE[strategy]}) as ctx:
+        made = [(rule, "after") for rule in others()]
+        for number, (rule, when) in enumerate([*made * are_first, (storm, phase), *rules, *made * (not are_first)]):
+            ctx.game.add(rule, phase=when, name=f"{rule.__name__} {number}")
+        ctx.game.conflicts = None if capacity is None else Conflicts(capacity)
+        detached = check(ctx, seeds * 5, restart=restart)  # so many that they stay in arrays, unless one begins again
+        assert detached.keys() <= {0}
+
+
+def listen(ctx):
+    """Count deeds and messages, and what agents did in the turn before."""
+    for deed in ctx.game.performed():
+        ctx.game.emit("heard of", agent=deed.agent, deed=deed.kind, at=deed.at, values=dict(deed.values))
+    ctx.game.scores["messages"] = len(ctx.game.messages)
+    ctx.game.data["tracks"] = ctx.game.data.get("tracks", 0) + sum(
+        len(one.path) for one in ctx.game.tracks(ctx.game.agents)
+    )
+    ctx.game.scores["tracks"] = ctx.game.data["tracks"]
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+def test_scalar_rules_find_deeds_and_messages(phase):
+    @gamms.array_strategy
+    def busy(view):
+        actions = view.draw.below(view.counts)
+        view.do("rest", view.draw.random() < 0.4)
+        view.do("mark", actions > 0, node=view.node, whom=np.where(actions > 1, 1, -1), size=view.draw.random())
+        view.send("radio", view.draw.random() < 0.5, actions)
+        return actions
+
+    deeds = {"mark": {"node": "node", "whom": "agent?", "size": "number"}, "rest": {}}
+    scenario = scene([OUT, BACK], settings={"deeds": deeds}, channels={"radio": {"range_m": 20.0, "loss": 0.3}})
+    with scenario.build(seed=1, strategies={"red": busy, "blue": busy}) as ctx:
+        ctx.game.add(listen, phase=phase)
+        assert check(ctx, [1, 2, 3]) == {}
+
+
+def flood(ctx):
+    """Close roads in some games, and open one of them later."""
+    if ctx.game.turn == 3 and ctx.seed % 2:
+        ctx.graph.close_roads([4, 5, 30, 31, 32])
+    if ctx.game.turn == 6 and ctx.graph.closed_roads:
+        ctx.graph.open_roads([30])
+
+
+@gamms.array_rule(of=flood)
+def flood_in_arrays(turn):
+    kept = turn.keep("flood", lambda games: {"is_closed": np.zeros(games, np.bool_)})["is_closed"]
+    closing = (turn.turn == 3) & (turn.seeds % 2 == 1)
+    turn.close_roads(np.flatnonzero(closing), [4, 5, 30, 31, 32])
+    kept[turn.games[closing]] = True
+    turn.open_roads(np.flatnonzero((turn.turn == 6) & kept[turn.games]), [30])
+
+
+@pytest.mark.parametrize("phase", ["before", "after"])
+@pytest.mark.parametrize("more", [[], [bonus]])
+def test_forms_of_rules_close_roads_in_many_games_at_once(phase, more):
+    with scene(max_turns=10).build(seed=1) as ctx:
+        for rule in (flood, *more, tag("red", "blue", metres=11)):
+            ctx.game.add(rule, phase=phase)
+        assert check(ctx, [1, 2, 3, 5, 7, 9, 11, 13]) == {}
+
+
+def test_roads_that_are_not_there_cannot_be_closed():
+    def close(ctx):
+        ctx.graph.close_roads([999])
+
+    gamms.array_rule(of=close)(lambda turn: turn.close_roads(np.arange(len(turn.games)), [999]))
+    with scene(max_turns=10).build(seed=1) as ctx:
+        ctx.game.add(close)
+        with ctx.game.batch(2) as games, pytest.raises(UnknownName, match="999"):
+            games.run()
+
+
+def test_what_is_observed_where_roads_are_closed_is_what_is_there():
+    red = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": [*SEEING]}
+    seeds = [1] * 4 + [2] * 5 + [4] * 2
+    with scene(teams={"red": red}, sensors=SEEING).build(seed=1) as ctx:
+        ctx.game.add(storm)
+        with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(6):
+                games.step()
+            view = games.observe("red")
+            vectors, legal, seen = view.vector(), view["legal"], view.seen_nodes("next").mask
+            assert vectors.legal.shape[-1] == 5
+            for number, seed in enumerate(seeds):
+                alone.game.reset(seed=seed)
+                alone.game.run(6)
+                for agent in range(3):
+                    state = alone.game.observation(f"red_{agent}")
+                    assert [node for node in legal[number, agent] if node >= 0] == list(state["legal"])
+                    assert vectors.legal[number, agent].sum() == view.counts[number, agent] == len(state["legal"])
+                    assert np.flatnonzero(seen[number, agent]).tolist() == sorted(state["sensor"]["next"][1])
+            last = view["legal"][np.arange(len(seeds))[:, None], np.arange(3), view.counts - 1]
+            assert (view.action_to(last) == view.counts - 1).all()
+            games.step({"red": view.counts - 1})
+            assert (games.observe("red")["curr_pos"] == last).all()
+
+
+def test_games_of_which_few_have_the_same_roads_closed_go_on_one_by_one():
+    with scene([TAG], max_turns=12).build(seed=1) as ctx:
+        ctx.game.add(storm)
+        detached = check(ctx, [1, 1, 1, 1, 2, 3])
+        assert sorted(detached) == [4]
+        assert "roads are closed" in detached[4]
+
+
+def looks_into_memories(ctx):
+    ctx.game.scores["memories"] += len(ctx.game.memories)
+
+
+def looks_through_eyes(ctx):
+    ctx.game.scores["seen"] += len(ctx.agent.get_agent("red_0").state)
+
+
+def observes(ctx):
+    ctx.game.scores["legal"] += len(ctx.game.observation("red_0")["legal"])
+
+
+def counts(ctx):
+    ctx.game.scores["counted"] = len(ctx.game.counts)
+
+
+def draws(ctx):
+    if ctx.game.turn > 3:
+        ctx.game.scores["luck"] += random.random()
+
+
+def publishes(ctx):
+    if ctx.game.turn == 3:
+        ctx.game.publish(storm=ctx.seed)
+
+
+def uses_flags(ctx):
+    ctx.game.scores["captures"] = sum(ctx.game.data["flags"]["captures"].values())
+
+
+@pytest.mark.parametrize(
+    ("rule", "why"),
+    [
+        (looks_into_memories, "ctx.game.memories"),
+        (looks_through_eyes, "what agents have sensed"),
+        (observes, "what an agent observes"),
+        (counts, "ctx.game.counts"),
+        (draws, "the global random"),
+        (publishes, "publishes facts"),
+        (uses_flags, "data['flags']"),
+    ],
+)
+def test_rules_that_need_the_turn_engine_get_it(rule, why):
+    with scene([FLAGS], max_turns=8).build(seed=1) as ctx:
+        ctx.game.add(rule)
+        detached = check(ctx, [1, 2])
+        assert sorted(detached) == [0, 1]
+        assert all(rule.__name__ in one and why in one for one in detached.values())
+
+
+def recruits(ctx):
+    if ctx.game.turn == 3 and ctx.seed % 3 == 0:
+        ctx.agent.create_agent("red_9", start_node_id=3, team="red", strategy=gamms.strategies.stay)
+
+
+@pytest.mark.parametrize("rule", [recruits])
+def test_a_game_that_becomes_another_kind_of_game_leaves_the_arrays_alone(rule):
+    with scene([TAG], max_turns=9).build(seed=1) as ctx:
+        ctx.game.add(rule)
+        detached = check(ctx, range(1, 7))
+        assert sorted(detached) == [2, 5]
+        assert "agents come or go" in detached[2]
+
+
+def test_games_that_have_left_the_arrays_take_actions_and_are_observed_reset_and_counted():
+    with scene([TAG], max_turns=9).build(seed=1) as ctx:
+        ctx.game.add(recruits)
+        with ctx.game.batch(seeds=[2, 3, 4]) as games, ctx.game.batch(seeds=[2, 3, 4]) as others:
+            ctx.game.remove(recruits)
+            for turn in range(6):
+                view = games.observe("red")
+                games.step({"red": (turn + np.arange(3)) % view.counts})
+                others.step({"red": (turn + np.arange(3)) % others.observe("red").counts})
+            assert list(games.detached) == [1]
+            assert games.turn.tolist() == [6, 6, 6]
+            assert games.result(1).agents["red_9"]["alive"]
+            assert (games.observe("blue").node == others.observe("blue").node).all()
+            games.reset([1])
+            assert games.detached == {}
+            games.run()
+            assert games.is_over.all()
+            assert len(games.result(1).agents) == 7
+
+
+def test_errors_of_rules_name_the_rule_the_game_and_the_turn():
+    def fall(ctx):
+        if ctx.game.turn == 3 and ctx.seed == 6:
+            raise ZeroDivisionError("fell")
+
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.add(fall)
+        with ctx.game.batch(3, seed=5) as games, pytest.raises(ZeroDivisionError) as caught:
+            games.run()
+    notes = " ".join(caught.value.__notes__)
+    assert "'fall' (phase 'after'), in turn 3" in notes
+    assert "In game 1 of a batch, with the seed 6." in notes
+
+
+def test_rules_that_remember_outside_of_the_game_are_refused():
+    ends = []
+
+    def remember(ctx):
+        ends.append(ctx.game.turn)
+
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.add(remember)
+        with ctx.game.batch(3) as games, pytest.raises(BadValue, match=r"'ends' of remember\(\) .* ctx\.game\.data"):
+            games.run()
