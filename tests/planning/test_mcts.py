@@ -191,6 +191,9 @@ def test_it_plays_the_scenarios_that_come_with_gamms(name):
         ({"depth": 0}, BadValue, "depth"),
         ({"selection": "ucb"}, BadValue, "Did you mean 'uct'"),
         ({"discount": 1.5}, BadValue, "discount"),
+        ({"rollout": "chaise"}, BadValue, "rollout='chaise' is no strategy"),
+        ({"opponents": {"blue": 3}}, BadType, "opponents is a strategy"),
+        ({"value": "closness"}, BadType, "value is a function of the model"),
         ({"value": 3}, BadType, "value is a function of the model"),
         ({"actions": 3}, BadType, "actions is a function of the state"),
         ({"horizon": 3}, UnknownName, "Unknown option 'horizon'"),
@@ -200,6 +203,16 @@ def test_it_plays_the_scenarios_that_come_with_gamms(name):
 def test_impossible_arguments_are_refused_when_it_is_made(arguments, error, words):
     with pytest.raises(error, match=words):
         mcts(**arguments)
+
+
+def test_names_of_gamms_may_be_short(tag):
+    with tag.build(strategies={"ann": mcts(3, depth=2, rollout="chase", opponents="flee", value="closeness")}) as ctx:
+        assert ctx.game.run(1).errors == []
+
+
+def test_a_value_that_is_no_number_is_refused(tag):
+    with pytest.raises(BadType, match="What value\\(model\\) returns"):
+        tag.play(strategies={"ann": mcts(3, depth=2, value=lambda model: None)})
 
 
 def test_agents_that_fly_need_actions():
@@ -216,3 +229,17 @@ def test_agents_that_fly_need_actions():
         ctx.agent.get_agent("hawk").register_strategy(search)
         ctx.game.run(2)
         assert ctx.agent.get_agent("hawk").position[0] == 20.0
+
+
+@pytest.mark.slow
+def test_a_search_tags_more_runners_than_the_script_does():
+    """The short version of benchmarks/planning.py."""
+    grid = load(DATA / "grid_tag.yaml").replace(max_turns=60)
+    scripted = sum(grid.play(seed).scores.get("red", 0) for seed in (1000, 1003, 1004))
+    searched = 0
+    for seed in (1000, 1003, 1004):
+        with grid.build(seed) as ctx:
+            ctx.game.command("red", mcts(40, depth=8, rollout="chase", opponents="flee", value="closeness"))
+            searched += ctx.game.run().scores["red"]
+    assert scripted <= 1
+    assert searched >= 4

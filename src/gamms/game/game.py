@@ -78,12 +78,13 @@ class Game(RuleVerbs):
     def add(self, rule: Rule | None = None, *, phase: str = "after", name: str | None = None) -> Any:
         """Add a rule that is applied in every turn; also a decorator, with or without keywords.
 
-        A rule may have six attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
+        A rule may have seven attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
         `check(ctx)` is called in every turn when agents have decided, and may `refuse` moves and deeds;
         `teams` are those that it names, and one without agents is warned about at the next turn;
         `drawer(ctx, data)` draws it, as an artist called `drawer.artist` unless there is one of that name, and on layer
-        `drawer.layer` (12); `rank`: a rule of a higher one is called later in its phase (0); `key` names its state in
-        `data`, so that no other rule may have the same.
+        `drawer.layer` (12); `disclose(data, names)` returns what agents of these names know of `data`, for planners;
+        `rank`: a rule of a higher one is called later in its phase (0); `key` names its state in `data`, so that no
+        other rule may have the same.
 
         Args:
             rule: called with the context; rules are called in the order in which they were added.

@@ -9,7 +9,7 @@ from typing import Any, Literal, NamedTuple, Unpack, cast
 from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_range
 from gamms.errors import BadType, BadValue
-from gamms.planning.model import Model, ModelOptions, Policy, States, checked_options
+from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options
 from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown, shown_as_called
@@ -101,9 +101,12 @@ def mcts(
     checked_options(options, SearchOptions)
     rest: dict[str, Any] = {name: one for name, one in options.items() if name in ModelOptions.__annotations__}
     are_searched = isinstance(opponents, str) and opponents == "search"
-    worth = offered_function(value) if isinstance(value, str) else value
+    worth = offered_function(value, "gamms.planning") if isinstance(value, str) else value
     if value is not None and not callable(worth):
         raise BadType(f"value is a function of the model, such as gamms.planning.closeness, not {shown(value)}.")
+    for argument, policies in (("rollout", rollout), ("opponents", random_walk if are_searched else opponents)):
+        for policy in policies.values() if isinstance(policies, Mapping) else [policies]:
+            as_policy(policy, argument)
     actions = options.get("actions", _legal)
     if not callable(actions):
         raise BadType(f"actions is a function of the state, not {shown(actions)}.")
@@ -364,7 +367,7 @@ class _Search:
                 if model.is_over:
                     break
         value = self.settings.value
-        gains = [0.0 if value is None or model.is_over else float(value(model))]
+        gains = [0.0 if value is None or model.is_over else as_float(value(model), "What value(model) returns")]
         for reward in reversed(rewards):
             gains.append(reward + self.settings.discount * gains[-1])
         gains.reverse()

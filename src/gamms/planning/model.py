@@ -197,19 +197,27 @@ class Model:
 
     def _made(self, policy: Policy, argument: str, own: Callable[[Any], Any]) -> Strategy:
         """Return the strategy that a policy is, or makes, in this game."""
-        function: Any = policy
-        if isinstance(policy, str):
-            function = offered_function(policy)
-            if function is None:
-                raise BadValue(
-                    f"{argument}={shown(policy)} is no strategy of GAMMS, such as 'gamms.strategies:chase'. To use one "
-                    "of your own, give the function; in a scenario file {function: …}."
-                )
-        if not callable(function) or iscoroutinefunction(function):
-            raise BadType(f"{argument} is a strategy, an ordinary function of the state, not {shown(policy)}.")
+        function = as_policy(policy, argument)
         if first_of(function) == "ctx":
             return cast("Strategy", function(self.ctx))
         return cast("Strategy", function if isinstance(policy, str) else own(function))
+
+
+def as_policy(policy: object, argument: str) -> Callable[..., Any]:
+    """Return the function that a policy is, or names.
+
+    Raises:
+        BadType, BadValue: it is none.
+    """
+    function: Any = offered_function(policy, "gamms.strategies") if isinstance(policy, str) else policy
+    if function is None:
+        raise BadValue(
+            f"{argument}={shown(policy)} is no strategy of GAMMS, such as 'gamms.strategies:chase'. To use one of your "
+            "own, give the function; in a scenario file {function: …}."
+        )
+    if not callable(function) or iscoroutinefunction(function):
+        raise BadType(f"{argument} is a strategy, an ordinary function of the state, not {shown(policy)}.")
+    return cast("Callable[..., Any]", function)
 
 
 def closeness(model: Model) -> float:
