@@ -229,17 +229,3 @@ def test_agents_that_fly_need_actions():
         ctx.agent.get_agent("hawk").register_strategy(search)
         ctx.game.run(2)
         assert ctx.agent.get_agent("hawk").position[0] == 20.0
-
-
-@pytest.mark.slow
-def test_a_search_tags_more_runners_than_the_script_does():
-    """The short version of benchmarks/planning.py."""
-    grid = load(DATA / "grid_tag.yaml").replace(max_turns=60)
-    scripted = sum(grid.play(seed).scores.get("red", 0) for seed in (1000, 1003, 1004))
-    searched = 0
-    for seed in (1000, 1003, 1004):
-        with grid.build(seed) as ctx:
-            ctx.game.command("red", mcts(40, depth=8, rollout="chase", opponents="flee", value="closeness"))
-            searched += ctx.game.run().scores["red"]
-    assert scripted <= 1
-    assert searched >= 4
