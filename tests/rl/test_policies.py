@@ -226,6 +226,21 @@ def test_a_network_can_be_asked_for_each_action(tmp_path):
         assert (games.observe("red").node == before.streets.legal[before.node].max(axis=2)).all()
 
 
+def test_a_policy_plays_against_itself_and_goes_on_from_snapshots(tmp_path):
+    game = scene().replace(**{"teams.blue.sensors": ["near"]})
+    rl.save_policy(network(ENTRIES), tmp_path / "both.safetensors", game)
+    both = dict.fromkeys(("red", "blue"), rl.policy(tmp_path / "both.safetensors", sample=True))
+    with game.batch(3, strategies=both) as games:
+        games.run()
+        assert games.result(2) == game.play(seed=2, strategies=both)
+    with game.build(seed=2, strategies=both) as ctx:
+        ctx.game.step()
+        snapshot = ctx.game.snapshot()
+        first = ctx.game.run()
+        ctx.game.restore(snapshot)
+        assert ctx.game.run() == first == games.result(2)
+
+
 def test_what_cannot_be_saved_is_refused_by_name(tmp_path):
     with pytest.raises(BadValue, match=r"saved as .safetensors or .onnx, not as 'red.pkl'"):
         rl.save_policy(network(), tmp_path / "red.pkl", scene(), team="red")
@@ -353,6 +368,10 @@ def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
         scene(width=5).play(seed=1, strategies={"red": red})
     with pytest.raises(BadFile, match="has no metadata of GAMMS"):
         rl.policy(tmp_path / "net.onnx")
+    model = onnx.load(tmp_path / "net.onnx")
+    onnx.save(model, tmp_path / "far.onnx", save_as_external_data=True, location="weights.bin", size_threshold=0)
+    with pytest.raises(BadFile, match="may read its weights from other files"):
+        rl.save_policy(tmp_path / "far.onnx", tmp_path / "r.onnx", scene(), team="red")
     (tmp_path / "bad.onnx").write_bytes(b"\x00" * 50)
     with pytest.raises(BadFile, match="is no ONNX model"):
         rl.policy(tmp_path / "bad.onnx")

@@ -4,6 +4,7 @@ The same row gives the same numbers, whichever rows are beside it, so that a pol
 game alone: NumPy sums up in 64 bits and rounds to 32 after each layer, onnxruntime gets blocks of one size.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from typing import Annotated, Any, Literal, NamedTuple
 
@@ -20,7 +21,8 @@ Logits = Callable[[Mapping[str, Any]], Float32Array]
 
 _MOST_LAYERS = 64
 _BLOCK = 64  # rows
-_EXTERNAL = b"location"  # the key by which an ONNX file names another file that has its weights
+_EXTERNAL = re.compile(rb"(\x0a|\x8a\x80*\x00)(\x08|\x88\x80*\x00)location")
+"""The key of an entry by which an ONNX file names another file that has its weights, however long numbers are written."""
 _FUNCTIONS: dict[str, Callable[[DoubleArray], DoubleArray]] = {
     "tanh": np.tanh,
     "relu": lambda x: np.maximum(x, 0.0),
@@ -200,7 +202,7 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
         import onnxruntime
     except ImportError:
         raise MissingExtra("A policy in ONNX", "onnx") from None
-    if _EXTERNAL in model:
+    if _EXTERNAL.search(model):
         raise BadFile(f"{what} may read its weights from other files, which is refused: save it as one file.")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
