@@ -22,7 +22,7 @@ Logits = Callable[[Mapping[str, Any]], Float32Array]
 _MOST_LAYERS = 64
 _BLOCK = 64  # rows
 _EXTERNAL = re.compile(rb"(\x0a|\x8a\x80*\x00)(\x08|\x88\x80*\x00)location")
-"""The key of an entry by which an ONNX file names another file that has its weights, however long numbers are written."""
+"""The key of an entry by which an ONNX file names another file that has its weights, however numbers are written."""
 _FUNCTIONS: dict[str, Callable[[DoubleArray], DoubleArray]] = {
     "tanh": np.tanh,
     "relu": lambda x: np.maximum(x, 0.0),
