@@ -232,7 +232,7 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
         ctx.game.add(strike, phase=phase)
     for kind in ("scan", "mark") if deeds else ():
         ctx.game.add(cooldown(kind, 2), phase=deeds[0])
-    if deeds is not None:
+    if deeds is not None and "speed_unit" not in (motion or {}):  # what is used up by edges has no form by metres
         prices = {"rest": 0.4, "mark": 0.7, "scan": 1}
         ctx.game.add(resource("power", 3, per_deed=prices, per_edge=0.2, recharge=dict.fromkeys(NODES[::3], 2)))
     ctx.game.conflicts, ctx.game.order = conflicts, order
@@ -293,7 +293,7 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
 ):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
     if motion is not None and "speed_unit" in motion:
-        order = deeds = None
+        order = None
         rules = [rule for rule in rules if not getattr(rule, "array_form_by_edges", False)]
     with (
         open_game(streets, agents, rules, conflicts, early, order, motion, deeds) as ctx,
@@ -308,3 +308,18 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
             for number, seed in enumerate(seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_agents_that_are_put_back_while_on_an_edge_stay_there():
+    agents, motion = {"a0": ("red", 2), "b1": ("blue", 11)}, {"speed_unit": "metres", "speeds": [0.3]}
+    with (
+        open_game([(1.1, False)] * 33, agents, [], None, motion=motion, deeds=["deeds"]) as ctx,
+        ctx.game.batch(8) as games,
+        ctx.game.fork(0).ctx as alone,
+    ):
+        assert games.slow is None
+        games.run()
+        assert any(event["kind"] == "respawned" for event in games.result(0).events)
+        for number, seed in enumerate(games.seeds):
+            alone.game.reset(seed=seed)
+            assert plain(games.result(number)) == plain(alone.game.run())

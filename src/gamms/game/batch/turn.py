@@ -146,7 +146,13 @@ class MovesOfTurn:
 
     def left_of(self, moves: Moves) -> Moves:
         """Return the moves of agents that rules have not put elsewhere or out of the game; these stay."""
-        return moves._replace(starts=self.node).without(~self.alive | (self.node != self.starts))
+        was_put, edge = self.node != self.starts, self._state.movement.edge
+        if len(edge):  # by metres: of those that were put on the node they had passed last, too
+            begun, share = moves.before
+            has_left = (begun >= 0) & (edge[self.games] < 0)
+            moves = moves._replace(before=(np.where(has_left, -1, begun), np.where(has_left, 0.0, share)))
+            was_put = was_put | has_left
+        return moves._replace(starts=self.node).without(~self.alive | was_put)
 
     def move(self, moves: Moves, in_conflict: BoolArray, part: TurnPart | None = None) -> None:
         """Move agents, and note which of them conflicts have stopped.
