@@ -29,6 +29,7 @@ EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 IS_REFRESHING = os.environ.get("GAMMS_REFRESH_EXAMPLES") == "1"
 
 _FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
+_CODE = re.compile(r"`[^`\n]*`")  # within a line
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 _HEADING = re.compile(r"^#+ (.+?)\s*$", re.MULTILINE)
 
@@ -102,7 +103,7 @@ def prose_of(page: Path) -> str:
 
 def internal_links_of(page: Path) -> list[tuple[Path, str]]:
     """Target file and anchor of every link that does not leave the repository."""
-    links = [link for link in _LINK.findall(prose_of(page)) if not re.match(r"[a-z]+:", link)]
+    links = [link for link in _LINK.findall(_CODE.sub("", prose_of(page))) if not re.match(r"[a-z]+:", link)]
     parts = [link.partition("#") for link in links]
     return [((page.parent / path).resolve() if path else page, anchor) for path, _, anchor in parts]
 
