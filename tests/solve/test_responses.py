@@ -97,6 +97,10 @@ def test_what_a_method_cannot_treat_is_refused_by_name():
         best_response(PENNIES, team="red", against=stay, method="guess")
     with pytest.raises(BadValue, match="'win'"):
         best_response(PENNIES, team="red", against=stay, method="learn", reward="win")
+    with pytest.raises(BadValue, match="'turns'"):
+        best_response(PENNIES, team="red", against=stay, method="search", reward="turns")
+    with pytest.raises(BadValue, match="against="):
+        best_response(PENNIES, team="red", method="search")
     with pytest.raises(UnknownName, match="green"):
         best_response(PENNIES, team="green", against=stay)
     with pytest.raises(UnknownName, match="green"):
@@ -106,6 +110,17 @@ def test_what_a_method_cannot_treat_is_refused_by_name():
     endless = solve(scene("pair", TEAMS, ["solved_games:pennies"]), discount=0.9)
     with pytest.raises(BadValue, match="reward='win'"):
         best_response(endless.table.setup.scenario, team="blue", against=endless.strategy("red"), reward="win")
+
+
+def test_a_response_searches_ahead():
+    eyes = {"teams.cops.sensors": ["eyes"], "teams.robbers.sensors": ["eyes"]}
+    scenario = pursuit("path", [0], [2], turns=3).replace(sensors={"eyes": {"type": "AGENT"}}, **eyes)
+    found = best_response(scenario, team="cops", against=stay, method="search", budget=12)
+    exact = best_response(scenario, team="cops", against=stay)
+    assert exact.value == 1.0
+    assert 0.5 < found.value <= exact.value
+    assert (found.method, found.bound, found.information) == ("search", "lower", "agent")
+    assert found.interval[0] <= found.value <= found.interval[1]
 
 
 @pytest.mark.slow

@@ -7,8 +7,8 @@
 `worlds.py` plays a turn from any state by the scenario's own rules; read it first. `table.py` finds all states,
 `stages.py` iterates values over them, `solution.py` makes of both what users see, `information.py` says what sensors
 show of states. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel.
-A client of scenarios, batches and learning: May import: `rl` and below. To add a method of best responses, write it
-into `responses.py`.
+A client of scenarios, batches, planning and learning: May import: `planning`, `rl` and below. To add a method of best
+responses, write it into `responses.py`.
 """
 
 from gamms.solve.responses import Response, best_response, exploitability, nash_conv, openspiel

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from gamms import rl
+from gamms import planning, rl
 from gamms.arguments import as_choice, as_count, as_int, as_mapping
 from gamms.errors import BadValue, MissingExtra, UnknownName
 from gamms.ir.graph import FloatArray
@@ -32,8 +32,10 @@ from gamms.text import shown
 if TYPE_CHECKING:
     from gamms.solve.teams_game import TeamsGame
 
-Method = Literal["exact", "learn"]
-METHODS = ("exact", "learn")
+Method = Literal["exact", "search", "learn"]
+METHODS = ("exact", "search", "learn")
+_ITERATIONS, _DEPTH = 100, 12  # of a decision of "search"
+_SEARCHED = 20  # games that say what it gets, since each of its turns takes long
 _TRAINED = 50_000  # turns of training
 _TRAINED_GAMES = 16  # at once
 _PLAYED = 200  # games that say what a strategy gets
@@ -89,13 +91,15 @@ def best_response(
         team: that answers.
         against: the strategy of all others, or strategies by team or agent; None: those of the scenario.
         method: "exact": by value iteration over all states that the game can reach, for a team that knows where all
-            are; the others may remember, and only draw if they are from a `Solution` of this scenario. "learn": by
-            MaskablePPO of sb3-contrib, for agents that know what their sensors show.
+            are; the others may remember, and only draw if they are from a `Solution` of this scenario. "search": by
+            `gamms.planning.mcts` in every turn, for agents that know what their sensors show and how the others play.
+            "learn": by MaskablePPO of sb3-contrib, for such agents that find out how the others play.
         reward: what the team gets, see `solve`; in games of more than two teams its score less the average of the
-            others. "learn" takes "score" and "turns".
+            others. "search" takes "score", "learn" that and "turns".
         turns: the game is cut after so many turns; None: as the scenario says.
         seed: of the start, and of the training; None: that of the scenario, or 0.
-        budget: for "exact" how many states there may be, for "learn" turns of training.
+        budget: for "exact" how many states there may be, for "search" the iterations of a decision, for "learn" the
+            turns of training.
 
     Raises:
         BadType, BadValue: an argument is impossible, or the method does not do what is asked.
@@ -106,9 +110,14 @@ def best_response(
     as_choice(method, "method", METHODS)
     teams = teams_of(scenario, team)
     others = _by_team(against, teams[1:])
+    first = as_int(0 if seed is None else seed, "seed")
+    last = [one for one in (scenario.spec.max_turns, turns) if one is not None]
+    cut = scenario if turns is None else scenario.replace(max_turns=min(as_count(one, "turns") for one in last))
+    if method == "search":
+        return _searched(
+            cut, team, others, reward, first, as_count(_ITERATIONS if budget is None else budget, "budget")
+        )
     if method == "learn":
-        first = as_int(0 if seed is None else seed, "seed")
-        cut = scenario if turns is None else scenario.replace(max_turns=as_count(turns, "turns"))
         return _learned(cut, team, others, reward, first, as_count(_TRAINED if budget is None else budget, "budget"))
     solution = _answer(
         scenario,
@@ -246,6 +255,25 @@ def _answer(
     return solved(setup_of(scenario, (team,), others, turns=turns, seed=seed, max_states=max_states), reward, 1.0, of)
 
 
+def _searched(
+    scenario: Scenario, team: str, others: Mapping[str, Any], reward: Reward, seed: int, budget: int
+) -> Response:
+    """Return a response that searches in every turn."""
+    if reward != "score":
+        raise BadValue(f"method='search' is for reward='score', not {shown(reward)}: use method='exact'.")
+    if not others:
+        raise BadValue("method='search' needs to know how the others play: give against=, a strategy or several.")
+    plays = planning.mcts(budget, depth=_DEPTH, opponents=others, seed=seed, discount=1.0)
+    values = _played(scenario, team, {**others, team: plays}, reward, seed + _HELD_OUT, _SEARCHED)
+    return _estimated(team, "search", values, plays)
+
+
+def _estimated(team: str, method: Method, values: FloatArray, strategy: object) -> Response:
+    """Return a response whose value is the mean of what games gave."""
+    mean, half = float(values.mean()), float(1.96 * values.std(ddof=1) / len(values) ** 0.5)
+    return Response(team, method, mean, (mean - half, mean + half), strategy)
+
+
 def _learned(
     scenario: Scenario, team: str, others: Mapping[str, Any], reward: Reward, seed: int, budget: int
 ) -> Response:
@@ -266,9 +294,8 @@ def _learned(
             strategy = rl.policy(Path(folder) / "response.safetensors", other_scenario=True)
     finally:
         env.close()
-    values = _played(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT)
-    mean, half = float(values.mean()), float(1.96 * values.std(ddof=1) / len(values) ** 0.5)
-    return Response(team, "learn", mean, (mean - half, mean + half), strategy)
+    values = _played(scenario, team, {**others, team: strategy}, reward, seed + _HELD_OUT, _PLAYED)
+    return _estimated(team, "learn", values, strategy)
 
 
 def _gain(turn: rl.Turn) -> FloatArray:
@@ -284,13 +311,15 @@ def _turn(turn: rl.Turn) -> FloatArray:
     return np.full((len(turn.after.mask), 1), -1.0)
 
 
-def _played(scenario: Scenario, team: str, strategies: Mapping[str, Any], reward: Reward, seed: int) -> FloatArray:
-    """Return what a team gets in games, (games,)."""
-    with scenario.batch(_PLAYED, seed=seed, strategies=strategies) as games:
+def _played(
+    scenario: Scenario, team: str, strategies: Mapping[str, Any], reward: Reward, seed: int, number: int
+) -> FloatArray:
+    """Return what a team gets in so many games, (games,)."""
+    with scenario.batch(number, seed=seed, strategies=strategies) as games:
         games.run()
         if reward == "turns":
             return -games.turn.astype(np.float64)
         others = [games.scores[one] for one in games.teams if one != team and one in games.scores]
-        own = games.scores.get(team, np.zeros(_PLAYED))
-        gained: FloatArray = own - sum(others, np.zeros(_PLAYED)) / max(1, len(games.teams) - 1)
+        own = games.scores.get(team, np.zeros(number))
+        gained: FloatArray = own - sum(others, np.zeros(number)) / max(1, len(games.teams) - 1)
         return gained
