@@ -159,5 +159,15 @@ GRAPHS = {
 }
 
 
+def shut(ctx):
+    """Close the road between nodes 3 and 4 once the cop has left node 0."""
+    if not ctx.game.data.get("shut") and ctx.agent.get_agent("cop_0").current_node_id != 0:
+        ctx.game.data["shut"] = True
+        graph = ctx.graph.graph
+        edges = [one for one in graph.get_edges() if {graph.get_edge(one).source, graph.get_edge(one).target} == {3, 4}]
+        for edge in edges:
+            graph.remove_edge(edge)
+
+
 def nothing(ctx):
     """Do nothing, and have no array form, so that the game is played in a context."""

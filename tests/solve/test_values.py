@@ -5,7 +5,7 @@ from functools import cache
 import networkx as nx
 import numpy as np
 import pytest
-from solved_games import GRAPHS, in_turns, matrix_value, neighbours, pursuit, scene, simultaneous
+from solved_games import GRAPHS, PURSUIT, in_turns, matrix_value, neighbours, pursuit, scene, simultaneous
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
@@ -222,6 +222,14 @@ def test_games_in_arrays_and_in_contexts_have_the_same_states_and_values():
     assert 0.0 < abs(in_arrays.value) < 1.0
     assert in_arrays.value == pytest.approx(in_context.value, abs=1e-12)
     assert sorted(map(tuple, in_arrays.table.nodes)) == sorted(map(tuple, in_context.table.nodes))
+
+
+def test_roads_that_a_rule_closes_are_part_of_states():
+    rules = [*PURSUIT, "solved_games:shut"]
+    scenario = pursuit("path", [0], [3], turns=7, settings=TURNS)
+    assert solve(scenario, reward="turns", team="cops").value == -4.0
+    closing = solve(scenario.replace(rules=rules), reward="turns", team="cops")
+    assert closing.value == -7.0  # the robber is behind it, and safe until the end
 
 
 def test_a_game_that_lets_agents_look_at_all_is_solved_as_it_is_played():

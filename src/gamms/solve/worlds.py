@@ -372,7 +372,8 @@ class ContextWorld:
         for team in setup.teams:
             self._game.command(team, self._decide)
         self._hidden = [HiddenState(one.rule) for one in self._game.rules]
-        self._start = self._game.snapshot()
+        self._start, map = self._game.snapshot(), ctx.graph.columns()
+        self._roads = map.offsets.tobytes() + map.targets.tobytes()
 
     def close(self) -> None:
         """End the context."""
@@ -450,7 +451,10 @@ class ContextWorld:
         scores = dict(state.scores) if self.with_scores else None
         memories = (state.memories, state.team_memories)
         facts = (state.facts, state.agent_facts, state.team_facts)
-        key = repr(as_sorted((nodes, living, covered, state.data, memories, facts, scores))).encode()
+        map = game.ctx.graph.columns()  # rules may close roads
+        roads = map.offsets.tobytes() + map.targets.tobytes()
+        roads = b"" if roads == self._roads else roads
+        key = repr(as_sorted((nodes, living, covered, roads, state.data, memories, facts, scores))).encode()
         return _Moment(key, nodes, living, snapshot)
 
     def _as_states(self, moments: "Sequence[_Moment]") -> States:

@@ -256,9 +256,12 @@ class Batch:
         taken, repeated and put together.
 
         Raises:
-            BadValue: the games are not played in NumPy's arrays.
+            BadValue: the games are not played in NumPy's arrays, or rules have closed roads in them.
         """
-        return self._arrays("columns").state.columns()
+        state = self._arrays("columns").state
+        if state.apart or state.ground.any():
+            raise BadValue("A rule has closed roads in these games, which columns do not have: play them one by one.")
+        return state.columns()
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float] | None = None) -> None:
         """Let all games be at the moments that `columns` of such games say, with their own seeds and without events.
