@@ -33,7 +33,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code, shown
 from gamms.typing import IAgent
 
-_FEWEST = 4  # games with the same roads closed that are played in arrays; measured in decision 0051
+_FEWEST = 4  # games with the same roads closed that are played in arrays; measured in decision 0050
 _BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games by metres
 
 
