@@ -7,13 +7,12 @@ show them, `surroundings.py` which nodes, `vectors.py` puts that into numbers, `
 `flows.py` what spreads. `columns.py` has who plays, `state.py` what a batch remembers, `movement.py` where actions
 lead, `travel.py` by metres, `deeds.py` what agents do besides moving, `channels.py` what they send, `given.py` what
 comes from outside. `forms.py` declares array forms; `scalar_rules.py` calls rules that have none; `grounds.py` has the
-maps on which rules have closed roads; `alone.py` plays array strategies in games that are played alone. With another
-array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games there; strategies get views of
-`device_view.py`.
+maps on which rules have closed roads; `alone.py` plays array strategies and rules in games that are played alone. With
+another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games there; strategies get
+views of `device_view.py`.
 """
 
-from gamms.game.batch.alone import array_strategy
-from gamms.game.batch.forms import array_rule
+from gamms.game.batch.alone import array_rule, array_strategy
 from gamms.game.batch.games import Batch
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, portable_form

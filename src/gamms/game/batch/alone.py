@@ -1,6 +1,7 @@
-"""Strategies that are written in arrays alone: in a game that is played alone they get a view of one game and agent."""
+"""Strategies and rules that are written in arrays alone: in a game that is played alone they get one game as arrays."""
 
-from collections.abc import Callable
+from collections import Counter
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import partial, update_wrapper
 from typing import Any, cast, overload
 from weakref import WeakKeyDictionary
@@ -11,25 +12,30 @@ from gamms.arguments import as_context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster
-from gamms.game.batch.deeds import DeclaredDeeds
+from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import F, form_declared
-from gamms.game.batch.movement import Movement
+from gamms.game.batch.movement import Movement, Paths
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
+from gamms.game.batch.turn import ArrayRule, ArrayTurn, Visits
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
 from gamms.game.deeds import checked_value
+from gamms.game.moves import TurnMoves
 from gamms.game.snapshots import GameInternals
 from gamms.game.streets import Streets
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
+from gamms.typing.game import Deed
 
 _KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
 _LAST = "array strategies, last turn"  # that of the turn in which it was asked last, where it looks at others
+_OF_RULES = "array rules"  # the key of `ctx.game.data` that has what array rules keep
+_READ = "array rules, events"  # that of how many events they have read
 _worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyDictionary()
 
 
@@ -80,6 +86,43 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
     return make
 
 
+@overload
+def array_rule(form: ArrayRule, /) -> Callable[[IContext], None]: ...
+@overload
+def array_rule(*, of: Callable[..., object]) -> Callable[[F], F]: ...
+def array_rule(form: ArrayRule | None = None, /, *, of: Callable[..., object] | None = None) -> Any:
+    """Decorator: make a rule of a function of an `ArrayTurn`, for batches and for games alone.
+
+    The name stands for the rule then: `ctx.game.add(storm)`, or `rules: [{rule: my_module:storm}]` in a scenario. It
+    does the same in both; in a game that is played alone it gets a turn of one game.
+
+    `@gamms.array_rule(of=storm)` declares the function as the array form of a rule that is there already and is called
+    in games alone; the name stands for the form then. The form of a rule's `check`, declared alike, takes the turn and
+    where agents go, and returns which moves it refuses, (games, agents).
+
+    Args:
+        form: does in many games at once what the rule does in one.
+        of: the rule, or the check of a rule, that does the same with a context.
+
+    Raises:
+        BadType: one of them cannot be called, or `of` takes no attributes.
+    """
+    if of is not None:
+        return form_declared(of, "array_rule")
+    if not callable(form):
+        raise BadType(f"array_rule needs a function of a turn, not {shown(form)}.")
+    name = getattr(form, "__name__", "array rule")
+
+    def rule(ctx: IContext) -> None:
+        as_context(ctx, name)
+        form(_TurnOfOne(cast("HostContext", ctx)))
+
+    made: Any = update_wrapper(rule, form)
+    del made.__wrapped__  # it takes a context, not a turn
+    form_declared(rule, name)(form)
+    return rule
+
+
 class _DrawsOfOne(ViewDraws):
     """The draws of `state["draw"]`, as those of a view."""
 
@@ -97,7 +140,7 @@ class _ViewOfOne(ArrayView):
 
     def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals) -> None:
         roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
-        movement, shared = _world(ctx)
+        movement, shared = _world(host)
         streets = movement.streets
         number, node = roster.names.index(state["name"]), streets.rows(state["curr_pos"])
         game = GameArrays(roster, movement, [ctx.seed], np.full((1, len(roster.names)), node))
@@ -192,7 +235,183 @@ class _ViewOfOne(ArrayView):
         return SeenNodes((1, 1, len(self.streets.counts)), none, none, rows)
 
 
-def _world(ctx: IContext) -> tuple[Movement, dict[Any, Any]]:
+class _TurnOfOne(ArrayTurn):
+    """The turn of a game that is played alone, as a turn of one game: what rules do with it is done there at once.
+
+    Raises:
+        BadValue: agents fly.
+    """
+
+    def __init__(self, ctx: HostContext) -> None:
+        if ctx.agent.block.flyers:
+            raise BadValue("A rule in arrays knows agents on the ground alone: where agents fly, write it with ctx.")
+        game, roster = ctx.game, Roster.of(ctx.agent.agents.values())
+        (movement, shared), agents = _world(ctx), roster.agents
+        state = GameArrays(
+            roster, movement, [ctx.seed], movement.streets.rows([[one.current_node_id for one in agents]])
+        )
+        state.alive[0], state.turn[0] = [one.alive for one in agents], game.turn
+        state.facts, state.shared = game.facts, shared
+        check = partial(checked_value, ctx=ctx)
+        state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets, 1)
+        is_one_edge = game.legal == "any" or all(one.speed is None for one in agents)
+        are_all_at_once = len(game.order or ()) < 2
+        self._by_metres = game.speed_unit != "edges"
+        if is_one_edge and are_all_at_once and not self._by_metres:
+            state.change_roads = self._roads_changed
+        super().__init__(state, np.zeros(1, np.int64))
+        self._ctx, self._game, self._is_moving = ctx, game, game.is_moving
+        self._number = {name: number for number, name in enumerate(roster.names)}
+        self.took_part = np.zeros(self.node.shape, np.bool_)
+        moves: TurnMoves | None = game.internals.state.moves
+        if moves is not None:
+            has_paths = not (self._by_metres or (is_one_edge and (are_all_at_once or self._is_moving)))
+            self._take_moves(moves, has_paths=has_paths)
+        done = game.performed()
+        for kind in dict.fromkeys(one.kind for one in done):
+            self._deeds.append(self._columns_of(kind, [(i, one) for i, one in enumerate(done) if one.kind == kind]))
+
+    def _take_moves(self, moves: TurnMoves, *, has_paths: bool) -> None:
+        """Take how the agents have moved."""
+        pairs = [(i, self._number[name]) for name, i in moves.order.index_of.items() if name in self._number]
+        slots, numbers = [i for i, _ in pairs], [number for _, number in pairs]
+        self.starts, self.ends, rows = self.node.copy(), self.node.copy(), self.streets.rows
+        self.starts[0, numbers] = rows([int(moves.starts[i]) for i in slots])
+        self.ends[0, numbers] = rows([int(moves.ends[i]) for i in slots])
+        self.took_part[0, numbers] = True
+        if not has_paths:
+            return
+        tracks = [moves.track(i) for i in slots]
+        shape = (*self.node.shape, max((len(track.path) for track in tracks), default=1))
+        nodes, times = np.repeat(self.node[..., None], shape[-1], axis=-1), np.full(shape, np.inf)
+        times[..., 0], lengths, waits = 0.0, np.ones(self.node.shape, np.int64), np.zeros(self.node.shape, np.bool_)
+        for number, track in zip(numbers, tracks, strict=True):
+            length = lengths[0, number] = len(track.path)
+            nodes[0, number, :length], nodes[0, number, length:] = rows(list(track.path)), rows(track.path[-1])
+            times[0, number, : len(track.times)] = track.times
+            waits[0, number] = length > 1 and track.path[0] == track.path[1]
+        self.paths = Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
+
+    def _columns_of(self, kind: str, done: Sequence[tuple[int, Deed]]) -> ArrayDeeds:
+        """Return deeds of one kind, each with its place among all."""
+        known, shape = self._state.deeds, self.node.shape
+        agents, columns = [self._number[one.agent] for _, one in done], dict[str, Any]()
+        for key, field in known.fields_of(kind).items():
+            given = [one.values.get(key) for _, one in done]
+            if field.kind in ("agent", "node"):
+                number: Callable[[Any], int] = self._number.__getitem__ if field.kind == "agent" else self._row
+                given = [-1 if one is None else number(one) for one in given]
+            is_typed = field.is_required or field.kind in ("agent", "node")
+            columns[key] = np.zeros(shape, np.array(given).dtype if is_typed else object)
+            for agent, value in zip(agents, given, strict=True):
+                columns[key][0, agent] = value
+        where = np.zeros(shape, np.bool_)
+        where[0, agents] = True
+        found = known.checked(kind, columns, where, np.arange(shape[1]), self.starts, 0)
+        return found._replace(order=np.array([i for i, _ in done]))
+
+    def _row(self, node: int) -> int:
+        return int(self.streets.rows(node))
+
+    def _roads_changed(self, _: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
+        graph = self._ctx.graph
+        (graph.open_roads if is_open else graph.close_roads)(edges)
+
+    @property
+    def is_playing(self) -> BoolArray:
+        """Which agents are in the game, or were when the turn began, (1, agents)."""
+        now = self._game.turn + self._is_moving
+        out = {one["agent"] for one in self._game.events if one["kind"] == "eliminated" and one["turn"] == now}
+        return super().is_playing | np.array([name in out for name in self.roster.names], np.bool_)
+
+    def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
+        """Return at which nodes agents were in the turn.
+
+        Raises:
+            BadValue: the game is by metres.
+        """
+        if self._by_metres:
+            raise BadValue(
+                "turn.visits is not known in a game by metres that is played alone: write the rule with ctx, where it "
+                "calls ctx.game.tracks, and declare this form beside it: @gamms.array_rule(of=rule)."
+            )
+        return super().visits(which, passing=passing)
+
+    def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        for i in range(len(at)):
+            self._game.emit(kind, **{name: values[i] for name, values in fields.items()})
+
+    def new_events(self, reader: Hashable) -> list[Emitted]:
+        """Return the events since the last call for a reader, at first all so far."""
+        read, events = self._game.data.setdefault(_READ, {}), self._game.events
+        found = [Emitted.of(0, entry) for entry in events[read.get(reader, 0) :]]
+        read[reader] = len(events)
+        return found
+
+    def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
+        """Add points to the score of a key, once for each of `at`."""
+        each: list[float] = [points] * len(at)  # type: ignore[list-item] # of arrays there are as many points as `at`
+        if not isinstance(points, int):
+            each = np.broadcast_to(np.asarray(points, np.float64), len(at)).tolist()
+        for number in each:
+            self._game.scores[key] += number
+
+    def scores(self, key: Hashable) -> FloatArray:
+        """Return the score of a key, (1,); 0 where there is none."""
+        return np.array([self._game.scores.get(key, 0)], np.float64)
+
+    def end(self, at: IntArray, reason: str | Sequence[str], winner: Sequence[Any], truncated: bool = False) -> None:
+        """End the game after this turn."""
+        reasons = [reason] * len(at) if isinstance(reason, str) else reason
+        for why, who in zip(reasons, winner, strict=True):
+            self._game.end(why, winner=who, truncated=truncated)
+
+    def eliminate(self, at: IntArray, agents: IntArray) -> None:
+        """Take agents out of the game, those that are in it, each with an event."""
+        for number in agents[at == 0].tolist():
+            self._game.eliminate(self.roster.names[number])
+            self.alive[0, number] = False
+
+    def respawn(self, at: IntArray, agents: IntArray) -> None:
+        """Put agents, dead or alive, where they began, each with an event."""
+        for number in agents[at == 0].tolist():
+            self._game.respawn(self.roster.names[number])
+            self.node[0, number] = self._row(self.roster.agents[number].current_node_id)
+            self.alive[0, number] = True
+
+    def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
+        """Refuse these deeds, which is for the check of a rule."""
+        for number, reason in zip(deeds.agents.tolist(), why, strict=True):
+            self._game.refuse(self.roster.names[number], reason, deeds.kind)
+
+    def start_of(self, agents: IntArray) -> IntArray:
+        """Return where agents began, (1, agents)."""
+        return self.streets.rows([[self._game.start_node(self.roster.names[number]) for number in agents.tolist()]])
+
+    def stops(self, at: IntArray, agents: IntArray) -> IntArray:
+        """Return how often agents were tagged, put back or eliminated so far."""
+        counts = Counter(one.get(STOPPED[one["kind"]]) for one in self._game.events if one["kind"] in STOPPED)
+        return np.array([counts[self.roster.names[number]] for number in agents[at == 0].tolist()], np.int64)
+
+    def keep(self, key: Hashable, make: Callable[[int], Arrays]) -> Arrays:
+        """Return what a rule remembers of the game, at first what `make(1)` gives."""
+        self._state.kept = self._game.data.setdefault(_OF_RULES, {})
+        return super().keep(key, make)
+
+    def publish(self, name: str, value: object) -> None:  # noqa: ARG002 - as in batches
+        """Refuse to publish a fact, whose form in a game alone only a form with a context can say.
+
+        Raises:
+            BadValue: always.
+        """
+        raise BadValue(
+            f"turn.publish of {shown(name)} is for games in batches: a rule that is written in arrays alone publishes "
+            "nothing. Write it with ctx, where it calls ctx.game.publish, and declare this form beside it: "
+            "@gamms.array_rule(of=rule)."
+        )
+
+
+def _world(ctx: HostContext) -> tuple[Movement, dict[Any, Any]]:
     """Return the streets of a context, and what was worked out of them; made once for each revision of the graph."""
     revision = ctx.graph.graph.revision
     known = _worlds.get(ctx)

@@ -11,22 +11,6 @@ F = TypeVar("F", bound=Callable[..., Any])
 _FORM = "array_form"  # the attribute of a scalar form that has its array form
 
 
-def array_rule(*, of: Callable[..., object]) -> Callable[[F], F]:
-    """Decorator: declare a function of an `ArrayTurn` as the array form of a rule, for batches.
-
-    It does in many games at once what the rule does in one: `@gamms.array_rule(of=storm)` above `def in_arrays(turn)`.
-    The form of a rule's `check`, declared alike, takes the turn and where agents go, and returns which moves it
-    refuses, (games, agents).
-
-    Args:
-        of: the rule, or the check of a rule.
-
-    Raises:
-        BadType: `of` cannot be called or takes no attributes, or the form cannot be called.
-    """
-    return form_declared(of, "array_rule")
-
-
 def form_declared(of: object, decorator: str) -> Callable[[F], F]:
     """Return what declares a function as the array form of another.
 

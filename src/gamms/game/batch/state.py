@@ -37,6 +37,12 @@ class Emitted(NamedTuple):
     turns: IntArray
     fields: Mapping[str, list[Any]]
 
+    @classmethod
+    def of(cls, game: int, entry: Mapping[str, Any]) -> "Emitted":
+        """Return an event that is in the log of a game."""
+        fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
+        return cls(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields)
+
     def those(self, which: BoolArray) -> "Emitted":
         """Return some of the events."""
         fields = {name: list(compress(values, which.tolist())) for name, values in self.fields.items()}
@@ -59,19 +65,20 @@ class EventLog(GameLog[Emitted]):
     def note(self, game: int, entries: Sequence[Mapping[str, Any]]) -> None:
         """Let readers find events that are in the log of a game already."""
         for unread in self._unread.values():
-            for entry in entries:
-                fields = {name: [value] for name, value in entry.items() if name not in ("turn", "kind")}
-                unread.append(Emitted(entry["kind"], np.array([game]), np.array([entry["turn"]]), fields))
+            unread += [Emitted.of(game, entry) for entry in entries]
 
     def new(self, reader: Hashable, later: BoolArray | None = None) -> list[Emitted]:
-        """Return the events since the last call for a reader, at first none.
+        """Return the events since the last call for a reader, at first all so far.
 
         Args:
             reader: whatever reads them.
             later: (games,) those whose events are read by another call; None: none.
         """
-        found = self._unread.get(reader, [])
-        self._unread[reader] = []
+        if reader not in self._unread:
+            self._unread[reader] = [
+                Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
+            ]
+        found, self._unread[reader] = self._unread[reader], []
         if later is not None and later.any():
             self._unread[reader] = [one.those(later[one.games]) for one in found if later[one.games].any()]
         return found

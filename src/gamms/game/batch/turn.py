@@ -341,13 +341,17 @@ class ArrayTurn(MovesOfTurn):
         for name, rows in (nodes or {}).items():
             fields[name] = self.streets.ids(rows).tolist()
         fields.update(values or {})
-        self._state.events.add(kind, self.games[at], self.turn[at] + self._is_moving, fields)
+        self._note(kind, at, fields)
         stopped = STOPPED.get(kind)
         if stopped is not None and agents is not None and stopped in agents:
             np.add.at(self._state.stops, (self.games[at], agents[stopped]), 1)
 
+    def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
+        """Note events in the logs of their games."""
+        self._state.events.add(kind, self.games[at], self.turn[at] + self._is_moving, fields)
+
     def new_events(self, reader: Hashable) -> list[Emitted]:
-        """Return the events of the games of this turn since the last call for a reader, at first none.
+        """Return the events of the games of this turn since the last call for a reader, at first all so far.
 
         Their `games` are numbers in this turn.
         """

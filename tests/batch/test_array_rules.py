@@ -1,0 +1,206 @@
+"""Rules that are written in arrays alone do the same in games alone and in batches."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import gamms
+from gamms.errors import BadType, BadValue
+
+LAWS = settings(max_examples=12, deadline=None, derandomize=True)
+SEEDS = [1, 2, 3, 2**40]
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1, "then": "respawn"}}
+OUT = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "then": "eliminate"}}
+
+
+def tolls(chance=0.3, most=6, points=1, out=False):
+    """Let agents pay at every fifth node; who has paid often goes back or out, and the game ends."""
+
+    @gamms.array_rule
+    def toll(turn):
+        paid = turn.keep(("toll", chance), lambda games: {"paid": np.zeros((games, 6), np.int64)})["paid"]
+        is_gate = np.arange(len(turn.streets.counts)) % 5 == 0
+        visits = turn.visits(is_gate)
+        names = turn.roster.keys[visits.agents]
+        pays = turn.draw_bits(visits.at, names, "toll") < np.uint64(int(chance * 2**64))
+        visits = visits.those(pays)
+        np.add.at(paid, (turn.games[visits.at], visits.agents), 1)
+        turn.emit(
+            "toll",
+            visits.at,
+            agents={"agent": visits.agents},
+            nodes={"node": visits.nodes},
+            values={"since": visits.begin.tolist()},
+        )
+        turn.add_scores(visits.at, visits.agents, points)
+        turn.add_score("gates", visits.at, np.full(len(visits.at), 0.1))
+        at, agents = np.nonzero((paid[turn.games] > 2) & turn.alive)
+        (turn.eliminate if out else turn.respawn)(at, agents)
+        paid[turn.games[at], agents] = 0
+        stops = turn.stops(*np.nonzero(turn.alive)).sum()
+        assert stops >= 0
+        seen = [one for one in turn.new_events("toll") if one.kind == "tag"]
+        for one in seen:
+            turn.add_score("tags", one.games, 1)
+        over = np.flatnonzero(turn.scores("gates") * 10 > most)
+        winner = np.where(turn.start_of(np.arange(6)).sum(axis=1) % 2 == 0, "red", "blue")
+        turn.end(over, "toll", winner[over].tolist())
+
+    return toll
+
+
+def same_in_both(scenario, rule, phase="after", **settings):
+    with scenario.build(seed=1) as ctx:
+        for name, value in settings.items():
+            setattr(ctx.game, name, value)
+        ctx.game.add(rule, phase=phase)
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            games.reset()
+            games.run()
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+            return [games.result(number) for number in range(len(SEEDS))]
+
+
+@LAWS
+@given(
+    st.builds(tolls, st.sampled_from([0.3, 0.9]), st.integers(3, 9), st.sampled_from([1, 0.1]), st.booleans()),
+    st.sampled_from(["before", "after"]),
+    st.lists(st.sampled_from([TAG, OUT]), max_size=2, unique_by=str),
+    st.sampled_from([None, [["blue"], ["red"]]]),
+)
+def test_an_array_rule_does_the_same_alone_and_in_batches(rule, phase, rules, order):
+    results = same_in_both(scene(rules, side=4, max_turns=10), rule, phase, order=order)
+    assert any(result.events for result in results)
+
+
+def test_it_knows_how_agents_with_speeds_pass_nodes():
+    with scene([TAG], side=4, max_turns=10).build(seed=1) as ctx:
+        for number, agent in enumerate(ctx.agent.create_iter()):
+            agent.speed = (2.0, 0.5, None)[number % 3]
+        ctx.game.add(tolls())
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+@gamms.array_strategy
+def mark(view):
+    """Walk at random, and mark others."""
+    those = view.only(view.draw.random() < 0.6)
+    near = view.draw.below(np.full(view.counts.shape, 7))
+    view.do("mark", those.mask, whom=near - 1, size=those.draw.random(), how="far", node=view.node)
+    view.do("rest", view.draw.random() < 0.3)
+    return view.draw.below(view.counts)
+
+
+@gamms.array_rule
+def strike(turn):
+    done, resting = turn.performed("mark"), turn.performed("rest")
+    first = np.unique(done.at, return_index=True)[1]
+    done = done.those(first[(done.values["size"][first] > 0.5) & (done.values["whom"][first] >= 0)])
+    turn.emit(
+        "strike",
+        done.at,
+        agents={"agent": done.agents, "other": done.values["whom"]},
+        nodes={"at": done.nodes, "there": done.values["node"]},
+        values={"how": done.values["how"].tolist()},
+    )
+    turn.eliminate(done.at, done.values["whom"])
+    at = np.flatnonzero((np.bincount(resting.at, minlength=len(turn.games)) > 3) & (turn.turn > 3))
+    turn.end(at, "calm", [None] * len(at), truncated=True)
+
+
+@gamms.array_rule
+def count(turn):
+    playing = turn.is_playing.sum(axis=1)
+    at = np.flatnonzero(playing > turn.alive.sum(axis=1))
+    turn.emit("left", at, values={"playing": playing[at].tolist()})
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
+def test_it_sees_deeds_in_every_phase(phase, order):
+    fields = {"whom": "agent?", "size": "number", "how": ["near", "far"], "node": "node"}
+    scenario = scene([], side=4, max_turns=8, settings={"deeds": {"mark": fields, "rest": {}}, "order": order})
+    with scenario.build(seed=1, strategies={"red": mark, "blue": mark}) as ctx:
+        ctx.game.add(strike, phase=phase)
+        ctx.game.add(count)
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+        assert {event["kind"] for event in games.result(0).events} >= {"strike", "eliminated"}
+
+
+def test_it_closes_and_opens_roads():
+    @gamms.array_rule
+    def tide(turn):
+        edges = list(range(0, len(turn.streets.columns.edge_ids), 3))
+        is_odd = turn.seeds % 2 == 1
+        turn.close_roads(np.flatnonzero(is_odd & (turn.turn == 2)), edges)
+        turn.open_roads(np.flatnonzero(is_odd & (turn.turn == 6)), edges)
+
+    same_in_both(scene([TAG], side=4, max_turns=10), tide)
+
+
+def test_what_it_keeps_goes_with_snapshots():
+    scenario = scene([TAG], side=4, max_turns=10)
+    with scenario.build(seed=1) as ctx:
+        ctx.game.add(tolls())
+        ctx.game.run(4)
+        before = ctx.game.snapshot()
+        ctx.game.run(6)
+        first = plain(ctx.game.result())
+        ctx.game.restore(before)
+        ctx.game.run(6)
+        assert plain(ctx.game.result()) == first
+
+
+def test_a_scenario_names_it_and_records_the_same_bytes(tmp_path):
+    (tmp_path / "rules.py").write_text(
+        "import gamms\n\n\n@gamms.array_rule\ndef pay(turn):\n"
+        "    at, agents = (turn.alive & (turn.node % 4 == 0)).nonzero()\n    turn.add_scores(at, agents, 1)\n\n\n"
+        "def paid(points):\n    @gamms.array_rule\n    def rule(turn):\n"
+        "        at, agents = (turn.ends != turn.starts).nonzero()\n        turn.add_scores(at, agents, points)\n"
+        "        turn.emit('paid', at, agents={'agent': agents})\n\n    return rule\n"
+    )
+    rules = [{"rule": "rules:pay"}, {"rule": "rules:paid", "with": {"points": 0.5}}]
+    scenario = scene(rules, side=4, max_turns=6, folder=tmp_path)
+    with scenario.batch(seeds=SEEDS) as games:
+        assert games.slow is None
+        games.run()
+        for number, seed in enumerate(SEEDS):
+            result = scenario.play(seed=seed, record=tmp_path / "alone.ggr")
+            assert plain(games.result(number)) == plain(result)
+            assert result.events
+        games.record(3, tmp_path / "batch.ggr")
+    assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
+
+
+def test_what_it_cannot_do_alone_is_refused():
+    @gamms.array_rule
+    def publishes(turn):
+        turn.publish("storm", turn.turn)
+
+    with pytest.raises(BadType, match="array_rule needs a function of a turn"):
+        gamms.array_rule(3)
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(publishes)
+        with pytest.raises(BadValue, match=r"turn\.publish of 'storm' is for games in batches"):
+            ctx.game.step()
+    with scene().build(seed=1) as ctx:
+        ctx.game.speed_unit = "metres"
+        ctx.game.add(tolls())
+        with pytest.raises(BadValue, match=r"turn\.visits is not known in a game by metres"):
+            ctx.game.step()
