@@ -167,6 +167,22 @@ def test_what_it_keeps_goes_with_snapshots():
         assert plain(ctx.game.result()) == first
 
 
+def test_what_it_keeps_is_in_recordings(tmp_path):
+    with scene([TAG], side=4, max_turns=10).build(seed=1) as ctx:
+        ctx.game.add(tolls())
+        ctx.record.start(tmp_path / "whole.ggr")
+        ctx.game.run()
+        ctx.record.stop()
+        whole = ctx.game.result()
+    walks = dict.fromkeys(["red", "blue"], gamms.strategies.random_walk)
+    with gamms.recorder.open(tmp_path / "whole.ggr") as recording, recording.resume(4, strategies=walks) as ctx:
+        ctx.game.add(gamms.rules.tag("red", "blue", hops=1))
+        ctx.game.add(tolls())
+        later = ctx.game.run(whole.turns - 4)
+    assert (later.scores, later.events) == (whole.scores, whole.events)
+    assert whole.turns > 5
+
+
 def test_a_scenario_names_it_and_records_the_same_bytes(tmp_path):
     (tmp_path / "rules.py").write_text(
         "import gamms\n\n\n@gamms.array_rule\ndef pay(turn):\n"
