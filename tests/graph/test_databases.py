@@ -6,6 +6,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from functools import partial
 from types import SimpleNamespace
 
 import pytest
@@ -163,10 +164,11 @@ def test_the_database_of_another_program_is_refused_and_left_alone(open_ctx, tmp
     assert path.read_bytes() == before
 
 
-def test_a_database_in_use_is_not_called_foreign(open_ctx, tmp_path):
+def test_a_database_in_use_is_not_called_foreign(open_ctx, tmp_path, monkeypatch):
     path = tmp_path / "busy.db"
     with open_ctx(Engine.SQLITE, graph_path=path):
         pass
+    monkeypatch.setattr(sqlite3, "connect", partial(sqlite3.connect, timeout=0.1))  # seconds until it gives up, not 5
     with sqlite3.connect(path, isolation_level=None) as theirs:
         theirs.execute("BEGIN EXCLUSIVE")
         with pytest.raises(BadFile, match="locked") as caught:

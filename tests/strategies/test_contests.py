@@ -9,7 +9,7 @@ import yaml
 import gamms
 from gamms.scenario import Scenario
 
-SEEDS, SOME, FEW = range(10), range(6), range(3)
+SEEDS, SOME, FEW = range(8), range(4), range(3)
 EXITS = [19, 299]  # two corners
 
 
@@ -80,7 +80,7 @@ def wins(game, pursuers, evaders, seeds=SEEDS):
     ["chase and sweep", "chase and random_waypoints", "intercept and sweep", "assign and sweep", "follow_belief"],
 )
 def test_pursuers_catch_evaders_that_do_not_look_out_and_few_of_those_that_flee(pursuers):
-    assert wins(pursuit, pursuers, "random_waypoints", SOME) >= 5
+    assert wins(pursuit, pursuers, "random_waypoints", SOME) >= 3
     assert wins(pursuit, pursuers, "mix", FEW) >= wins(pursuit, "random_walk", "mix", FEW) + 3
     assert wins(pursuit, pursuers, "flee", FEW) <= 1
 
@@ -88,7 +88,7 @@ def test_pursuers_catch_evaders_that_do_not_look_out_and_few_of_those_that_flee(
 def test_evaders_reach_the_exit_that_is_safe_where_the_nearest_is_not():
     assert wins(escape, "chase", "safest_exit") <= 1
     assert wins(escape, "chase", "patrol") >= 2
-    assert wins(escape, "guard", "safest_exit") >= 9
+    assert wins(escape, "guard", "safest_exit") >= 7
 
 
 def test_pursuers_that_know_the_exits_cut_evaders_off():
