@@ -194,6 +194,7 @@ def test_it_plays_the_scenarios_that_come_with_gamms(name):
         ({"value": "closness"}, BadType, "value is a function of the model"),
         ({"value": 3}, BadType, "value is a function of the model"),
         ({"actions": 3}, BadType, "actions is a function of the state"),
+        ({"information": "all"}, BadValue, "information must be 'private' or 'full'"),
         ({"horizon": 3}, UnknownName, "Unknown option 'horizon'"),
         ({"seed": "x"}, BadType, "seed"),
     ],

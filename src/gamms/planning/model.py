@@ -6,10 +6,11 @@ from math import hypot
 from typing import Any, Literal, TypedDict, Unpack, cast
 
 from gamms import belief, kernels
-from gamms.arguments import as_count, as_int
+from gamms.arguments import as_choice, as_count, as_int
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game import Game
+from gamms.game.facts import INFORMATION
 from gamms.planning.hidden import Hidden
 from gamms.scenario.code import first_of, offered_function
 from gamms.strategies import random_walk
@@ -260,11 +261,13 @@ def states_of(given: States) -> dict[str, State]:
 
 
 def checked_options(options: Mapping[str, object], kind: type) -> None:
-    """Refuse keywords that are not known.
+    """Refuse keywords that are not known, and an information that there is not.
 
     Raises:
         UnknownName (KeyError): there is no such option.
+        BadType, BadValue: `information` is neither "private" nor "full".
     """
     for name in options:
         if name not in kind.__annotations__:
             raise UnknownName("option", name, kind.__annotations__)
+    as_choice(options.get("information", "private"), "information", INFORMATION)
