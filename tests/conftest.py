@@ -8,6 +8,8 @@ from functools import cache
 import pytest
 from hypothesis import settings
 
+import gamms
+
 settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=40)  # none is about time, or luck
 settings.load_profile("gamms")
 
@@ -46,3 +48,15 @@ def heard(ctx):
     """The warnings of the context."""
     ctx.logger = Listener()
     return ctx.logger.warnings
+
+
+@pytest.fixture
+def town():
+    """A grid of 4 x 5 nodes, 100 m apart, near Helsinki."""
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as ctx:
+        grid = gamms.graph.grid(4, 5, spacing=100.0)
+        for _, place in grid.nodes(data=True):
+            place["x"], place["y"] = place["x"] + 385_000, place["y"] + 6_672_000
+        grid.graph["crs"] = "EPSG:32635"
+        ctx.graph.attach_networkx_graph(grid)
+        yield ctx

@@ -13,18 +13,6 @@ from gamms.errors import BadFile, BadType, BadValue, MissingFile, UnknownType
 QUIET = {"level": "CRITICAL"}
 
 
-@pytest.fixture
-def town():
-    """A grid of 4 x 5 nodes, 100 m apart, near Helsinki."""
-    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
-        grid = gamms.graph.grid(4, 5, spacing=100.0)
-        for _, place in grid.nodes(data=True):
-            place["x"], place["y"] = place["x"] + 385_000, place["y"] + 6_672_000
-        grid.graph["crs"] = "EPSG:32635"
-        ctx.graph.attach_networkx_graph(grid)
-        yield ctx
-
-
 def fixes(*places, start=0.0, every=10.0):
     return [{"t": start + i * every, "x": 385_000.0 + x, "y": 6_672_000.0 + y} for i, (x, y) in enumerate(places)]
 

@@ -6,20 +6,6 @@ import gamms
 from gamms.errors import BadFile, BadType, BadValue, TooLarge
 from gamms.graph import finding
 
-QUIET = {"level": "CRITICAL"}
-
-
-@pytest.fixture
-def town():
-    """A grid of 4 x 5 nodes, 100 m apart, near Helsinki."""
-    with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
-        grid = gamms.graph.grid(4, 5, spacing=100.0)
-        for _, place in grid.nodes(data=True):
-            place["x"], place["y"] = place["x"] + 385_000, place["y"] + 6_672_000
-        grid.graph["crs"] = "EPSG:32635"
-        ctx.graph.attach_networkx_graph(grid)
-        yield ctx
-
 
 def gpx(ctx, path, *segments, kind="trk"):
     """Write places on the map as a file."""

@@ -46,7 +46,7 @@ class Link(ABC):
 
     Attributes:
         counts: lines that were "received", and of these "bad" and "unknown" (of an agent that nothing asks for);
-            "dropped" (more came than were taken); "sent" and "unsent" (there was no room, or no one to send to).
+            "dropped" (more came than were taken); "sent" and "unsent" (the buffers were full, or there was no peer).
     """
 
     def __init__(self, clock: Clock | None = None) -> None:
@@ -139,7 +139,7 @@ class Link(ABC):
 
 
 class Udp(Link):
-    """Exchanges lines by UDP, one in each datagram. UDP tells nobody apart: listen where no stranger can send.
+    """Exchanges lines by UDP, one in each datagram. Senders are not checked: listen where no stranger can send.
 
     Args:
         listen: host and port where datagrams are read; port 0 takes a free one. None: nothing comes in.
@@ -181,7 +181,7 @@ class Udp(Link):
             return False
         try:
             self._socket.sendto(line, self._to)
-        except OSError:  # no room, no route, or closed
+        except OSError:  # full buffers, no route, or closed
             return False
         return True
 

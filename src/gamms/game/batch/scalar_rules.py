@@ -102,13 +102,13 @@ class RuleContext:
         close: Callable[[int, Any], str | None],
     ) -> None:
         self.start, self._state, self._own, self._close = cache(start), state, own, close
-        self._known: _Twin | None = None
+        self._known: _RuleFork | None = None
 
     @property
-    def _twin(self) -> "_Twin":
+    def _fork(self) -> "_RuleFork":
         """The context; made when it is needed, and again after a rule has changed more than a game."""
         if self._known is None:
-            self._known = _Twin(self.start(), self._state)
+            self._known = _RuleFork(self.start(), self._state)
         return self._known
 
     @property
@@ -120,7 +120,7 @@ class RuleContext:
 
     def functions(self, rules: Sequence[NamedRule]) -> list[Callable[..., object]]:
         """Return the rules as they are called."""
-        return [self._twin.functions[one.name] for one in rules]
+        return [self._fork.functions[one.name] for one in rules]
 
     def call(self, rules: Sequence[NamedRule], turn: ArrayTurn) -> None:
         """Call rules of one phase in each game of a turn."""
@@ -131,11 +131,11 @@ class RuleContext:
             game = int(turn.games[at])
             if game in state.apart:
                 continue
-            own = self._own[game] or self._twin.first_state()
+            own = self._own[game] or self._fork.first_state()
             try:
-                self._twin.load(at, own, columns, turn, rules[0].phase)
-                self._own[game] = self._twin.called(rules, at, turn)
-                map_now = self._twin.taken_map()
+                self._fork.load(at, own, columns, turn, rules[0].phase)
+                self._own[game] = self._fork.called(rules, at, turn)
+                map_now = self._fork.taken_map()
                 why = None if map_now is None else self._close(game, map_now)
                 if why is not None:
                     self._leave(game, rules, LeavesArrays(why))
@@ -154,7 +154,7 @@ class RuleContext:
                 self._state.apart.setdefault(one, f"{named}: {error}")
 
     def _columns(self, turn: ArrayTurn) -> _Columns:
-        state, rows, ids = self._state, self._twin.rows, turn.streets.ids
+        state, rows, ids = self._state, self._fork.rows, turn.streets.ids
         several: list[tuple[int, int, int, str, dict[str, Any]]] = []
         for done in map(turn.performed, state.deeds.kinds):
             fields = {key: state.deeds.plain(done, key) for key in done.values}
@@ -178,7 +178,7 @@ class RuleContext:
         )
 
 
-class _Twin:
+class _RuleFork:
     """A fork of the game of a batch, and how it is made to have another game.
 
     Args:
@@ -226,7 +226,7 @@ class _Twin:
         self._attributes = [vars(agent) for agent in self._agents]
         self._first_attributes = [copied(own) for own in self._attributes]
         self._are_plain = not any(why_not_plain(own) for own in self._attributes)  # so that they can be compared
-        self._worn: list[dict[str, Any]] | None = None
+        self._last_attributes: list[dict[str, Any]] | None = None
         self._facts_at_start = dict(game.facts)
         values.counts = _OfSlots(self._notes, "ctx.game.counts")
         values.memories = _OfSlots(self._notes, "ctx.game.memories")
@@ -252,9 +252,9 @@ class _Twin:
         state, values, block, game = self._state, self._values, self._block, int(turn.games[at])
         values.turn = int(turn.turn[at])
         self._ctx.reseed(state.seeds[game], own.rng)
-        self._live(columns.took_part[at])
+        self._set_alive(columns.took_part[at])
         values.moves = None if phase == "before" and not values.turn else self._moves(at, columns)
-        self._live(columns.alive[at])
+        self._set_alive(columns.alive[at])
         block.move_all(self._all, columns.previous[at])
         block.move_all(self._all, columns.node[at])
         values.began = dict(zip(state.roster.names, columns.began[at], strict=True))
@@ -265,14 +265,14 @@ class _Twin:
         values.scores.clear()
         values.scores.update(scores)
         self._know_facts()
-        self._wear(own.attributes)
+        self._set_attributes(own.attributes)
         for held in self._held:
             if held[0] is not self._looks:
                 held[0] = self._looks
         self._loaded = columns.node[at], columns.previous[at], columns.alive[at], len(values.events), scores
         self._structure = block.structure_version
 
-    def _live(self, alive: list[bool]) -> None:
+    def _set_alive(self, alive: list[bool]) -> None:
         block = self._block
         if block.alive != alive:
             for row, (is_now, was) in enumerate(zip(alive, block.alive.copy(), strict=True)):
@@ -303,21 +303,21 @@ class _Twin:
             facts[name] = value if is_same else self._unknown(f"the fact {name!r} of a rule in arrays")
         self._facts = dict(facts)
 
-    def _wear(self, attributes: list[dict[str, Any]] | None) -> None:
+    def _set_attributes(self, attributes: list[dict[str, Any]] | None) -> None:
         """Give the agents their attributes; None: those of the start."""
-        if attributes is not None or self._worn is not None:
+        if attributes is not None or self._last_attributes is not None:
             new = [copied(one) for one in self._first_attributes] if attributes is None else attributes
             for own, values in zip(self._attributes, new, strict=True):
                 own.clear()
                 own.update(values)
-            self._worn = attributes
+            self._last_attributes = attributes
 
-    def _worn_now(self) -> list[dict[str, Any]] | None:
+    def _attributes_now(self) -> list[dict[str, Any]] | None:
         """Return the attributes of the agents; None: those of the start."""
         if self._are_plain and self._attributes == self._first_attributes:
             return None
-        self._worn = [own.copy() for own in self._attributes]
-        return self._worn
+        self._last_attributes = [own.copy() for own in self._attributes]
+        return self._last_attributes
 
     def called(self, rules: Sequence[NamedRule], at: int, turn: ArrayTurn) -> OwnState:
         """Call rules in the game that was loaded, write what has changed, and return what else the game has.
@@ -332,7 +332,7 @@ class _Twin:
                 self.functions[named.name](self._ctx)
         self._refuse_changes(int(turn.turn[at]))
         self._write(at, turn)
-        return OwnState(values.data, self._worn_now(), self._ctx.rng_state())
+        return OwnState(values.data, self._attributes_now(), self._ctx.rng_state())
 
     def _write(self, at: int, turn: ArrayTurn) -> None:
         """Write what has changed into the arrays."""
@@ -390,7 +390,7 @@ class _Twin:
         facts, known, scores, num_events = values.facts, self._facts, self._loaded[4], self._loaded[3]
         if self._notes:
             raise NeedsTurnEngine("; ".join(self._notes))
-        self._refuse_parting()
+        self._refuse_what_detaches()
         if self._what_is_fixed() != self._fixed:
             raise NeedsTurnEngine("it changes settings, rules, sensors, strategies or collectors")
         if values.turn != turn or len(values.events) < num_events:
@@ -407,8 +407,8 @@ class _Twin:
         if any(isinstance(one, _Unknown) for event in values.events[num_events:] for one in event.values()):
             raise NeedsTurnEngine("it passes on what it does not know")
 
-    def _refuse_parting(self) -> None:
-        """Refuse what parts this game from those in arrays."""
+    def _refuse_what_detaches(self) -> None:
+        """Refuse what lets this game leave the arrays."""
         if self._ctx.graph.obstacle_revision != self._map[1]:
             raise LeavesArrays("it changes the obstacles")
         if self._block.structure_version != self._structure and self._equipment() != self._equipped:
