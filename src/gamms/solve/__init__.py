@@ -6,23 +6,27 @@
 
 `worlds.py` plays a turn from any state by the scenario's own rules; read it first. `table.py` finds all states,
 `stages.py` iterates values over them, `solution.py` makes of both what users see, `information.py` says what sensors
-show of states. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel.
+show of states. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel,
+`mixtures.py` matrix games of strategies.
 A client of scenarios, batches, planning and learning: May import: `planning`, `rl` and below. To add a method of best
 responses, write it into `responses.py`.
 """
 
+from gamms.solve.mixtures import MatrixGame, matrix_game
 from gamms.solve.responses import Response, best_response, exploitability, nash_conv, openspiel
 from gamms.solve.solution import Choice, Solution, SolvedStrategy, solve
 from gamms.solve.table import Transition
 
 __all__ = [
     "Choice",
+    "MatrixGame",
     "Response",
     "Solution",
     "SolvedStrategy",
     "Transition",
     "best_response",
     "exploitability",
+    "matrix_game",
     "nash_conv",
     "openspiel",
     "solve",
