@@ -4,6 +4,10 @@ import os
 import subprocess
 import sys
 
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from gamms import kernels
 
 PINNED = [1403422898989919623, 1072404519693873581, 3850153880040479538, 2875525484172993139]
@@ -58,3 +62,25 @@ def test_the_draws_are_the_same_in_every_process():
 
 def test_the_draws_are_pinned():
     assert draws(5, "agent", "red", 3) == PINNED
+
+
+@given(
+    seeds=st.lists(st.integers(0, 2**70), min_size=1, max_size=4),
+    n=st.integers(1, 2**28),
+    copies=st.sampled_from([1, 40]),
+)
+@settings(max_examples=30, deadline=None)
+def test_first_numbers_of_streams_are_those_of_their_generators(seeds, n, copies):
+    names = [(seed, "place", number) for seed in seeds for number in range(copies)]
+    keys = [kernels.stream_key(*name) for name in names]
+    expected = [int(kernels.stream(*name).integers(n)) for name in names]
+    assert kernels.stream_below(keys, np.full(len(keys), n)).tolist() == expected
+
+
+def test_a_number_that_would_be_unfair_is_drawn_again():
+    n = 2**32 // 17 + 1  # one number in seventeen is
+    names = [(seed, "place") for seed in range(100)]
+    keys = [kernels.stream_key(*name) for name in names]
+    expected = [int(kernels.stream(*name).integers(n)) for name in names]
+    assert kernels.stream_below(keys, np.full(100, n)).tolist() == expected
+    assert [int(kernels.stream_below([key], np.array([n]))[0]) for key in keys] == expected

@@ -49,6 +49,7 @@ from gamms.kernels.draws import (
     poisson,
     purpose_key,
     stream,
+    stream_below,
     stream_key,
 )
 from gamms.kernels.fields_of_view import (

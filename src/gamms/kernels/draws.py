@@ -7,7 +7,7 @@ and the array form give the same numbers on every machine:
     key = mix(hash(seed, purpose) ^ hash(name));  key = mix(key + turn * GAMMA);  bits = mix(key + (k + 1) * GAMMA)
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import lru_cache
 from math import exp
 from typing import TYPE_CHECKING, Any
@@ -24,6 +24,9 @@ SignedArray = Any  # 64 random bits each as int64, in an array of any library th
 _MASK = (1 << 64) - 1
 _GAMMA = 0x9E3779B97F4A7C15
 _FACTORS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
+_PHILOX, _WEYL = (0xD2E7470EE14C6C93, 0xCA5A826395121157), (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
+_LOW = np.uint64(0xFFFFFFFF)
+_FEW_STREAMS = 64  # for which plain integers are faster than arrays
 
 
 @lru_cache(maxsize=1 << 12)
@@ -235,3 +238,60 @@ def stream_key(seed: int, *names: str | int) -> int:
     from hashlib import blake2b
 
     return int.from_bytes(blake2b(repr((seed, *names)).encode(), digest_size=16).digest(), "little")
+
+
+def stream_below(keys: Sequence[int], n: IntArray) -> IntArray:
+    """Return the first `integers(n)` of the generators of streams, (streams,), without making them.
+
+    Args:
+        keys: (streams,) each a `stream_key`.
+        n: (streams,) from 1 to 2 ** 28.
+    """
+    if len(keys) < _FEW_STREAMS:
+        return np.array([_below_of(key, size) for key, size in zip(keys, n.tolist(), strict=True)], np.int64)
+    words = np.stack(_philox_many(keys), axis=1)  # (streams, 4)
+    halves = np.stack((words & _LOW, words >> np.uint64(32)), axis=2).reshape(
+        len(keys), -1
+    )  # in the order of their use
+    sizes = n.astype(np.uint64)[:, None]
+    found = halves * sizes
+    is_fair = (found & _LOW) >= np.uint64(1 << 32) % sizes
+    chosen: IntArray = found[np.arange(len(keys)), is_fair.argmax(axis=1)] >> np.uint64(32)
+    return chosen.astype(np.int64)
+
+
+def _below_of(key: int, n: int) -> int:
+    """Return a number below `n` by Lemire's method ("Fast random integer generation in an interval", TOMACS 2019)."""
+    halves = (half for word in _philox(key) for half in (word & 0xFFFFFFFF, word >> 32))
+    return next(half * n >> 32 for half in halves if half * n & 0xFFFFFFFF >= (1 << 32) % n)
+
+
+def _philox(key: int) -> tuple[int, int, int, int]:
+    """Return the first four words of a Philox generator: its tenth round for the counter 1."""
+    first, second = key & _MASK, key >> 64
+    a, b, c, d = 1, 0, 0, 0
+    for _ in range(10):
+        one, other = a * _PHILOX[0], c * _PHILOX[1]
+        a, b, c, d = (other >> 64) ^ b ^ first, other & _MASK, (one >> 64) ^ d ^ second, one & _MASK
+        first, second = (first + _WEYL[0]) & _MASK, (second + _WEYL[1]) & _MASK
+    return a, b, c, d
+
+
+def _philox_many(keys: Sequence[int]) -> tuple[BitArray, BitArray, BitArray, BitArray]:
+    """Return what `_philox` returns of each key, (keys,) each."""
+    first, second = (np.array([key >> shift & _MASK for key in keys], np.uint64) for shift in (0, 64))
+    a, (b, c, d) = np.ones_like(first), np.zeros((3, len(keys)), np.uint64)
+    for _ in range(10):
+        (high, low), (other_high, other_low) = _product(a, _PHILOX[0]), _product(c, _PHILOX[1])
+        a, b, c, d = other_high ^ b ^ first, other_low, high ^ d ^ second, low
+        first, second = first + np.uint64(_WEYL[0]), second + np.uint64(_WEYL[1])
+    return a, b, c, d
+
+
+def _product(bits: BitArray, factor: int) -> tuple[BitArray, BitArray]:
+    """Return the upper and the lower 64 bits of products, from those of their halves."""
+    half, low, high = np.uint64(32), np.uint64(factor & 0xFFFFFFFF), np.uint64(factor >> 32)
+    below, above = bits & _LOW, bits >> half
+    middle = above * low + (below * low >> half)
+    crossed = below * high + (middle & _LOW)
+    return above * high + (middle >> half) + (crossed >> half), bits * np.uint64(factor)

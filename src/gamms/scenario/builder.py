@@ -30,7 +30,7 @@ from gamms.scenario.code import (
     plain_defaults,
 )
 from gamms.scenario.documents import ScenarioError, at, copied, joined
-from gamms.scenario.placement import Member, members, node_at, place
+from gamms.scenario.placement import Member, Placing, members, node_at
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
 from gamms.scenario.validation import NamedCode, call_in, code_in, sensor_type
 from gamms.sensor.catalog import KINDS
@@ -82,6 +82,7 @@ class Builder:
         self._rules: dict[str, Rule] = {}  # by their names in the game
         self._plans: dict[str, Plan] = {}  # by team
         self._values = _values_of(ctx.game)
+        self._placing: Placing | None = None
         self._map: MapSnapshot | None = None  # as it was before the code of the scenario changed it, if that did
 
     def build(self) -> None:
@@ -91,7 +92,7 @@ class Builder:
             ScenarioError: something cannot be done as it is written.
         """
         map = self.ctx.graph.storage.snapshot()
-        nodes = place(self.ctx, self.spec, self.by_team)
+        nodes = self._placed()
         for member in self.members:
             self._agents[member.name] = self._add_agent(member, nodes[member.name])
         game = self.ctx.game
@@ -125,7 +126,7 @@ class Builder:
         if self._map is not None:
             self.ctx.graph.storage.restore(self._map)
         self._agents, self._rules, self._plans, self._values = _copied_draw(self.ctx.game.internals.state.drawn)
-        nodes = place(self.ctx, self.spec, self.by_team)
+        nodes = self._placed()
         for member in self.members:
             self._draw_agent(member, nodes[member.name])
         game = self.ctx.game
@@ -168,6 +169,12 @@ class Builder:
             now = tuple(one._replace(rule=rule) if one.name == name and one.rule is before else one for one in now)
             self._rules[name] = rule
         self.ctx.game.internals.restore_rules(now)
+
+    def _placed(self) -> dict[str, int]:
+        """Return the node on which each agent starts with the seed of the context, by name."""
+        if self._placing is None or self._placing.map.columns is not self.ctx.graph.columns():
+            self._placing = Placing(self.ctx, self.spec, self.by_team)
+        return {name: int(nodes[0]) for name, nodes in self._placing.place([self.ctx.seed]).items()}
 
     def _add_values(self) -> None:
         game = self.ctx.game

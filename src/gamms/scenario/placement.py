@@ -1,15 +1,16 @@
 """Places the agents: on the node that is given for them, or on one drawn as their team says."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
 from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.context import Context
 from gamms.errors import UnknownName
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import refuse_above
 from gamms.scenario.documents import ScenarioError, at, joined
@@ -19,6 +20,11 @@ from gamms.text import shown
 _AGENT_BYTES = 10_000  # that plays; 5,000 measured, and what it remembers
 _SENSOR_BYTES = 2_000  # 1,000 measured, and what it shows
 _TRIES = 20  # as `ctx.graph.place`: when agents have to keep apart, unlucky first draws may leave no node
+_AT_ONCE = 1 << 24  # nodes of all games that are looked at together
+_MOST_BYTES = 1 << 26  # of what is remembered of which nodes are near others
+_BITS = np.arange(16, dtype=np.uint16)
+
+WordArray = np.ndarray[tuple[int, ...], np.dtype[np.uint16]]  # sets of nodes, 16 in each word
 
 
 class Member(NamedTuple):
@@ -55,31 +61,44 @@ def members(spec: Spec) -> dict[str, list[Member]]:
     return found
 
 
-def place(ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> dict[str, int]:
-    """Return the node on which each agent starts, by name.
+class Placing:
+    """Places the agents of a scenario on the map that a context has now, with one seed or with many.
 
     An agent that is placed by chance draws from a stream of its team's and its own name: how many there are in other
     teams moves no agent, unless a team keeps away `from` them, and more agents of a team do not move those before.
 
-    Raises:
-        ScenarioError: a node is unknown, or so many do not fit; it says how many did.
+    Args:
+        ctx: the context.
+        spec: the scenario.
+        agents: of each team; see `members`.
+
+    Attributes:
+        map: the nodes.
     """
-    return _Placing(ctx, spec, agents).place()
 
+    def __init__(self, ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> None:
+        self.map = Places(ctx)
+        self._teams = {name: _Team(self.map, name, team, agents[name]) for name, team in spec.teams.items()}
 
-def starts(ctx: Context, spec: Spec) -> Callable[[int], dict[str, int]]:
-    """Return a function that gives what `place` gives with another seed than that of the context."""
-    placing = _Placing(ctx, spec, members(spec))
+    def place(self, seeds: Sequence[int]) -> dict[str, IntArray]:
+        """Return the nodes on which agents start with these seeds: name -> (seeds,) ids.
 
-    def with_seed(seed: int) -> dict[str, int]:
-        own, own_stream = ctx.seed, ctx.rng_state()
-        ctx.reseed(seed)
-        try:
-            return placing.place()
-        finally:
-            ctx.reseed(own, own_stream)
+        Raises:
+            ScenarioError: a node is unknown, or so many do not fit; it says how many did.
+        """
+        size = max(1, _AT_ONCE // max(1, len(self.map.ids)))
+        parts = [self._rows(seeds[first : first + size]) for first in range(0, len(seeds), size)]
+        return {
+            one.name: self.map.ids[np.concatenate([part[name][:, column] for part in parts])]
+            for name, team in self._teams.items()
+            for column, one in enumerate(team.members)
+        }
 
-    return with_seed
+    def _rows(self, seeds: Sequence[int]) -> dict[str, IntArray]:
+        rows = dict[str, IntArray]()
+        for name, team in self._teams.items():
+            rows[name] = team.place(seeds, rows)
+        return rows
 
 
 def node_at(ctx: Context, given: Place, path: str) -> int:
@@ -100,20 +119,35 @@ def node_at(ctx: Context, given: Place, path: str) -> int:
         return int(given)
 
 
-class _Places:
-    """Rows and positions of the nodes of a map."""
+class Places:
+    """Rows and positions of the nodes of a map, and sets of them as bits.
+
+    Attributes:
+        columns: of the graph.
+    """
 
     def __init__(self, ctx: Context) -> None:
-        self.ctx, columns = ctx, ctx.graph.columns()
-        self.ids = columns.node_ids
-        self.xy: FloatArray = columns.xy
-        self._xs, self._ys = np.ascontiguousarray(columns.xy.T)
+        self.ctx, self.columns = ctx, ctx.graph.columns()
+        self.ids, self.xy = self.columns.node_ids, self.columns.xy
+        self._xs, self._ys = np.ascontiguousarray(self.xy.T)
+        self._far: dict[tuple[int, float], WordArray] = {}
 
     @cached_property
     def row_of(self) -> dict[int, int]:
+        """The row of each node, by its id."""
         return {id: row for row, id in enumerate(self.ids.tolist())}
 
-    def are_within(self, row: int, metres: float) -> BoolArray:
+    def far_from(self, rows: IntArray, metres: float) -> WordArray:
+        """Return which nodes are at least so far from each of these, in a straight line, (rows, words)."""
+        keys = [(row, metres) for row in rows.tolist()]
+        if len({*self._far, *keys}) * len(self.ids) // 8 > _MOST_BYTES:
+            self._far.clear()
+        for key in keys:
+            if key not in self._far:
+                self._far[key] = as_words(~self._are_within(*key))
+        return np.array([self._far[key] for key in keys])
+
+    def _are_within(self, row: int, metres: float) -> BoolArray:
         """Return which nodes are nearer than so far to a node, in a straight line."""
         dx, dy = self._xs - self._xs[row], self._ys - self._ys[row]
         squares, limit = dx * dx + dy * dy, metres * metres
@@ -123,86 +157,83 @@ class _Places:
         return within
 
 
-class _Placing:
-    """Places the agents of all teams, with one seed after the other."""
-
-    def __init__(self, ctx: Context, spec: Spec, agents: Mapping[str, list[Member]]) -> None:
-        self._map = _Places(ctx)
-        self._teams = {name: _Team(self._map, name, team, agents[name]) for name, team in spec.teams.items()}
-
-    def place(self) -> dict[str, int]:
-        """Return the node on which each agent starts, by name."""
-        rows = dict[str, dict[str, int]]()
-        for name, team in self._teams.items():
-            rows[name] = team.place(rows)
-        return {agent: int(self._map.ids[row]) for of_team in rows.values() for agent, row in of_team.items()}
+def as_words(are_in: BoolArray) -> WordArray:
+    """Return a set of nodes, (nodes,), as bits, (words,)."""
+    words = np.zeros(-(-len(are_in) // 16), "<u2")
+    words.view(np.uint8)[: -(-len(are_in) // 8)] = np.packbits(are_in, bitorder="little")
+    return words.astype(np.uint16, copy=False)
 
 
 class _Team:
     """Places the agents of one team."""
 
-    def __init__(self, map: _Places, name: str, spec: Team, team: list[Member]) -> None:
+    def __init__(self, map: Places, name: str, spec: Team, team: list[Member]) -> None:
         self.map, self.name, self.spec, self.path = map, name, spec, f"teams.{name}"
         self.away = [spec.from_] if isinstance(spec.from_, From) else spec.from_
         self.members = team
 
     @cached_property
-    def fixed(self) -> dict[str, int]:
-        """The rows of nodes that are given, by name."""
-        team, map = self.members, self.map
-        given = [(one.name, one.listed.node, f"{one.path}.node") for one in team if one.listed]
-        return {name: map.row_of[node_at(map.ctx, node, path)] for name, node, path in given if node is not None}
+    def fixed(self) -> dict[int, int]:
+        """The rows of nodes that are given, by the number of the member."""
+        given = [(number, one.listed.node, f"{one.path}.node") for number, one in enumerate(self.members) if one.listed]
+        map = self.map
+        return {number: map.row_of[node_at(map.ctx, node, path)] for number, node, path in given if node is not None}
 
-    def place(self, others: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
-        """Return the row of each agent's node, by name; `others` are those of the teams before."""
-        free = [member.name for member in self.members if member.name not in self.fixed]
-        drawn = self._drawn(free, list(self.fixed.values()), others) if free else {}
-        return {member.name: (self.fixed | drawn)[member.name] for member in self.members}
-
-    def _drawn(self, names: list[str], taken: list[int], others: Mapping[str, Mapping[str, int]]) -> dict[str, int]:
-        allowed = self._near.copy()
+    def place(self, seeds: Sequence[int], others: Mapping[str, IntArray]) -> IntArray:
+        """Return the rows of the agents' nodes, (seeds, agents); `others` are those of the teams before."""
+        rows = np.full((len(seeds), len(self.members)), -1)
+        rows[:, list(self.fixed)] = list(self.fixed.values())
+        free = [number for number in range(len(self.members)) if number not in self.fixed]
+        if not free:
+            return rows
+        allowed = np.repeat(self._near[None], len(seeds), axis=0)
         for one in self.away:
-            for row in others[one.team].values():
-                allowed &= ~self.map.are_within(row, one.at_least)
-        best: dict[str, int] = {}
+            for of_agent in others[one.team].T:
+                allowed &= self.map.far_from(of_agent, one.at_least)
+        left, most = np.arange(len(seeds)), np.zeros(len(seeds), np.int64)
         for attempt in range(_TRIES if self.spec.apart else 1):
-            drawn = self._try(names, allowed.copy(), taken, attempt)
-            if len(drawn) == len(names):
-                return drawn
-            best = max(best, drawn, key=len)
-        raise ScenarioError(self.path, self._refusal(len(best), len(names), taken))
+            drawn = self._try([seeds[number] for number in left.tolist()], free, allowed[left], attempt)
+            rows[left[:, None], free], placed = drawn, (drawn >= 0).sum(axis=1)
+            most[left] = np.maximum(most[left], placed)
+            left = left[placed < len(free)]
+            if not len(left):
+                return rows
+        raise ScenarioError(self.path, self._refusal(int(most[left[0]]), len(free)))
 
-    def _try(self, names: list[str], allowed: BoolArray, taken: list[int], attempt: int) -> dict[str, int]:
-        """Draw a node for one agent after the other, of those that are left."""
-        for row in taken:
-            self._close(allowed, row)
-        drawn: dict[str, int] = {}
-        for name in names:
-            rows = np.flatnonzero(allowed)
-            if not len(rows):
+    def _try(self, seeds: Sequence[int], free: list[int], allowed: WordArray, attempt: int) -> IntArray:
+        """Draw a node for one agent after the other, of those that are left; -1: there was none, (seeds, agents)."""
+        drawn, at = np.full((len(seeds), len(free)), -1), np.arange(len(seeds))
+        for row in self.fixed.values():
+            self._close(allowed, np.full(len(seeds), row))
+        for column, number in enumerate(free):
+            counts = _COUNTS[allowed]
+            is_left = counts.any(axis=1)
+            at, allowed, counts = at[is_left], allowed[is_left], counts[is_left]
+            if not len(at):
                 break
-            stream = self.map.ctx.stream("scenario", "place", self.name, name, attempt)
-            drawn[name] = row = int(rows[stream.integers(len(rows))])
-            self._close(allowed, row)
+            names = "scenario", "place", self.name, self.members[number].name, attempt
+            keys = [kernels.stream_key(seeds[game], *names) for game in at.tolist()]
+            drawn[at, column] = rows = _drawn(keys, allowed, counts)
+            self._close(allowed, rows)
         return drawn
 
-    def _close(self, allowed: BoolArray, row: int) -> None:
-        """Exclude a node, and those that are too near to it."""
-        allowed[row] = False
+    def _close(self, allowed: WordArray, rows: IntArray) -> None:
+        """Exclude a node of each set, and those that are too near to it."""
+        allowed[np.arange(len(rows)), rows >> 4] &= ~(np.uint16(1) << (rows & 15).astype(np.uint16))
         if self.spec.apart:
-            allowed[self.map.are_within(row, self.spec.apart)] = False
+            allowed &= self.map.far_from(rows, self.spec.apart)
 
     @cached_property
-    def _near(self) -> BoolArray:
-        """On which nodes the team may start, for all that other teams do, (nodes,)."""
+    def _near(self) -> WordArray:
+        """On which nodes the team may start, for all that other teams do, (words,)."""
         allowed = np.ones(len(self.map.ids), np.bool_)
         if self.spec.near is not None and self.spec.within is not None:
             centre = self.map.row_of[node_at(self.map.ctx, self.spec.near, f"{self.path}.near")]
             x, y = self.spec.near if isinstance(self.spec.near, tuple) else self.map.xy[centre]
             allowed = np.hypot(self.map.xy[:, 0] - x, self.map.xy[:, 1] - y) <= self.spec.within
-        return allowed
+        return as_words(allowed)
 
-    def _refusal(self, placed: int, wanted: int, taken: list[int]) -> str:
+    def _refusal(self, placed: int, wanted: int) -> str:
         words, ways_out = [f"only {placed} of {wanted} agents could be placed"], ["count"]
         if self.spec.within is not None:
             words.append(f"within {self.spec.within:g} of {_in_words(self.spec.near)}")
@@ -213,8 +244,28 @@ class _Team:
         for one in self.away:
             words.append(f"at least {one.at_least:g} from {one.team}")
             ways_out.append("from")
-        others = f", beside {len(taken)} on nodes of their own" if taken else ""
+        others = f", beside {len(self.fixed)} on nodes of their own" if self.fixed else ""
         return f"{', '.join(words)}{others}. Change {' or '.join(dict.fromkeys(ways_out))}."
+
+
+_COUNTS = np.unpackbits(np.arange(1 << 16, dtype=np.uint16).view(np.uint8)).reshape(-1, 16).sum(axis=1, dtype=np.uint8)
+
+
+def _drawn(keys: Sequence[int], sets: WordArray, counts: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> IntArray:
+    """Return a row that is drawn from each set of nodes, (sets,).
+
+    Args:
+        keys: of the streams that draw.
+        sets: (sets, words)
+        counts: (sets, words) how many nodes are in each word.
+    """
+    ends, at = counts.cumsum(axis=1, dtype=np.int64), np.arange(len(sets))
+    number = kernels.stream_below(keys, ends[:, -1])[:, None]
+    word = (ends <= number).sum(axis=1)
+    before = ends[at, word] - counts[at, word]
+    bits = sets[at, word][:, None] >> _BITS & np.uint16(1)
+    rows: IntArray = word * 16 + (before[:, None] + bits.cumsum(axis=1, dtype=np.int64) <= number).sum(axis=1)
+    return rows
 
 
 def _in_words(near: Place | None) -> str:

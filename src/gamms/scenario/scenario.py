@@ -18,7 +18,7 @@ from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, digests, written_out
 from gamms.scenario.code import Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
-from gamms.scenario.placement import members, node_at, place, starts
+from gamms.scenario.placement import Placing, members, node_at
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
 from gamms.scenario.validation import check_code, check_sense, code_in, unread_data
 from gamms.text import shown
@@ -138,7 +138,7 @@ class Scenario:
         if maps.is_data(self.spec.map):
             with named(self.file, self._raw), create_context(seed=self.spec.seed, logger_config=maps.quiet()) as ctx:
                 ctx.graph.storage.copy_from(self._loaded())
-                place(ctx, self.spec, agents)
+                Placing(ctx, self.spec, agents).place([ctx.seed])
                 done += [
                     f"the map ({len(ctx.graph.graph)} nodes)",
                     f"the places of {sum(map(len, agents.values()))} agents",
@@ -282,7 +282,9 @@ class Scenario:
         ctx = self.build(chosen[0], strategies, vis_engine)
         build = partial(self.build, strategies=strategies)
         try:
-            source = BatchSource(ctx.game, starts(ctx, self.spec) if are_drawn else None, reason, build)
+            source = BatchSource(
+                ctx.game, Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None, reason, build
+            )
             return Batch(source, chosen, record=record, library=library)
         except BaseException:
             ctx.terminate()

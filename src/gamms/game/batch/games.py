@@ -38,13 +38,14 @@ class BatchSource(NamedTuple):
 
     Attributes:
         game: at its start, in a context of the batch's own.
-        starts: returns where agents begin with a seed, the ids of nodes by name; None: with every seed where they are.
+        starts: returns where agents begin with each of several seeds, by name the ids of nodes, (seeds,); None: with
+            every seed where they are.
         follows_seed: what else differs with the seed, in words; None: nothing that is not drawn in turns.
         build: makes a context with the game of a seed; None: recordings cannot be made.
     """
 
     game: PlayedGame
-    starts: Callable[[int], Mapping[str, int]] | None
+    starts: Callable[[Sequence[int]], Mapping[str, IntArray]] | None
     follows_seed: str | None
     build: Callable[[int], Any] | None
 
@@ -427,8 +428,8 @@ class Batch:
         starts = self._source.starts
         if starts is None:
             return np.tile([agent.current_node_id for agent in self._roster.agents], (len(seeds), 1))
-        nodes = map(starts, seeds)
-        return np.array([[of_game[name] for name in self._roster.names] for of_game in nodes], np.int64)
+        nodes = starts(seeds)
+        return np.stack([nodes[name] for name in self._roster.names], axis=1)
 
 
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
