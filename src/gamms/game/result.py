@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _LONG = 1e15  # numbers from here on are written out
+_COUNTS = ("alive", "moves", "blocked", "illegal", "errors", "overruns")  # of an agent
 
 
 @dataclass(eq=False, repr=False)
@@ -171,6 +172,23 @@ class Result:
             "moves": [sum(one["moves"] for one in agents) for agents in by_team.values()],
             "score": [self.scores.get(team, 0) for team in by_team],
         }
+
+    def row(self) -> dict[str, Any]:
+        """Return what came of the game in one row of plain values, for tables of many games.
+
+        It has reason, winner, truncated and turns; `score.<team>` and other scores; how often what happened by team:
+        `agents.<team>`, `alive.<team>`, `moves.<team>`, `blocked.<team>`, `illegal.<team>`, `errors.<team>` and
+        `overruns.<team>`; and `collector.<name>`, the last value of what was collected of the game.
+        """
+        teams = list(dict.fromkeys(one["team"] for one in self.agents.values()))
+        row = {"reason": self.reason, "winner": _plain(self.winner), "truncated": self.truncated, "turns": self.turns}
+        row |= {f"score.{of}": _plain(score) for of, score in ({**dict.fromkeys(teams, 0), **self.scores}).items()}
+        for team in teams:
+            agents = [one for one in self.agents.values() if one["team"] == team]
+            row[f"agents.{team}"] = len(agents)
+            row |= {f"{count}.{team}": sum(one[count] for one in agents) for count in _COUNTS}
+        of_game = {name: table["value"] for name, table in self.collected.items() if "agent" not in table}
+        return row | {f"collector.{name}": _plain(values[-1]) if values else None for name, values in of_game.items()}
 
     def headline(self) -> str:
         """Return in one line who has won, after how many turns and why."""

@@ -396,6 +396,11 @@ class Batch:
         return self._engine.load(number).ctx
 
     @property
+    def is_in_arrays(self) -> bool:
+        """Whether the games are played all at once, and not one after the other."""
+        return not self._is_one_by_one
+
+    @property
     def _is_one_by_one(self) -> bool:
         return isinstance(self._engine, OneByOneEngine)
 

@@ -1,0 +1,297 @@
+"""What a run keeps in its folder: a journal of rows that survives a crash, a lock, and the files at the end.
+
+`journal.jsonl` gets rows in the order in which games end; each line is written at once, and a torn last line is left
+out when the journal is read. `experiment.json` is the plan. `rows.jsonl`, `rows.csv` and `rows.parquet` are written
+when all games are played, in the order of the plan.
+"""
+
+import csv
+import io
+import json
+import os
+import sys
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from gamms.arguments import as_items, as_path
+from gamms.errors import BadFile, BadValue, WriteConflict
+from gamms.experiment.games import Row
+from gamms.folders import whole_file, write_whole
+from gamms.ir.tables import table_of
+from gamms.text import reason, shown
+
+FORMAT = "gamms experiment 1"
+PLAN, JOURNAL, LOCK = "experiment.json", "journal.jsonl", "lock"
+_SYNC_S = 0.5  # how often the disk is waited for
+_FIRST = ("id", "scenario", "gamms", "python", "numpy")
+_MIDDLE = ("seed", "reason", "winner", "truncated", "turns")
+_held: set[Path] = set()  # folders of this process, whose locks do not exclude each other
+
+
+# -- the lock -----------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep other runs, of this process and of others, from a folder; a process that has died keeps none.
+
+    Raises:
+        WriteConflict: another run has it.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    real = folder.resolve()
+    refusal = WriteConflict(f"Another run is writing into {str(folder)!r}: wait for it, or choose another folder.")
+    if real in _held:
+        raise refusal
+    with (folder / LOCK).open("ab") as file:
+        if not _locks(file):
+            raise refusal
+        _held.add(real)
+        try:
+            yield
+        finally:
+            _held.discard(real)
+
+
+if sys.platform == "win32":  # pragma: no cover
+
+    def _locks(file: BinaryIO) -> bool:
+        import msvcrt
+
+        try:
+            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
+        except OSError:
+            return False
+        return True
+
+else:
+
+    def _locks(file: BinaryIO) -> bool:
+        """Lock a file until this process closes it; forked children do not have the lock."""
+        import fcntl
+
+        try:
+            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError:
+            return False
+        return True
+
+
+# -- the journal --------------------------------------------------------------------------------------------------
+
+
+class Journal:
+    """The rows of all games that were played for a folder, by id; new ones are appended.
+
+    Args:
+        folder: of the run; it is locked.
+
+    Raises:
+        BadFile: a line of it is no row.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        file = folder / JOURNAL
+        self.rows = rows_in(file)
+        self._file = file.open("ab")
+        self._file.truncate(_whole(file))
+        self._synced = 0.0
+
+    def add(self, rows: Iterable[Row]) -> None:
+        """Append rows; the system has them when this returns, and the disk within half a second of games."""
+        rows = list(rows)
+        self._file.write("".join(f"{_line(row)}\n" for row in rows).encode())
+        self._file.flush()
+        if time.monotonic() - self._synced > _SYNC_S:
+            os.fsync(self._file.fileno())
+            self._synced = time.monotonic()
+        self.rows |= {row["id"]: row for row in rows}
+
+    def close(self) -> None:
+        """Close the file, when the disk has it."""
+        os.fsync(self._file.fileno())
+        self._file.close()
+
+
+def _whole(file: Path) -> int:
+    """Return how many bytes of a journal are whole lines."""
+    return file.read_bytes().rfind(b"\n") + 1
+
+
+def rows_in(file: Path) -> dict[str, Row]:
+    """Return the rows of a journal by id; a torn last line counts as not there.
+
+    Raises:
+        BadFile: a line is no row.
+    """
+    rows: dict[str, Row] = {}
+    if not file.exists():
+        return rows
+    data = file.read_bytes()
+    for number, line in enumerate(data[: data.rfind(b"\n") + 1].splitlines(), 1):
+        try:
+            row = json.loads(line)
+            rows[row["id"]] = row
+        except (ValueError, KeyError, TypeError) as error:
+            raise BadFile(
+                f"{str(file)!r}, line {number}, is no row of an experiment: {reason(error)}. Delete the line."
+            ) from None
+    return rows
+
+
+def _line(row: Mapping[str, Any]) -> str:
+    return json.dumps(row, ensure_ascii=False, separators=(", ", ": "))
+
+
+# -- the plan -----------------------------------------------------------------------------------------------------
+
+
+def write_plan(folder: Path, plan: Mapping[str, Any]) -> None:
+    """Write the plan of a run."""
+    write_whole(folder / PLAN, (json.dumps({"format": FORMAT, **plan}, indent=1) + "\n").encode())
+
+
+def read_plan(folder: Path) -> dict[str, Any]:
+    """Read the plan of a run.
+
+    Raises:
+        BadFile: there is none, or it is none.
+    """
+    file = folder / PLAN
+    try:
+        plan: Any = json.loads(file.read_bytes())
+    except FileNotFoundError:
+        raise BadFile(f"{str(folder)!r} is not the folder of an experiment: it has no {PLAN}.") from None
+    except ValueError as error:
+        raise BadFile(f"{str(file)!r} is not JSON: {reason(error)}.") from None
+    if not isinstance(plan, dict) or plan.pop("format", None) != FORMAT:
+        raise BadFile(f"{str(file)!r} is no plan of an experiment: its 'format' is not {FORMAT!r}.")
+    return plan
+
+
+# -- the files at the end -----------------------------------------------------------------------------------------
+
+
+def columns_of(rows: Sequence[Row], varied: Sequence[str]) -> list[str]:
+    """Return the columns of rows in the order of the files."""
+    found = {name for row in rows for name in row}
+    known = [*_FIRST, *varied, *_MIDDLE]
+    others = sorted(found - {*known, "error"}, key=lambda name: (not name.startswith("score."), name))
+    return [*known, *others, "error"]
+
+
+def write_rows(folder: Path, rows: Sequence[Row], varied: Sequence[str]) -> list[Path]:
+    """Write all rows as JSON lines, CSV, and Parquet where pyarrow is installed; return the files."""
+    columns = columns_of(rows, varied)
+    full = [{name: row.get(name) for name in columns} for row in rows]
+    files = [folder / "rows.jsonl", folder / "rows.csv"]
+    write_whole(files[0], "".join(f"{_line(row)}\n" for row in full).encode())
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(row.values() for row in full)
+    write_whole(files[1], text.getvalue().encode())
+    if find_spec("pyarrow") is not None:
+        files.append(folder / "rows.parquet")
+        _write_parquet(files[-1], {name: [row[name] for row in full] for name in columns})
+    return files
+
+
+def _write_parquet(file: Path, columns: Mapping[str, list[Any]]) -> None:
+    """Write columns of scalars; one of several kinds becomes texts."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    arrays = {}
+    for name, values in columns.items():
+        kinds = {type(value) for value in values if value is not None}
+        is_mixed = len(kinds) > 1 and kinds != {int, float}
+        arrays[name] = pa.array([None if one is None else str(one) for one in values] if is_mixed else values)
+    with whole_file(file) as beside:
+        pq.write_table(pa.table(arrays), beside)
+
+
+# -- shards -------------------------------------------------------------------------------------------------------
+
+
+def shard_of(given: object) -> tuple[int, int] | None:
+    """Return which part of how many, from `(3, 20)` or "3/20".
+
+    Raises:
+        BadValue: it is neither.
+    """
+    if given is None:
+        return None
+    parts = given.split("/") if isinstance(given, str) else list(given) if isinstance(given, (tuple, list)) else []
+    try:
+        number, count = (int(part) for part in parts)
+    except (ValueError, TypeError):
+        number, count = 0, 0
+    if not 1 <= number <= count:
+        raise BadValue(f"shard is a part of so many, (3, 20) or '3/20' for the third of 20, not {shown(given)}.")
+    return number, count
+
+
+def shard_folder(out: Path, shard: tuple[int, int] | None) -> Path:
+    """Return the folder in which a shard keeps its rows."""
+    return out if shard is None else out / f"shard-{shard[0]}-of-{shard[1]}"
+
+
+def merge(out: str | os.PathLike[str], folders: Iterable[str | os.PathLike[str]] | None = None) -> list[Path]:
+    """Put the rows of shards together into the files that one run would have written; return these.
+
+    Args:
+        out: the folder of the experiment, which gets the files.
+        folders: those of the shards; None: the folders `shard-…` in `out`.
+
+    Raises:
+        BadFile, BadValue: there are none, they are of different experiments, or some of their games are missing.
+        WriteConflict: a run is writing into `out`.
+    """
+    into = as_path(out, "out")
+    if folders is None:
+        found = sorted(into.glob("shard-*-of-*"))
+    else:
+        found = [as_path(one, "Each of folders") for one in as_items(folders, "folders", "paths")]
+    if not found:
+        raise BadValue(f"There are no folders shard-… in {str(into)!r}: give those of the shards.")
+    plans = [read_plan(folder) for folder in found]
+    for folder, plan in zip(found, plans, strict=True):
+        if plan != plans[0]:
+            key = next(key for key in {**plan, **plans[0]} if plan.get(key) != plans[0].get(key))
+            raise BadValue(f"{str(folder)!r} and {str(found[0])!r} are of different experiments: their {key} differ.")
+    rows = {id: row for folder in found for id, row in rows_in(folder / JOURNAL).items()}
+    ids = plans[0]["rows"]
+    missing = [id for id in ids if id not in rows]
+    if missing:
+        raise BadValue(
+            f"{len(missing):,} of {len(ids):,} games are missing, such as {missing[0]}: run all shards to their ends."
+        )
+    with locked(into):
+        journal = Journal(into)
+        journal.add(row for id, row in rows.items() if id not in journal.rows)
+        journal.close()
+        write_plan(into, plans[0])
+        return write_rows(into, [rows[id] for id in ids], plans[0]["keys"])
+
+
+def as_columns(rows: Sequence[Row], varied: Sequence[str]) -> dict[str, Any]:
+    """Return rows as columns; numbers that are missing are NaN."""
+    table = table_of({name: [row.get(name) for row in rows] for name in columns_of(rows, varied)})
+    return {name: _numbers(column) for name, column in table.items()}
+
+
+def _numbers(column: Any) -> Any:
+    if column.dtype != object:
+        return column
+    values = column.tolist()
+    is_number = [isinstance(value, (int, float)) and not isinstance(value, bool) for value in values]
+    if any(is_number) and all(one or value is None for one, value in zip(is_number, values, strict=True)):
+        import numpy as np
+
+        return np.array([float("nan") if value is None else value for value in values])
+    return column

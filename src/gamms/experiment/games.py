@@ -1,0 +1,173 @@
+"""What a worker does: games of one variant, as rows of plain values."""
+
+import json
+import pickle
+import re
+from collections.abc import Callable, Mapping, Sequence
+from functools import cached_property, lru_cache
+from time import perf_counter
+from typing import Any, NamedTuple
+
+from gamms.errors import BadValue, TooLarge
+from gamms.experiment.variants import Function, Variant
+from gamms.game.batch.forms import form_of
+from gamms.game.result import Result
+from gamms.limits import allowing
+from gamms.plain import Plain, as_json, to_plain
+from gamms.scenario import Scenario
+from gamms.scenario.code import Found, first_of, function_of
+from gamms.text import printable_line, reason
+
+Row = dict[str, Plain]
+Collect = Mapping[str, Callable[[Result], Any]]
+
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+_FEW = 2  # games for which no batch is made
+
+
+class Settings(NamedTuple):
+    """What all games of an experiment share."""
+
+    scenario: Scenario
+    collect: dict[str, Callable[[Result], Any]]
+    max_memory: int
+
+
+class Task(NamedTuple):
+    """Games of one variant, to be played in any process.
+
+    Attributes:
+        settings: pickled `Settings`.
+        variant: a pickled `Variant`.
+        seeds: of the games.
+    """
+
+    settings: bytes
+    variant: bytes
+    seeds: tuple[int, ...]
+
+
+class Played(NamedTuple):
+    """What came of a task: a row for each seed, and how long that took."""
+
+    rows: list[Row]
+    seconds: float
+
+
+class Player:
+    """Plays the games of one variant."""
+
+    def __init__(self, settings: Settings, variant: Variant) -> None:
+        self._settings, self._strategies = settings, variant.strategies
+        self._scenario = variant.of(settings.scenario)
+
+    def play(self, seeds: Sequence[int]) -> Played:
+        """Play games; one that raises is a row with an error."""
+        begin = perf_counter()
+        with allowing(self._settings.max_memory):
+            rows = self._in_arrays(seeds) if len(seeds) >= _FEW and self._is_for_arrays else None
+            rows = [self._alone(seed) for seed in seeds] if rows is None else rows
+        return Played(rows, perf_counter() - begin)
+
+    def _alone(self, seed: int) -> Row:
+        try:
+            return row_of(self._scenario.play(seed, self._strategies), self._settings.collect)
+        except (Exception, SystemExit) as error:  # noqa: BLE001 - which code of users may raise; it is in the row
+            return {"error": _error(error)}
+
+    def _in_arrays(self, seeds: Sequence[int]) -> list[Row] | None:
+        """Return the rows of games that are played at once; None: one of them has raised."""
+        try:
+            with self._scenario.batch(seeds=seeds, strategies=self._strategies) as games:
+                games.run()
+                return [row_of(games.result(number), self._settings.collect) for number in range(len(seeds))]
+        except TooLarge:
+            half = len(seeds) // 2
+            return [*self.play(seeds[:half]).rows, *self.play(seeds[half:]).rows]
+        except (Exception, SystemExit):  # noqa: BLE001 - played one by one, the game that raises is a row
+            return None
+
+    @cached_property
+    def _is_for_arrays(self) -> bool:
+        """Whether the games can be played in a batch, and are the same there as one by one.
+
+        A batch makes strategies and rules once for all games. Those of GAMMS draw nothing then; a function of the
+        user's that makes one may, so only functions that have an array form themselves are played in batches.
+        """
+        try:
+            if not all(_makes_no_draws(one, self._scenario) for one in self._scenario.code()):
+                return False
+            if not all(_is_plain_strategy(one) for one in self._strategies.values()):
+                return False
+            with self._scenario.batch(1, strategies=self._strategies) as games:
+                return games.is_in_arrays
+        except (Exception, SystemExit):  # noqa: BLE001 - one by one it is in the rows
+            return False
+
+
+def play(task: Task) -> Played:
+    """Play the games of a task in a worker."""
+    return _player(task.settings, task.variant).play(task.seeds)
+
+
+@lru_cache(maxsize=16)
+def _player(settings: bytes, variant: bytes) -> Player:
+    return Player(_loaded(settings), pickle.loads(variant))  # noqa: S301 - our own
+
+
+@lru_cache(maxsize=2)
+def _loaded(settings: bytes) -> Settings:
+    """Return the settings; the map of their scenario is loaded once in a process."""
+    loaded: Settings = pickle.loads(settings)  # noqa: S301 - our own
+    return loaded
+
+
+def pickled(value: object, name: str) -> bytes:
+    """Return a value for other processes.
+
+    Raises:
+        BadValue: it cannot be pickled; the message names it.
+    """
+    try:
+        return pickle.dumps(value)
+    except Exception as error:
+        raise BadValue(
+            f"{name} cannot be sent to other processes, {printable_line(without_address(reason(error)))}. Define it "
+            "with def or class at the top of a module, or play in this process: without workers and executor."
+        ) from error
+
+
+def row_of(result: Result, collect: Collect) -> Row:
+    """Return the row of a game, with what functions of its result give."""
+    row = {name: _plain(value) for name, value in result.row().items()}
+    row |= {f"collector.{name}": _plain(function(result)) for name, function in collect.items()}
+    return {**row, "error": None}
+
+
+def _plain(value: object) -> Plain:
+    """Return a scalar as it is, anything else as JSON."""
+    value = as_json(to_plain(value))
+    is_scalar = value is None or isinstance(value, (bool, int, float, str))
+    return value if is_scalar else json.dumps(value, ensure_ascii=False)
+
+
+def _error(error: BaseException) -> str:
+    """Return in a line what a game has raised, the same in every process."""
+    notes = getattr(error, "__notes__", ())
+    cause = "" if error.__cause__ is None else f" ({type(error.__cause__).__name__}: {reason(error.__cause__)})"
+    text = " ".join([f"{type(error).__name__}: {reason(error)}{cause}", *notes])
+    return printable_line(without_address(text))
+
+
+def without_address(text: str) -> str:
+    """Return a text without where objects lie in memory, the same in every process."""
+    return _ADDRESS.sub("", text)
+
+
+def _makes_no_draws(found: Found, scenario: Scenario) -> bool:
+    return found.module.partition(".")[0] == "gamms" or form_of(function_of(found, scenario.folder)) is not None
+
+
+def _is_plain_strategy(function: Function) -> bool:
+    module = getattr(function, "__module__", None) or ""
+    return module.partition(".")[0] == "gamms" or (form_of(function) is not None and first_of(function) != "ctx")

@@ -1,0 +1,324 @@
+"""Runs an experiment: which games are played where, and what becomes of those that raise or kill their process."""
+
+import os
+import time
+from collections import deque
+from collections.abc import Iterable
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import ExitStack
+from typing import Any, NamedTuple
+
+from gamms.arguments import as_bool, as_ids, as_mapping, as_path
+from gamms.errors import BadType, BadValue, WriteConflict
+from gamms.experiment import folders
+from gamms.experiment.executors import Here, WorkerPool, cores, executor_for
+from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play, without_address
+from gamms.experiment.rows import Rows
+from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
+from gamms.limits import max_memory, refuse_above
+from gamms.progress import Show
+from gamms.progress import progress as progress_line
+from gamms.scenario import Scenario
+from gamms.scenario import load as load_scenario
+from gamms.text import shown
+from gamms.versions import versions
+
+_BYTES = 3_000  # of a row
+_TASK_S = 2.0  # how long a task should take
+_MOST_GAMES = 1024  # of a task
+_PARTS = 8  # of a task in which a process has died
+_FIRST_GAMES = 4  # of the first tasks, of which it is not known how long games take
+
+
+class _Plan(NamedTuple):
+    """All games of an experiment."""
+
+    scenario: Scenario
+    variants: list[Variant]
+    digests: list[str]
+    seeds: list[int]
+    collect: dict[str, Any]
+
+    def ids(self) -> list[str]:
+        """Return the ids of all rows in their order."""
+        names = list(self.collect)
+        return [
+            row_id(digest, variant.settings, names, seed)
+            for digest, variant in zip(self.digests, self.variants, strict=True)
+            for seed in self.seeds
+        ]
+
+    def keys(self) -> list[str]:
+        """Return the varied keys."""
+        return list(self.variants[0].settings)
+
+    def on_disk(self, ids: list[str]) -> dict[str, Any]:
+        """Return what a folder has of it."""
+        return {
+            "scenario": self.scenario.to_dict(),
+            "keys": self.keys(),
+            "variants": [variant.settings for variant in self.variants],
+            "digests": self.digests,
+            "seeds": self.seeds,
+            "collect": list(self.collect),
+            "versions": versions(),
+            "rows": ids,
+        }
+
+
+def run(  # noqa: PLR0913 - each option is independent of the others
+    scenario: Scenario | str | os.PathLike[str],
+    seeds: Iterable[int],
+    vary: Vary | None = None,
+    *,
+    workers: int | None = None,
+    executor: object = None,
+    out: str | os.PathLike[str] | None = None,
+    shard: tuple[int, int] | str | None = None,
+    collect: Collect | None = None,
+    progress: bool = False,
+) -> Rows:
+    """Play a game for each seed of each variant of a scenario, and return a row for each; see docs/experiments.md.
+
+    The rows are the same whatever plays them, in any order: this process, processes, a cluster, one by one or in
+    batches. A game that raises is a row with an error.
+
+    Args:
+        scenario: the scenario, or its file.
+        seeds: of the games of each variant.
+        vary: path in the scenario, such as `teams.red.count`, or `strategies.<team>` -> its values, of which all
+            combinations are played; a dict of values gives them names. Or a list of variants, each a dict of path ->
+            value, such as `sample` gives.
+        workers: in how many processes; None: in this one.
+        executor: plays instead: any executor of `concurrent.futures`, or "ray". `workers` is how many tasks it gets at
+            once.
+        out: a folder that keeps the rows. A run that was ended goes on there: games whose rows are there already are
+            not played.
+        shard: plays only a part of the games, `(3, 20)` or "3/20" for the third of 20; `merge` puts them together.
+        collect: name -> function of the result of a game, for the column `collector.<name>`.
+        progress: show how far it is on a line of stderr, where that is a terminal.
+
+    Raises:
+        ScenarioError, UnknownName: a key of `vary` is misspelt, or a value cannot be there.
+        BadType, BadValue: an argument is not what it should be, or cannot be sent to other processes.
+        WriteConflict: another run is writing into `out`, or another version has written its rows.
+    """
+    plan = _planned(scenario, seeds, vary, collect)
+    chosen, part = executor_for(executor, workers), folders.shard_of(shard)
+    if part is not None and out is None:
+        raise BadValue("A shard needs out, the folder in which merge finds its rows.")
+    ids = plan.ids()
+    with ExitStack() as ending:
+        if chosen[1]:
+            ending.callback(chosen[0].shutdown, cancel_futures=True)
+        journal, folder = None, None
+        if out is not None:
+            folder = folders.shard_folder(as_path(out, "out"), part)
+            ending.enter_context(folders.locked(folder))
+            journal = folders.Journal(folder)
+            ending.callback(journal.close)
+            folders.write_plan(folder, plan.on_disk(ids))
+        runner = _Runner(plan, ids, chosen[0], workers, journal)
+        runner.play(part, as_bool(progress, "progress"))
+        rows = [runner.rows[id] for id in ids if id in runner.rows]
+        if folder is not None and part is None:
+            folders.write_rows(folder, rows, plan.keys())
+        return Rows(rows, plan.keys(), plan.scenario, plan.variants)
+
+
+def load(
+    out: str | os.PathLike[str],
+    *,
+    scenario: Scenario | str | os.PathLike[str] | None = None,
+    vary: Vary | None = None,
+) -> Rows:
+    """Return the rows that are in the folder of an experiment, also of one that has not ended.
+
+    Args:
+        out: the folder.
+        scenario: the scenario of the experiment, to play its games again; None: they can only be read.
+        vary: likewise.
+
+    Raises:
+        BadFile: it is not the folder of an experiment.
+    """
+    folder = as_path(out, "out")
+    plan, rows = folders.read_plan(folder), folders.rows_in(folder / folders.JOURNAL)
+    own = None if scenario is None else _as_scenario(scenario)
+    variants = [] if own is None else variants_of(own, vary)
+    return Rows([rows[id] for id in plan["rows"] if id in rows], plan["keys"], own, variants)
+
+
+def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
+    if isinstance(given, Scenario):
+        return given
+    if not isinstance(given, (str, os.PathLike)):
+        raise BadType(f"scenario must be a Scenario or a file, not {shown(given)}.")
+    return load_scenario(given)
+
+
+def _planned(scenario: object, seeds: Iterable[int], vary: Vary | None, collect: object) -> _Plan:
+    base = _as_scenario(scenario)  # type: ignore[arg-type] # which is checked there
+    chosen = as_ids(seeds, "seeds")
+    if not chosen or len(set(chosen)) < len(chosen):
+        raise BadValue(f"seeds must be different integers, at least one, not {shown(chosen)}.")
+    variants = variants_of(base, vary)
+    count = len(variants) * len(chosen)
+    refuse_above(count * _BYTES, f"An experiment of {count:,} games ({len(variants):,} variants)")
+    wanted = dict(as_mapping({} if collect is None else collect, "collect"))
+    for name, function in wanted.items():
+        if not isinstance(name, str) or not callable(function):
+            raise BadType(f"collect is a dict of names and functions of a result, not {shown(wanted)}.")
+    return _Plan(base, variants, [digest_of(variant.of(base)) for variant in variants], chosen, wanted)
+
+
+class _Games(NamedTuple):
+    """Games of one variant that are to be played."""
+
+    variant: int
+    seeds: tuple[int, ...]
+
+
+class _Runner:
+    """Hands out tasks and collects rows."""
+
+    def __init__(
+        self, plan: _Plan, ids: list[str], executor: Executor, workers: int | None, journal: folders.Journal | None
+    ) -> None:
+        self._plan, self._ids, self._executor, self._workers = plan, ids, executor, workers
+        self._journal = journal
+        self.rows: dict[str, Row] = {} if journal is None else dict(journal.rows)
+        self._refuse_other_versions()
+        self._settings, self._variants = self._packed()
+        self._queue: deque[_Games] = deque()
+        self._waiting: dict[Future[Played], tuple[_Games, bool]] = {}  # and whether it is in a process of its own
+        self._alone: WorkerPool | None = None
+        self._pools = ExitStack()
+        self._players: dict[int, Player] = {}  # of the variant that is played in this process
+        self._places = {seed: place for place, seed in enumerate(plan.seeds)}
+        self._seconds: dict[int, float] = {}  # variant -> of a game of its last task
+
+    def _refuse_other_versions(self) -> None:
+        present = versions()
+        for id in self._ids:
+            row = self.rows.get(id)
+            if row is not None and {name: row[name] for name in present} != present:
+                old = ", ".join(f"{name} {row[name]}" for name in present if row[name] != present[name])
+                raise WriteConflict(f"Games in this folder were played by {old}: choose another folder.")
+
+    def _packed(self) -> tuple[bytes, list[bytes]]:
+        """Pickle all that goes to workers, before anything starts; in this process nothing is needed of it."""
+        plan = self._plan
+        if isinstance(self._executor, Here):
+            return b"", []
+        for variant in plan.variants:
+            for of, strategy in variant.strategies.items():
+                pickled(strategy, f"strategies.{of} of vary, {without_address(shown(strategy))},")
+        for name, function in plan.collect.items():
+            pickled(function, f"The function {name!r} of collect, {without_address(shown(function))},")
+        shared = pickled(Settings(plan.scenario, plan.collect, max_memory()), "The scenario")
+        return shared, [pickled(variant, "A variant") for variant in plan.variants]
+
+    # -- the games ------------------------------------------------------------------------------------------------
+
+    def play(self, shard: tuple[int, int] | None, is_shown: bool) -> None:
+        """Play all games of a shard that have no row yet."""
+        wanted = self._wanted(shard)
+        total, begin = sum(len(games.seeds) for games in wanted), time.monotonic()
+        self._queue.extend(wanted)
+        before = len(self.rows)
+        with self._pools, progress_line() as show:
+            while self._queue or self._waiting:
+                self._hand_out()
+                self._collect()
+                if is_shown:
+                    _show(show, len(self.rows) - before, total, time.monotonic() - begin)
+
+    def _wanted(self, shard: tuple[int, int] | None) -> list[_Games]:
+        number, count = shard or (1, 1)
+        known, found = set(self.rows), []
+        seeds = self._plan.seeds
+        for variant in range(len(self._plan.variants)):
+            places = range(variant * len(seeds), (variant + 1) * len(seeds))
+            new = [place for place in places if place % count == number - 1 and self._ids[place] not in known]
+            known |= {self._ids[place] for place in new}
+            if new:
+                found.append(_Games(variant, tuple(seeds[place - places.start] for place in new)))
+        return found
+
+    def _hand_out(self) -> None:
+        slots = 1 if isinstance(self._executor, Here) else 2 * (self._workers or cores())
+        while self._queue and len(self._waiting) < slots:
+            games = self._queue.popleft()
+            per_game = self._seconds.get(games.variant)
+            size = _FIRST_GAMES if per_game is None else int(_TASK_S / max(per_game, 1e-9))
+            size = max(1, min(size, _MOST_GAMES, -(-len(games.seeds) // slots)))
+            if len(games.seeds) > size:
+                self._queue.appendleft(games._replace(seeds=games.seeds[size:]))
+                games = games._replace(seeds=games.seeds[:size])
+            self._submit(games)
+
+    def _submit(self, games: _Games) -> None:
+        try:
+            future = self._asked(self._executor, games)
+        except BrokenExecutor:  # one of the caller's, whose workers have died
+            self._executor = self._own_pool()
+            future = self._asked(self._executor, games)
+        self._waiting[future] = games, False
+
+    def _asked(self, executor: Executor, games: _Games) -> Future[Played]:
+        if isinstance(executor, Here):
+            if games.variant not in self._players:
+                settings = Settings(self._plan.scenario, self._plan.collect, max_memory())
+                self._players = {games.variant: Player(settings, self._plan.variants[games.variant])}
+            return executor.submit(self._players[games.variant].play, games.seeds)
+        return executor.submit(play, Task(self._settings, self._variants[games.variant], games.seeds))
+
+    def _own_pool(self, *, is_fresh: bool = False) -> WorkerPool:
+        pool = WorkerPool(1 if is_fresh else self._workers or cores(), is_fresh=is_fresh)
+        self._pools.callback(pool.shutdown, cancel_futures=True)
+        return pool
+
+    def _collect(self) -> None:
+        """Note what has been played; play again what a process has died of."""
+        for future in wait(self._waiting, return_when=FIRST_COMPLETED).done:
+            games, is_alone = self._waiting.pop(future)
+            try:
+                played = future.result()
+            except BrokenExecutor as error:
+                self._play_again(games, str(error), is_alone=is_alone)
+            else:
+                self._seconds[games.variant] = played.seconds / len(games.seeds)
+                self._note(games, played.rows)
+
+    def _play_again(self, games: _Games, why: str, *, is_alone: bool) -> None:
+        """Play games whose process has died in smaller parts, then each in a process of its own, then not again."""
+        if is_alone:
+            self._note(games, [{"error": f"WorkerDied: {why}"}])
+        elif len(games.seeds) > _PARTS:
+            size = -(-len(games.seeds) // _PARTS)
+            firsts = range(0, len(games.seeds), size)
+            self._queue.extendleft(games._replace(seeds=games.seeds[first : first + size]) for first in firsts)
+        else:
+            if self._alone is None:
+                self._alone = self._own_pool(is_fresh=True)
+            for seed in games.seeds:
+                one = games._replace(seeds=(seed,))
+                self._waiting[self._asked(self._alone, one)] = one, True
+
+    def _note(self, games: _Games, played: list[Row]) -> None:
+        plan, rows = self._plan, []
+        first = games.variant * len(plan.seeds)
+        variant = plan.variants[games.variant]
+        for seed, row in zip(games.seeds, played, strict=True):
+            id = self._ids[first + self._places[seed]]
+            named = {"id": id, "scenario": plan.digests[games.variant], **versions(), **variant.settings, "seed": seed}
+            rows.append({**named, **row})
+            self.rows[id] = rows[-1]
+        if self._journal is not None:
+            self._journal.add(rows)
+
+
+def _show(show: Show, done: int, total: int, seconds: float) -> None:
+    left = seconds / done * (total - done) if done else 0.0
+    show(f"{done:,} of {total:,} games, {left // 60:.0f}:{left % 60:02.0f} left")

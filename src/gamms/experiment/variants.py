@@ -1,0 +1,204 @@
+"""The variants of a scenario that an experiment plays: what differs in them, and how rows name it."""
+
+import hashlib
+import json
+import re
+from collections.abc import Callable, Mapping, Sequence
+from itertools import product
+from math import prod
+from typing import Any, NamedTuple
+
+from gamms.arguments import as_items, as_mapping
+from gamms.errors import BadValue, UnknownName, nearest
+from gamms.limits import refuse_above
+from gamms.plain import Plain
+from gamms.scenario import Scenario, ScenarioError
+from gamms.scenario.placement import members
+from gamms.text import as_code, shown
+
+Function = Callable[..., Any]
+Vary = Mapping[str, Sequence[Any] | Mapping[str, Any]] | Sequence[Mapping[str, Any]]
+
+_BYTES = 2_000  # of a variant, and of a row
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
+_OPEN = ("data", "facts")  # parts of a scenario that may have any keys
+_ROW = ("id", "scenario", "seed", "reason", "winner", "truncated", "turns", "error", "gamms", "python", "numpy")
+
+
+class Variant(NamedTuple):
+    """One variant.
+
+    Attributes:
+        settings: varied key -> what rows say of its value.
+        changes: what `Scenario.replace` takes.
+        strategies: by team or agent, what `Scenario.play` takes.
+    """
+
+    settings: dict[str, Plain]
+    changes: dict[str, Plain]
+    strategies: dict[str, Function]
+
+    def of(self, scenario: Scenario) -> Scenario:
+        """Return the scenario with the changes of this variant."""
+        return scenario.replace(**self.changes) if self.changes else scenario
+
+
+def variants_of(scenario: Scenario, vary: Vary | None) -> list[Variant]:
+    """Return the variants of a grid, or of a list of settings; each can be made of the scenario.
+
+    Raises:
+        BadType, BadValue: this is neither, or two values of a key would have one name in the rows.
+        ScenarioError, UnknownName: a key is misspelt, or a value cannot be there.
+    """
+    if vary is None:
+        points: list[dict[str, tuple[Plain, Any]]] = [{}]
+    elif isinstance(vary, Mapping):
+        points = _grid({key: _named(key, values) for key, values in vary.items()})
+    else:
+        given = [dict(as_mapping(one, "Each of vary")) for one in as_items(vary, "vary", "dicts of settings")]
+        points = _of_list(given)
+    variants = [_variant(scenario, point) for point in points]
+    if not variants:
+        raise BadValue("vary has no values: give each key at least one, or leave vary out.")
+    return variants
+
+
+def _grid(values: Mapping[str, list[tuple[Plain, Any]]]) -> list[dict[str, tuple[Plain, Any]]]:
+    count = prod(len(some) for some in values.values())
+    refuse_above(count * _BYTES, f"A grid of {count:,} variants")
+    return [dict(zip(values, some, strict=True)) for some in product(*values.values())]
+
+
+def _of_list(given: list[dict[str, Any]]) -> list[dict[str, tuple[Plain, Any]]]:
+    refuse_above(len(given) * _BYTES, f"A list of {len(given):,} variants")
+    known = list(given[0]) if given else []
+    for point in given:
+        if list(point) != known:
+            raise BadValue(f"All variants have the same keys, {', '.join(known)}; one has {', '.join(point)}.")
+    names = {key: _Names(key) for key in known}
+    return [{key: (names[key].of(value), value) for key, value in point.items()} for point in given]
+
+
+def _named(key: str, values: object) -> list[tuple[Plain, Any]]:
+    """Return the values of a key with what rows say of them: a dict gives their names."""
+    if isinstance(values, Mapping):
+        return [(name, value) for name, value in values.items()]
+    names = _Names(key)
+    return [(names.of(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")]
+
+
+class _Names:
+    """What rows say of the values of a key; two values never have one name."""
+
+    def __init__(self, key: str) -> None:
+        self._key = key
+        self._values: dict[Plain, Any] = {}
+
+    def of(self, value: Any) -> Plain:
+        name = _name_of(value)
+        other = self._values.setdefault((type(name), name), value)
+        if callable(value) and other is not value:
+            raise BadValue(
+                f"Two values of {shown(self._key)} in vary would both be called {shown(name)}. Give a dict of names: "
+                f"{{{self._key!r}: {{'first': …, 'second': …}}}}."
+            )
+        return name
+
+
+def _name_of(value: Any) -> Plain:
+    """Return what rows say of a value: numbers and texts themselves, code by its name, anything else as JSON."""
+    if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # a scalar of NumPy
+        value = value.item()
+    if value is None or isinstance(value, (bool, int, float, str)):
+        return value
+    if callable(value):
+        return _ADDRESS.sub("", as_code(value))
+    if isinstance(value, Mapping) and set(value) == {"function"}:
+        return value["function"]
+    return json.dumps(value, default=str, ensure_ascii=False)
+
+
+def _variant(scenario: Scenario, point: Mapping[str, tuple[Plain, Any]]) -> Variant:
+    found = Variant({key: name for key, (name, _) in point.items()}, {}, {})
+    for key, (_, value) in point.items():
+        _check_key(key)
+        if key == "seed":
+            raise BadValue("seed cannot be varied: give seeds, of which each variant plays all.")
+        if key in _ROW:
+            raise BadValue(f"{key!r} cannot be varied: it is a column of every row.")
+        if key.startswith("strategies."):
+            _set_strategy(scenario, key.partition(".")[2], value, found)
+        else:
+            _check_open(scenario, key)
+            found.changes[key] = value
+    found.of(scenario)  # which finds what is misspelt
+    return found
+
+
+def _check_key(key: object) -> None:
+    if not isinstance(key, str) or not key:
+        raise BadValue(f"A key of vary is a path in the scenario, such as 'teams.red.count', not {shown(key)}.")
+
+
+def _check_open(scenario: Scenario, key: str) -> None:
+    """Refuse a new key where a scenario may have any: it is misspelt."""
+    part, _, name = key.partition(".")
+    known = scenario.to_dict().get(part) or {} if part in _OPEN else {}
+    first = name.partition(".")[0]
+    if name and part in _OPEN and first not in map(str, known):
+        hint = nearest(first, map(str, known)) or f" Give it a first value in the scenario, in {part}."
+        raise ScenarioError(key, f"there is no {first!r} to vary.{hint}")
+
+
+def _set_strategy(scenario: Scenario, of: str, value: Any, variant: Variant) -> None:
+    """Let a team or an agent play by a strategy: a function, a reference to code, or None for that of the scenario."""
+    by_team = members(scenario.spec)
+    agents = {member.name: member for team in by_team.values() for member in team}
+    if of not in by_team and of not in agents:
+        raise UnknownName("team or agent", of, [*by_team, *agents])
+    if callable(value):
+        variant.strategies[of] = value
+    elif value is not None and of in by_team:
+        team = scenario.spec.teams[of]
+        if team.plan is not None:
+            variant.changes[f"teams.{of}.plan"] = None
+        own = [i for i, one in enumerate(team.agents) if one.strategy is not None]
+        variant.changes.update({f"teams.{of}.agents.{i}.strategy": None for i in own})
+        variant.changes[f"teams.{of}.strategy"] = value
+    elif value is not None:
+        if agents[of].listed is None:
+            raise BadValue(f"{of!r} is one of a count: list it under agents, or vary the strategy of its team.")
+        variant.changes[f"{agents[of].path}.strategy"] = value
+
+
+# -- digests ------------------------------------------------------------------------------------------------------
+
+
+def digest_of(scenario: Scenario) -> str:
+    """Return the SHA-256 of all that a game follows from besides its seed and the version of GAMMS, in hexadecimal.
+
+    These are the parts of the scenario, the strategies that it names, and the files of the code that it names.
+    """
+    teams = scenario.to_dict()["teams"]
+    deciders = {
+        name: [team.get("strategy"), team.get("plan"), [one.get("strategy") for one in team.get("agents") or ()]]
+        for name, team in teams.items()
+    }
+    files = {one.file for one in scenario.code() if one.file is not None}
+    folder = scenario.folder
+    code = {
+        (file.relative_to(folder) if folder and file.is_relative_to(folder) else file).as_posix(): hashlib.sha256(
+            file.read_bytes()
+        ).hexdigest()
+        for file in files
+    }
+    return _sha256([scenario.digests(), deciders, code])
+
+
+def row_id(digest: str, settings: Mapping[str, Plain], collected: Sequence[str], seed: int) -> str:
+    """Return the id of a row: the first 16 digits of the SHA-256 of its settings and seed."""
+    return _sha256([digest, dict(settings), sorted(collected), seed])[:16]
+
+
+def _sha256(value: Plain) -> str:
+    return hashlib.sha256(json.dumps(value, sort_keys=True, default=str).encode()).hexdigest()

@@ -1,0 +1,130 @@
+"""What an experiment plays, and the row of each game."""
+
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+
+import numpy as np
+import pytest
+import small_hunts
+from small_hunts import HUNT
+
+from gamms import experiment, recorder
+from gamms.errors import BadValue, UnknownName
+from gamms.scenario import ScenarioError
+
+GRID = {"teams.red.count": [1, 2], "strategies.blue": ["gamms.strategies:random_walk", small_hunts.wait_here]}
+
+
+def test_every_combination_is_played_with_every_seed():
+    rows = experiment.run(HUNT, range(3), GRID)
+    found = [(row["teams.red.count"], row["strategies.blue"], row["seed"]) for row in rows]
+    names = ["gamms.strategies:random_walk", "wait_here"]
+    assert found == [(count, name, seed) for count in (1, 2) for name in names for seed in range(3)]
+    assert len({row["id"] for row in rows}) == 12
+    assert repr(rows) == "Rows(12 games, varied: teams.red.count, strategies.blue)"
+
+
+def test_a_row_says_what_came_of_the_game_that_its_seed_and_settings_play():
+    row = experiment.run(HUNT, [7], {"teams.red.count": [3]}, collect={"tags": small_hunts.count_tags})[0]
+    result = HUNT.replace(**{"teams.red.count": 3}).play(seed=7)
+    assert row["turns"] == result.turns
+    assert row["reason"] == result.reason
+    assert row["winner"] == result.winner
+    assert row["score.red"] == result.scores.get("red", 0)
+    assert row["agents.red"] == 3
+    assert row["moves.red"] == sum(one["moves"] for one in result.agents.values() if one["team"] == "red")
+    assert row["collector.tags"] == small_hunts.count_tags(result)
+    assert row["error"] is None
+
+
+def test_rows_are_the_same_in_this_process_and_in_others_in_batches_and_one_by_one(pool):
+    here, there = (experiment.run(HUNT, range(5), GRID, executor=one) for one in (None, pool))
+    assert list(here) == list(there)
+    alone = [experiment.run(HUNT, [seed], GRID)[number] for number in range(4) for seed in range(5)]
+    assert alone == list(here)
+
+
+def test_a_value_has_the_name_that_a_dict_gives_it():
+    blue = {"still": small_hunts.wait_here, "restless": None}
+    rows = experiment.run(HUNT, [1], {"strategies.blue": blue})
+    assert [row["strategies.blue"] for row in rows] == ["still", "restless"]
+    assert rows[0]["moves.blue"] == 0
+    assert rows[1]["moves.blue"] > 0
+
+
+def test_variants_can_be_listed():
+    rows = experiment.run(HUNT, [1], [{"teams.red.count": 1, "max_turns": 2}, {"teams.red.count": 2, "max_turns": 1}])
+    assert [(row["agents.red"], row["max_turns"]) for row in rows] == [(1, 2), (2, 1)]
+
+
+@pytest.mark.parametrize(
+    ("vary", "error", "message"),
+    [
+        ({"teams.red.cuont": [1]}, ScenarioError, "Did you mean 'count'"),
+        ({"strategies.rde": [None]}, UnknownName, "Did you mean 'red'"),
+        ({"rules.tag.with.hopps": [1]}, ScenarioError, "Did you mean 'hops'"),
+        ({"data.gaol": [1]}, ScenarioError, "Give it a first value"),
+        ({"seed": [1]}, BadValue, "give seeds"),
+        ({"max_turns": []}, BadValue, "no values"),
+        ({"strategies.red": [lambda state: None, lambda state: None]}, BadValue, "Give a dict of names"),
+    ],
+)
+def test_what_cannot_be_varied_is_refused_with_a_way_out(vary, error, message):
+    with pytest.raises(error, match=message):
+        experiment.run(HUNT, [1], vary)
+
+
+def test_what_cannot_be_pickled_is_named_before_anything_starts(pool):
+    with pytest.raises(BadValue, match=r"strategies\.red of vary, .*lambda.* Define it with def"):
+        experiment.run(HUNT, [1], {"strategies.red": [lambda state: None]}, executor=pool)
+    with pytest.raises(BadValue, match=r"'tags' of collect"):
+        experiment.run(HUNT, [1], collect={"tags": lambda result: 0}, executor=pool)
+
+
+def test_a_game_that_raises_is_a_row_with_an_error(pool):
+    vary = {"strategies.blue": [small_hunts.raise_at_times]}
+    rows = experiment.run(HUNT, range(6), vary)
+    assert list(experiment.run(HUNT, range(6), vary, executor=pool)) == list(rows)
+    assert 0 < len(rows.errors()) < 6
+    assert rows.errors()[0]["error"] == "ValueError: no way In the strategy of agent 'blue_0', in turn 2."
+    assert np.isnan(rows.table()["turns"]).sum() == len(rows.errors())
+
+
+def test_a_process_that_dies_is_a_row_with_an_error_after_a_second_time(pool):
+    vary = {"strategies.blue": {"deadly": small_hunts.die_at_times}}
+    rows = experiment.run(HUNT, range(4), vary, executor=pool)
+    assert [row["error"] for row in rows] == [
+        None,
+        None,
+        "WorkerDied: the process that played it ended, with exit code 3",
+        None,
+    ]
+
+
+def test_a_process_that_is_killed_once_changes_nothing(pool, tmp_path):
+    once = tmp_path / "once"
+    once.touch()
+    hunt, vary = HUNT.replace(facts={"once": str(once)}), {"strategies.blue": [small_hunts.be_killed_once]}
+    rows = experiment.run(hunt, range(3), vary, executor=pool)
+    assert not once.exists()
+    assert list(rows) == list(experiment.run(hunt, range(3), vary))
+
+
+def test_the_game_of_a_row_is_played_again_and_recorded(tmp_path):
+    rows = experiment.run(HUNT, range(3), GRID)
+    result = rows.play(rows[4]["id"], record=tmp_path / "game.ggr")
+    assert result.row()["moves.blue"] == rows[4]["moves.blue"]
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        assert recording.turns == rows[4]["turns"]
+    with rows.build(4) as ctx:
+        assert ctx.game.run() == result
+    with pytest.raises(UnknownName, match="Unknown row 'x'"):
+        rows.play("x")
+
+
+@pytest.mark.parametrize("make", [ThreadPoolExecutor, partial(ProcessPoolExecutor, mp_context=get_context("spawn"))])
+def test_any_executor_plays(make):
+    with make(1) as executor:
+        rows = experiment.run(HUNT, range(2), executor=executor)
+    assert list(rows) == list(experiment.run(HUNT, range(2)))
