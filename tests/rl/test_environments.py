@@ -322,16 +322,3 @@ def test_pettingzoo_finds_no_fault_in_pictures(monkeypatch):
 
 def test_rl_is_a_module_of_gamms():
     assert gamms.rl is rl
-
-
-@pytest.mark.parametrize(
-    ("change", "message"),
-    [
-        ({"settings": {"legal": "any"}}, "legal='any'"),
-        ({"settings": {"speed_unit": "metres"}}, "speed_unit='metres'"),
-        ({"teams": {"red": {"count": 1, "speed": 2.0}, "blue": {"count": 1}}}, "'red_0' has the speed 2"),
-    ],
-)
-def test_agents_that_go_otherwise_than_one_edge_in_a_turn_are_refused(change, message):
-    with pytest.raises(BadValue, match=message):
-        rl.parallel_env(scene().replace(**change), team="red")

@@ -223,10 +223,18 @@ class Travel:
         return self._advance(speed, here, self._steps(place, here, nodes, is_back=is_back), place)
 
     def reachable(self, row: int, here: int, speed: float | None) -> tuple[int, ...]:
-        """Return the nodes that an agent may go to: those next to it, then those in reach in this turn."""
+        """Return the nodes that an agent may go to: those next to it, then those in reach in this turn.
+
+        One whose edge was closed is on the node that it has passed last when the next turn begins. One on its way that
+        decides where it arrives gets the nodes that are in reach from there.
+        """
         near, place = self._ctx.graph.graph.neighborhoods, self.place(row)
-        if place is None:
+        if place is None or self.roads.on(place.edge) is None:
             found = [*near[here], *self._around(here, speed, 0.0)]
+        elif self._settings.decide == "arrival" and self.is_going(place):
+            is_back = place.motion is Motion.BACK
+            end, share = (here, place.share) if is_back else (place.target, 1.0 - place.share)
+            found = [*near[end], *self._around(end, speed, self._turns(self._road_of(place), share, speed))]
         else:
             road = self._road_of(place)
             may_turn = self.roads.back(road) is not None

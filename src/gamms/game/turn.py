@@ -103,6 +103,11 @@ class TurnEngine:
         living = sorted([(name, agent) for name, agent in all_agents.items() if agent.alive], key=itemgetter(0))
         return [AgentSlot(one, access_of(one), state, seed, facts, settings, fork) for _, one in living]
 
+    def legal(self) -> dict[str, tuple[int, ...]]:
+        """Return what will be legal for living agents when the next turn begins, by name; see `Legality.reachable`."""
+        node = self._ctx.agent.block.node
+        return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in self.order().slots}
+
     def close(self) -> None:
         """Close the event loop, if one was opened."""
         if self._loop is not None:

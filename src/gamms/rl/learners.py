@@ -99,7 +99,7 @@ class Learners:
 
     Raises:
         UnknownName (KeyError): there is no such team.
-        BadValue: agents do not go along one edge in a turn, or no rule gives scores and no reward is given.
+        BadValue: an agent may go to more than 4096 nodes in a turn, or no rule gives scores and no reward is given.
     """
 
     def __init__(  # noqa: PLR0913 - what the environments are given
@@ -160,7 +160,7 @@ class Learners:
                 )
         self.agent = agent
         views = self._views()
-        self.num_actions = max(1, int(views[0].streets.counts.max()))
+        self.num_actions = views[0].movement.width
         self._xp = views[0].xp
         self._numbers = self._put(np.arange(self.num_actions))
         self._seed: int | None = None  # of the game that `begin_next` began last
@@ -168,14 +168,9 @@ class Learners:
         self._sizes = [len(view.agents) for view in self._now]
         self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
         game = self.games.game
-        settings = game.settings()
-        if (settings["legal"], settings["speed_unit"]) != ("edges", "edges"):
-            chosen = f"legal={settings['legal']!r}, speed_unit={settings['speed_unit']!r}"
-            raise BadValue(f"Only agents that go along one edge in a turn learn so far, not those of {chosen}.")
         for one in game.agents:
-            if one.name in self.names and (one.type is AgentType.AERIAL or one.speed is not None):
-                what = "flies" if one.type is AgentType.AERIAL else f"has the speed {one.speed:g}"
-                raise BadValue(f"Agent {shown(one.name)} {what}: only those learn so far that go one edge in a turn.")
+            if one.name in self.names and one.type is AgentType.AERIAL:
+                raise BadValue(f"Agent {shown(one.name)} flies: only agents on the ground learn so far.")
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
@@ -216,7 +211,7 @@ class Learners:
         chosen = self._own(actions)
         chosen = self._xp.where((chosen >= 0) & (chosen < self._counts), chosen, 0)
         if self._hand is None:
-            self.games.step(dict(zip(self.teams, self._by_team(chosen), strict=True)))
+            self.games.step(dict(zip(self.teams, self._by_team(chosen), strict=True)), on_illegal="stay")
         else:
             self._hand.actions = chosen if self.games.library is None else self.games.library.get(chosen)
             self.games.step()
@@ -365,12 +360,13 @@ class _Hand:
         self.actions: ActionArray = np.zeros((1, 1), np.int64)
 
     def __call__(self, state: dict[str, Any]) -> None:
-        state["action"] = state["legal"][int(self.actions[0, 0])]
+        legal, action = state["legal"], int(self.actions[0, 0])
+        state["action"] = legal[action if action < len(legal) else 0]
 
     def array_form(self, view: ArrayView) -> ActionArray:
         """Return what it is given for each game."""
         given: ActionArray = self.actions[view.games]
-        return given
+        return np.where(given < view.counts, given, 0)
 
     array_form.is_blind = True  # type: ignore[attr-defined] # it does not ask what sensors show
 

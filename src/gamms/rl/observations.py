@@ -108,10 +108,9 @@ class MapGraph:
         game, agent = np.indices((games, agents))
         found[game, agent, host.node, 2] = 1.0
         found[..., 3] = -1.0
-        legal = host.streets.legal[host.node]
-        for action in reversed(range(legal.shape[2])):
-            is_legal = action < host.counts
-            found[game[is_legal], agent[is_legal], legal[..., action][is_legal], 3] = action
+        legal, is_legal = host.movement.legal(host.choices)
+        at, who, action = (column[::-1] for column in np.nonzero(is_legal))  # of several, the first one counts
+        found[at, who, legal[at, who, action], 3] = action
         for entry, (at, viewers, rows) in zip((4, 5), _mates_and_enemies(host), strict=True):
             np.add.at(found[..., entry], (at, viewers, rows), 1)
         found[~host.mask] = 0.0
@@ -201,9 +200,9 @@ def _places(streets: Streets) -> FloatArray:
 
 def _actions(view: ArrayView, near: IntArray) -> IntArray:
     """Return the numbers of the actions that lead to nodes, (games, agents, nodes); -1: none does."""
-    found, legal = np.full(near.shape, -1), view.streets.legal[view.node]
+    found, (legal, is_legal) = np.full(near.shape, -1), view.movement.legal(view.choices)
     for action in reversed(range(legal.shape[2])):
-        found[(near == legal[..., action, None]) & (action < view.counts[..., None])] = action
+        found[(near == legal[..., action, None]) & is_legal[..., action, None]] = action
     return found
 
 

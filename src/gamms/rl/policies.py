@@ -225,7 +225,7 @@ def _maker(player: _Player) -> Maker:
         for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
             rows = np.searchsorted(whole.agents, view.agents[columns])
             values = np.asarray(observe(whole))[:, rows]
-            most = int(view.streets.counts.max(initial=1))
+            most = view.movement.width
             masks = np.arange(most) < np.where(view.mask, view.counts, 1)[:, columns, None]
             parts = {
                 "observation": values.reshape(-1, *values.shape[2:]),
@@ -237,6 +237,7 @@ def _maker(player: _Player) -> Maker:
             actions[:, columns] = chosen.reshape(masks.shape[:2])
         return actions
 
+    play_policy.takes_any_legal = True  # type: ignore[attr-defined] # for games alone, where agents may have speeds
     play_policy.__name__ = play_policy.__qualname__ = f"policy({loaded.file.name!r})"
     make_strategy = array_strategy(play_policy)
 

@@ -14,10 +14,11 @@ from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import F, form_declared
-from gamms.game.batch.movement import Movement, Paths
+from gamms.game.batch.movement import Anywhere, Movement, Noted, Paths, Places
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
+from gamms.game.batch.travel import movement_of
 from gamms.game.batch.turn import ArrayRule, ArrayTurn, Visits
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
 from gamms.game.deeds import checked_value
@@ -36,6 +37,7 @@ _KEPT = "array strategies"  # the key of `state["memory"]` that has what views k
 _LAST = "array strategies, last turn"  # that of the turn in which it was asked last, where it looks at others
 _OF_RULES = "array rules"  # the key of `ctx.game.data` that has what array rules keep
 _READ = "array rules, events"  # that of how many events they have read
+TAKES_ANY_LEGAL = "takes_any_legal"  # an attribute of forms that know what is legal from `counts` and `legal` alone
 _worlds: WeakKeyDictionary[Any, tuple[Any, Movement, dict[Any, Any]]] = WeakKeyDictionary()
 
 
@@ -70,7 +72,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
         internals = cast("HostContext", ctx).game.internals
 
         def strategy(state: dict[str, Any]) -> None:
-            view = _ViewOfOne(ctx, state, internals)
+            view = _ViewOfOne(ctx, state, internals, takes_any=hasattr(form, TAKES_ANY_LEGAL))
             node = state["legal"][int(view.checked(form(view), name)[0, 0])]
             done = view.plain_deeds()
             state.get("outbox", []).extend(view.plain_outbox())
@@ -138,11 +140,18 @@ class _DrawsOfOne(ViewDraws):
 class _ViewOfOne(ArrayView):
     """What the state of one agent holds, as a view of one game with one agent."""
 
-    def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals) -> None:
+    def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals, *, takes_any: bool) -> None:
         roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
         movement, shared = _world(host)
         streets = movement.streets
         number, node = roster.names.index(state["name"]), streets.rows(state["curr_pos"])
+        if takes_any:
+            movement = self._noted(host, roster, shared)
+        elif streets.ids(streets.legal[node][: streets.counts[node]]).tolist() != list(state["legal"]):
+            raise BadValue(
+                f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
+                "no speed, and leave ctx.game.legal as it is."
+            )
         game = GameArrays(roster, movement, [ctx.seed], np.full((1, len(roster.names)), node))
         game.turn[0], game.facts, game.shared = state["turn"], state["facts"], shared
         game.blocked[0, number] = "in conflict" in (state.get("blocked") or "")
@@ -157,12 +166,24 @@ class _ViewOfOne(ArrayView):
             game.radio = Radio(known, roster, columns.node_ids, xyz, none, 1)
         check = partial(checked_value, ctx=host)
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
-        legal = streets.ids(streets.legal[node][: int(self.counts[0, 0])])
-        if legal.tolist() != list(state["legal"]):
-            raise BadValue(
-                f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
-                "no speed, and leave ctx.game.legal as it is."
-            )
+        if isinstance(movement, Noted):
+            movement.note(0, number, streets.rows(state["legal"]))
+        if "xy" in state:
+            shape = len(roster.names)
+            game.places = Places(np.full((1, shape, 3), -1), np.zeros((1, shape)), np.zeros((1, shape, 2)))
+            edge = state["edge"]
+            game.places.edge[0, number] = -1 if edge is None else edge
+            game.places.offset_m[0, number], game.places.xy[0, number] = state["offset_m"], state["xy"]
+
+    @staticmethod
+    def _noted(host: HostContext, roster: Roster, shared: dict[Any, Any]) -> Movement:
+        """Return a movement for what is legal in the state of an agent."""
+        game = host.game
+        key = "movement", game.legal, game.speed_unit, game.turn_seconds, tuple(one.speed for one in roster.agents)
+        if key not in shared:
+            shared[key] = movement_of(game)
+        movement: Movement = shared[key]
+        return movement if movement.is_plain or isinstance(movement, Anywhere) else Noted(movement)
 
     def of(self, agents: IntArray) -> ArrayView:
         """Return the view of other agents in the game, as a batch has it: what their sensors show is looked for again.
@@ -181,9 +202,13 @@ class _ViewOfOne(ArrayView):
         version = self._host.agent.structure_version
         if own.shared.get("of", (None,))[0] != version:
             own.shared["of"] = version, {}
-        game = GameArrays(
-            self.roster, self.movement, own.seeds, self.streets.rows([[one.current_node_id for one in here]])
-        )
+        movement = self.movement if self.movement.is_plain else self._noted(self._host, self.roster, own.shared)
+        game = GameArrays(self.roster, movement, own.seeds, self.streets.rows([[one.current_node_id for one in here]]))
+        if isinstance(movement, Noted):
+            legal = self._internals.parts.turns.legal()
+            for number in agents.tolist():
+                nodes = legal.get(self.roster.names[number]) or (here[number].current_node_id,)
+                movement.note(0, number, self.streets.rows(nodes))
         game.alive[0], game.turn[0], game.facts = [one.alive for one in here], self.turn[0], own.facts
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]

@@ -322,7 +322,7 @@ class ArrayEngine:
                     f"{of_all.shape}."
                 )
             view = ArrayView(self.state, turn.games, agents)
-            actions[:, agents] = view.checked(of_all[turn.games], f"team {shown(team)}")
+            actions[:, agents] = view.checked(wanted.moves_in(view, of_all[turn.games]), f"team {shown(team)}")
             is_given[agents] = True
         return actions, is_given
 

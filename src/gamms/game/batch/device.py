@@ -270,7 +270,8 @@ class DeviceEngine(ArrayEngine):
         parts: list[tuple[IntArray, Tensor]] = []
         for team, wanted in given.items():
             agents = roster.members(team)
-            parts.append((agents, self._view(agents, mask).checked(wanted.moves, f"team {team!r}")))
+            view = self._view(agents, mask)
+            parts.append((agents, view.checked(wanted.moves_in(view, wanted.moves), f"team {team!r}")))
             taken[agents] = True
         for group in self._here.groups:
             agents = group.agents[~taken[group.agents]]

@@ -3,11 +3,11 @@
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from typing import Any, NamedTuple, Self, TypeVar
+from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_count, as_int, as_items, as_mapping, as_path
+from gamms.arguments import as_bool, as_choice, as_count, as_int, as_items, as_mapping, as_path
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
@@ -109,7 +109,9 @@ class Batch:
 
     # -- playing ------------------------------------------------------------------------------------------------
 
-    def step(self, actions: Mapping[Hashable, Any] | None = None) -> BoolArray:
+    def step(
+        self, actions: Mapping[Hashable, Any] | None = None, *, on_illegal: Literal["raise", "stay"] = "raise"
+    ) -> BoolArray:
         """Play one turn of all games that are not over; return which go on, (games,).
 
         Args:
@@ -119,6 +121,8 @@ class Batch:
                 without which all stay; `"deeds"`: deed -> (where, fields), or `where` alone, booleans (games, agents);
                 and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and `to` are as in
                 `view.do` and `view.send`: one value for all, or arrays (games, agents).
+            on_illegal: "stay": where a rule before the turn leaves fewer nodes legal than `observe` has said, actions
+                that are not legal any more stay, as do all others that are not; "raise": they are refused.
 
         Raises:
             UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
@@ -126,7 +130,8 @@ class Batch:
             TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
-        given = {team: self._as_given(team, value) for team, value in wanted.items()}
+        may_stay = as_choice(on_illegal, "on_illegal", ("raise", "stay")) == "stay"
+        given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
         if self._is_one_by_one:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         is_there = isinstance(self._engine, DeviceEngine)

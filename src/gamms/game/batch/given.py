@@ -25,11 +25,19 @@ class Given(NamedTuple):
         moves: numbers of legal nodes, (games, agents), of the library of the batch; None: all stay.
         deeds: deed -> which agents do it, (games, agents), and its fields; see `ArrayView.do`.
         messages: channel -> which agents send, the body, and to whom; see `ArrayView.send`.
+        may_stay: whether agents stay whose moves are no numbers of legal nodes; else such moves are refused.
     """
 
     moves: Any
     deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]]
     messages: Mapping[str, tuple[BoolArray, Any, Any]]
+    may_stay: bool = False
+
+    def moves_in(self, view: ArrayView, moves: Any) -> Any:
+        """Return moves of the agents of a view, of which those that are not legal may be to stay."""
+        if not self.may_stay:
+            return moves
+        return view.xp.where((moves >= 0) & (moves < view.counts), moves, 0)
 
     def act(self, view: ArrayView) -> None:
         """Let the agents of a view of all games, in its mask, do and send what is given."""
@@ -91,7 +99,10 @@ def acting(game: PlayedGame, roster: Roster, given: Mapping[Hashable, Given], nu
     """
     plans = game.plans
     if given:
-        own = {team: Plan(_taking(_of_agents(game, roster, given, number, team), game)) for team in given}
+        own = {
+            team: Plan(_taking(_of_agents(game, roster, given, number, team), game, may_stay=one.may_stay))
+            for team, one in given.items()
+        }
         game.plans = {**plans, **own}
     try:
         yield
@@ -112,7 +123,7 @@ def _of_agents(
     game: PlayedGame, roster: Roster, given: Mapping[Hashable, Given], number: int, team: Hashable
 ) -> dict[str, _ActionOfOne]:
     """Return what agents of a team do, by name."""
-    moves, deeds, messages = given[team]
+    moves, deeds, messages, _ = given[team]
     found = {}
     for i, (agent, move) in enumerate(zip(roster.members(team).tolist(), moves[number].tolist(), strict=True)):
         do = {
@@ -155,7 +166,9 @@ def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller h
     return one.tolist() if isinstance(one, np.ndarray | np.generic) else one
 
 
-def _taking(actions: Mapping[str, _ActionOfOne], game: PlayedGame) -> Callable[[dict[str, Any]], None]:
+def _taking(
+    actions: Mapping[str, _ActionOfOne], game: PlayedGame, *, may_stay: bool
+) -> Callable[[dict[str, Any]], None]:
     """Return a plan by which agents, if they are alive, take actions, by name.
 
     Those that were not there from the start follow their strategies, or stay.
@@ -172,6 +185,8 @@ def _taking(actions: Mapping[str, _ActionOfOne], game: PlayedGame) -> Callable[[
                 continue
             legal, action = state["legal"], actions[name]
             move = action.move
+            if may_stay and not 0 <= move < len(legal):
+                move = 0
             if not 0 <= move < len(legal):
                 raise BadValue(
                     f"Action {move} of agent {shown(name)}, turn {state['turn']}, is not the number of a legal node: "

@@ -147,7 +147,7 @@ class ViewOfGrounds(ArrayView):
 
     def encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere while all roads are open."""
-        most = int(self.streets.counts.max(initial=1)) if actions is None else actions
+        most = self.movement.width if actions is None else actions
         whole = super().encoded(others, most)
         for games, part in self._each(lambda view: view.encoded(others, most)):
             whole.values[games], whole.legal[games] = part.values, part.legal

@@ -1,21 +1,20 @@
-"""Where actions lead in many games at once: to nodes one edge away, several edges away, or anywhere."""
+"""Where actions lead in many games at once: to nodes one edge away, or anywhere; see also `by_edges` and `travel`."""
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
-from collections.abc import Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms import kernels
+from gamms.errors import BadValue
 from gamms.game.batch.routes import RouteTable, shared_routes
-from gamms.game.order import SLACK, edges_within
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
-_MOST_KNOWN = 1 << 25  # legal nodes that are kept
+_MOST_ACTIONS = 4096  # that masks and vectors have
 
 
 class Places(NamedTuple):
@@ -219,11 +218,13 @@ class Movement:
 
     Attributes:
         idle: the action of agents that decide nothing.
-        follows_edges: whether the first legal nodes are the own one and its neighbours.
+        is_plain: whether legal are the own node and its neighbours, as `streets` has them, whatever the game.
+        leaves_nodes: whether agents may be elsewhere than on nodes.
         remembers: the names of arrays (games, agents) that say what agents have covered of an edge.
     """
 
-    idle, follows_edges = 0, True
+    idle = 0
+    is_plain, leaves_nodes = True, False
     remembers: tuple[str, ...] = ()
 
     def __init__(self, streets: Streets) -> None:
@@ -232,6 +233,25 @@ class Movement:
         self.share = np.zeros((0, 0))
         self.is_ahead: BoolArray = np.zeros(0, np.bool_)
         self._tables: dict[str | None, RouteTable] = {}
+
+    @cached_property
+    def width(self) -> int:
+        """How many actions there are: as many as nodes are legal at most, for any agent of the game, wherever it is.
+
+        Raises:
+            BadValue: more than 4096.
+        """
+        most = self.most_legal(_MOST_ACTIONS)
+        if most > _MOST_ACTIONS:
+            raise BadValue(
+                f"An agent may go to {most} nodes or more in a turn, and {_MOST_ACTIONS} actions are the most that "
+                "masks and vectors have: give agents lower speeds, a smaller map, or leave legal='edges'."
+            )
+        return most
+
+    def most_legal(self, limit: int) -> int:
+        """Return how many nodes are legal at most; a number above the limit where there are more than that."""
+        return int(self.streets.counts.max(initial=1))
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
@@ -311,7 +331,11 @@ class Movement:
 class Anywhere(Movement):
     """Agents that go to any node in a turn."""
 
-    follows_edges = False
+    is_plain = False
+
+    def most_legal(self, limit: int) -> int:
+        """Return how many nodes there are."""
+        return len(self.streets.counts)
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
@@ -339,58 +363,54 @@ class Anywhere(Movement):
         return Moves(node, ends, ends != node)
 
 
-class ByEdges(Movement):
-    """Agents that go along several edges in a turn, or parts of one, by their speeds in edges.
+class Noted(Movement):
+    """Agents of games that are played by the turn engine, which says of each where it may go.
 
-    A choice is what `Legality.reachable` returns: for a speed, an entry of `streets.targets` (where an agent is, and
-    the neighbour to which it has covered part of the edge, or itself), and what that part adds. Choices are found
-    when they are first asked for.
+    A choice is the number of a game and an agent.
 
     Args:
-        streets: of the map.
-        speeds: of the agents in the order of the roster; None: along one edge.
-
-    Attributes:
-        begun: (games, agents) the number of the neighbour to which an agent has covered part of the edge; 0: to none.
-        covered: (games, agents) how much of it.
+        movement: how the agents go.
     """
 
-    remembers = ("begun", "covered")
+    def __init__(self, movement: Movement) -> None:
+        super().__init__(movement.streets)
+        self._movement, self.leaves_nodes = movement, movement.leaves_nodes
+        self.is_plain = movement.is_plain  # while no agent was noted by itself
+        self.begin((0, 0))
 
-    def __init__(self, streets: Streets, speeds: Sequence[float | None]) -> None:
-        super().__init__(streets)
-        self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
-        self._speeds = np.array([0.0 if speed is None else speed for speed in speeds])
-        self._kinds, self._kind_of = np.unique(self._speeds, return_inverse=True)
-        self._sources = np.repeat(np.arange(len(streets.counts)), streets.counts)
-        self._number = np.full(len(self._kinds) * _REACHES * len(streets.targets), -1, np.int64)
-        self._forget()
-        self.begin((0, len(speeds)))
+    @cached_property
+    def width(self) -> int:
+        """How many actions there are; see `Movement`."""
+        return self._movement.width
 
     def begin(self, shape: tuple[int, int]) -> None:
-        """Reserve memory for so many games and agents."""
-        self.begun, self.covered = np.zeros(shape, np.int64), np.zeros(shape)
+        """Reserve memory for so many games and agents, all of which stay."""
+        self._agents = shape[1]
+        self._count, self._nodes = np.ones(shape[0] * shape[1], np.int64), np.zeros((shape[0] * shape[1], 1), np.int64)
 
-    def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
-        """Let agents have covered nothing of an edge."""
-        self.begun[games, agents] = self.covered[games, agents] = 0
+    def note(self, game: int, agent: int, legal: IntArray) -> None:
+        """Note where an agent of a game may go: rows of nodes."""
+        number, most = game * self._agents + agent, len(legal)
+        self._widen(most)
+        self.is_plain = False
+        self._count[number], self._nodes[number, :most] = most, legal
 
-    # -- legal nodes ----------------------------------------------------------------------------------------------
+    def note_plain(self, game: int, node: IntArray) -> None:
+        """Note that the agents of a game, on these nodes, may go along one edge."""
+        rows, legal = slice(game * self._agents, (game + 1) * self._agents), self.streets.legal[node]
+        self._widen(legal.shape[1])
+        self._count[rows], self._nodes[rows, : legal.shape[1]] = self.streets.counts[node], legal
+
+    def _widen(self, most: int) -> None:
+        """Have room for so many legal nodes of each agent."""
+        more = most - self._nodes.shape[1]
+        if more > 0:
+            self._nodes = np.pad(self._nodes, ((0, 0), (0, more)))
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
-        """Return the numbers of the choices of agents that are on these nodes."""
-        agents = which[1]
-        speed, begun = self._speeds[agents], self.begun[which]
-        more = np.floor(edges_within(speed + self.covered[which])) - np.floor(edges_within(speed))
-        kind = self._kind_of[agents] * _REACHES + np.where(begun > 0, more, 0).astype(np.int64)
-        keys = kind * len(self.streets.targets) + self.streets.offsets[node] + begun
-        found: IntArray = self._number[keys]
-        if (found < 0).any():
-            if self._used > _MOST_KNOWN:
-                self._forget()
-            self._learn(np.unique(keys[self._number[keys] < 0]))
-            found = self._number[keys]
-        return found
+        """Return the numbers of the choices of agents."""
+        games, agents = which
+        return np.broadcast_to(games * self._agents + agents, node.shape)
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
@@ -398,166 +418,5 @@ class ByEdges(Movement):
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        found: IntArray = self._flat[self._first[choices] + actions]
+        found: IntArray = self._nodes[choices, actions]
         return found
-
-    def _forget(self) -> None:
-        self._number[:] = -1
-        self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self._flat, self._used = np.zeros(0, np.int64), 0
-
-    def _learn(self, keys: IntArray) -> None:
-        """Find these choices: nodes next to the agent, then those in reach of it, then those along the begun edge."""
-        streets, nodes = self.streets, len(self.streets.counts)
-        kind, entry = np.divmod(keys, len(streets.targets))
-        kind, more = np.divmod(kind, _REACHES)
-        here, ahead = self._sources[entry], streets.targets[entry]
-        hops = np.floor(edges_within(self._kinds[kind])).astype(np.int64)
-        near, runs = kernels.chosen_runs(streets.offsets, here)
-        parts = [
-            (np.repeat(np.arange(len(keys)), np.diff(runs)), streets.targets[near]),
-            self._within(here, hops),
-            self._within(ahead, np.where(ahead == here, -1, hops + more - 1)),
-        ]
-        at, found = (np.concatenate(columns) for columns in zip(*parts, strict=True))
-        _, first = np.unique(at * nodes + found, return_index=True)
-        first = np.sort(first)
-        first = first[np.argsort(at[first], kind="stable")]
-        counts = np.bincount(at[first], minlength=len(keys))
-        self._number[keys] = len(self._first) + np.arange(len(keys))
-        self._first = np.concatenate((self._first, self._used + np.cumsum(counts) - counts))
-        self._count = np.concatenate((self._count, counts))
-        after = self._used + len(first)
-        if after > len(self._flat):
-            self._flat = np.concatenate((self._flat[: self._used], np.empty(2 * after - self._used, np.int64)))
-        self._flat[self._used : after], self._used = found[first], after
-
-    def _within(self, rows: IntArray, hops: IntArray) -> tuple[IntArray, IntArray]:
-        """Return the nodes at most so many edges ahead of nodes: the places in `rows`, ascending, and rows of nodes."""
-        nodes, at = len(self.streets.counts), np.flatnonzero(hops >= 0)
-        known = fresh = at * nodes + rows[at]
-        ring = 0
-        while len(fresh):
-            ring += 1
-            fresh = fresh[hops[fresh // nodes] >= ring]
-            entries, runs = kernels.chosen_runs(self.streets.offsets, fresh % nodes)
-            ends = np.repeat(fresh // nodes, np.diff(runs)) * nodes + self.streets.targets[entries]
-            fresh = np.setdiff1d(ends, known)
-            known = np.union1d(known, fresh)
-        return known // nodes, known % nodes
-
-    # -- moves ----------------------------------------------------------------------------------------------------
-
-    def towards(
-        self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
-    ) -> IntArray:
-        """Return the actions that lead agents from nodes towards others; -1: no path."""
-        has_speed = self._is_paced[which[1]]
-        found, table = np.full(node.shape, -1), self.routes("length")
-        found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
-        here, ends = node[has_speed], targets[has_speed]
-        limit = np.zeros(len(here), np.int64)
-        if allowed is not None:
-            limit = 1 + table.allowed_edges(here, ends, allowed, int(self._speeds.max()) + 2)
-        found[has_speed] = np.where(np.isfinite(table.distances(here, ends)), AIMS * (1 + limit) + ends, -1)
-        return found
-
-    def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
-        """Return where actions lead, of all agents of some games."""
-        agents = np.arange(node.shape[1])
-        choices = self.choices(node, (games[:, None], agents))
-        is_aim = actions >= AIMS
-        targets = np.where(is_aim, actions % AIMS, self.nodes(choices, np.where(is_aim, 0, actions)))
-        goes = np.nonzero(targets != node)
-        by_hops = ~is_aim[goes]
-        aims = np.flatnonzero(~by_hops)
-        those = goes[0][aims], goes[1][aims]
-        by_hops[aims] = self.action_to(choices[those], targets[those]) >= 0
-        limit = np.where(by_hops, _ENDLESS, actions[goes] // AIMS - 2)
-        limit[limit < 0] = _ENDLESS
-        way = _Way(node[goes], targets[goes], limit, self._is_paced[goes[1]])
-        self._set_off(way, by_hops, self.begun[games][goes], self.covered[games][goes], self._speeds[goes[1]])
-        return self._gone(node, goes, way)
-
-    def _set_off(
-        self, way: "_Way", by_hops: BoolArray, begun: IntArray, covered: FloatArray, speed: FloatArray
-    ) -> None:
-        """Follow ways for a turn: by the number of edges, or by their lengths."""
-        tables = {True: self.routes(None), False: self.routes("length")}
-        ahead = np.where(begun > 0, self.streets.step(way.here, begun), -1)
-        first = way.targets.copy()  # of those that go along one edge
-        for is_short, table in tables.items():
-            some = np.flatnonzero(way.is_paced & (by_hops == is_short))
-            first[some] = table.following(way.here[some], way.targets[some])
-        other = np.flatnonzero(by_hops & (ahead >= 0) & (ahead != first))
-        on = 1.0 - covered[other] + tables[True].distances(ahead[other], way.targets[other])
-        on_first = other[on <= tables[True].distances(way.here[other], way.targets[other])]
-        first[on_first] = ahead[on_first]
-        budget = np.where(way.is_paced, speed + np.where(first == ahead, covered, 0.0), 1.0)
-        most = np.minimum(np.floor(edges_within(budget)), way.limit).astype(np.int64)
-        nodes, node = [way.here], way.here.copy()
-        for edge in range(int(most.max(initial=0)) + 1):
-            goes_on = np.flatnonzero((node != way.targets) & (edge <= most))
-            ahead = node.copy() if edge else first
-            for is_short, table in tables.items() if edge else ():
-                some = goes_on[by_hops[goes_on] == is_short]
-                ahead[some] = table.following(node[some], way.targets[some])
-            enters = goes_on[edge < most[goes_on]]
-            node = node.copy()
-            node[enters] = ahead[enters]
-            way.edges[enters] += 1
-            nodes.append(node)
-            stops = goes_on[edge == most[goes_on]]
-            way.ahead[stops] = ahead[stops]
-        way.nodes = np.stack(nodes, axis=-1)
-        left = budget - way.edges
-        way.share = np.where((way.edges < way.limit) & way.is_paced & (left > SLACK) & (left < 1.0), left, 0.0)
-
-    def _gone(self, node: IntArray, goes: tuple[IntArray, ...], way: "_Way") -> Moves:
-        """Return ways as moves of all agents."""
-        most = way.nodes.shape[-1]
-        nodes = np.repeat(node[..., None], most, axis=-1)
-        lengths, begun, covered = np.ones(node.shape, np.int64), np.zeros(node.shape, np.int64), np.zeros(node.shape)
-        nodes[goes], lengths[goes] = way.nodes, way.edges + 1
-        at_end = way.nodes[:, -1]
-        on = np.flatnonzero((way.share > 0.0) & (way.ahead >= 0) & (way.ahead != at_end))
-        those = goes[0][on], goes[1][on]
-        begun[those] = self.streets.action_to(at_end[on], way.ahead[on])
-        covered[those] = way.share[on]
-        steps = np.arange(most)
-        times = np.where(steps < lengths[..., None], steps / np.maximum(lengths - 1, 1)[..., None], np.inf)
-        is_moving = (lengths > 1) | (begun > 0)
-        stays = lengths == 1
-        paths = Paths(nodes, times, lengths, stays, np.zeros_like(stays), np.ones_like(stays))
-        return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered), (0, 0.0))
-
-    def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:
-        """Note what is left of moves for the next turn, of some agents; None: of all."""
-        if agents is None:
-            self.begun[games], self.covered[games] = moves.progress
-            return
-        for column, values in zip((self.begun, self.covered), moves.progress, strict=True):
-            column[np.ix_(games, agents)] = values[:, agents]
-
-
-_REACHES = 3  # by how much more than the speed alone what is covered of an edge may lead: 0, 1, or 2 by rounding
-_ENDLESS = AIMS  # edges: more than any way has
-
-
-class _Way:
-    """Where agents go in a turn, (agents,).
-
-    Attributes:
-        here, targets: rows of nodes.
-        limit: how many edges they go at most.
-        is_paced: which have a speed.
-        edges: how many edges they go.
-        nodes: (agents, most) the rows of the nodes that they pass.
-        ahead: the node that comes next on the way; -1: none.
-        share: how much of the edge to it they cover.
-    """
-
-    def __init__(self, here: IntArray, targets: IntArray, limit: IntArray, is_paced: BoolArray) -> None:
-        self.here, self.targets, self.limit, self.is_paced = here, targets, limit, is_paced
-        self.edges, self.ahead = np.zeros(len(here), np.int64), np.full(len(here), -1)
-        self.nodes, self.share = here[:, None], np.zeros(len(here))

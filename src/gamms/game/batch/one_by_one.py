@@ -9,16 +9,17 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.given import Given, acting
-from gamms.game.batch.movement import Movement, Places
+from gamms.game.batch.movement import Anywhere, Noted, Places
 from gamms.game.batch.state import GameArrays
+from gamms.game.batch.travel import movement_of
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
 from gamms.game.snapshots import Snapshot
-from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
+from gamms.typing import AgentType
 from gamms.typing.on_edges import located
 
 
@@ -106,7 +107,7 @@ class OneByOneEngine:
             raise
 
     def view(self, agents: IntArray) -> ArrayView:
-        """Return what agents observe, in all games, on the streets as they were at the start."""
+        """Return what agents observe, in all games."""
         for number in np.flatnonzero(~self._is_observed).tolist():
             self.load(number)
             self._observe(number)
@@ -121,9 +122,11 @@ class OneByOneEngine:
         state.now.clear()
 
     def _nothing_observed(self) -> GameArrays:
-        graph, shape = self._game.ctx.graph, (len(self.seeds), len(self._roster.names))
-        movement = Movement(Streets(graph.columns(), graph.routes))
-        state = GameArrays(self._roster, movement, self.seeds, np.zeros(shape, np.int64))
+        movement, shape = movement_of(self._game), (len(self.seeds), len(self._roster.names))
+        self._are_plain = movement.is_plain and not any(agent.type is AgentType.AERIAL for agent in self._roster.agents)
+        self._revision = self._game.ctx.graph.graph.revision
+        self._legal = None if isinstance(movement, Anywhere) else Noted(movement)
+        state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
         state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
         return state
 
@@ -135,6 +138,8 @@ class OneByOneEngine:
         state.alive[number] = [agent.alive for agent in agents]
         self._is_observed[number] = True
         state.now.clear()
+        if self._legal is not None:
+            self._note_legal(self._legal, number, nodes)
         if state.places is None:
             return
         edge, offset_m, xy = (column[number] for column in state.places)
@@ -145,6 +150,16 @@ class OneByOneEngine:
             place = None if progress is None else located(ctx.graph.graph, progress)
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
+
+    def _note_legal(self, noted: Noted, number: int, nodes: IntArray) -> None:
+        """Note where the agents of the game that the context has may go: those that are out stay."""
+        revision = self._game.ctx.graph.graph.revision
+        if self._are_plain and revision is not None and revision == self._revision:
+            noted.note_plain(number, nodes)
+            return
+        legal, rows = self._game.internals.parts.turns.legal(), noted.streets.rows
+        for agent, name in enumerate(self._roster.names):
+            noted.note(number, agent, rows(legal[name]) if legal.get(name) else nodes[agent : agent + 1])
 
     def overs(self) -> list[dict[str, Any] | None]:
         """Return how the games have ended; None of one that goes on."""

@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import NoPath
+from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.movement import AIMS, STOP, Anywhere, ByEdges, Illegal, Legs, Movement, Moves, Paths, Places
+from gamms.game.batch.movement import AIMS, STOP, Anywhere, Illegal, Legs, Movement, Moves, Paths, Places
 from gamms.game.streets import Streets
 from gamms.game.travel import ROUNDED, SLACK, one_way
 from gamms.ir.graph import FloatArray, IntArray
@@ -59,6 +60,7 @@ class ByMetres(Movement):
         is_ahead: (edges,) which edges lead in the direction of their streets.
     """
 
+    is_plain, leaves_nodes = False, True
     remembers = ("edge", "share")
 
     idle = STOP
@@ -154,6 +156,20 @@ class ByMetres(Movement):
             at = tuple(place)
             found[at] = self._add(self._on_edge(int(node[at]), int(edge[at]), float(share[at]), int(kind[at])))
         return found
+
+    def most_legal(self, limit: int) -> int:
+        """Return how many nodes are legal at most: on an edge, fewer than from both its ends together."""
+        columns, most = self.streets.columns, 1
+        for kind in range(len(self._kinds)):
+            reached = []
+            for node in range(len(self.streets.counts)):
+                reached.append({*self._near(node), *self._around(node, kind, 0.0)})
+                most = max(most, len(reached[-1]))
+                if most > limit:
+                    return most
+            for source, target in zip(columns.sources.tolist(), columns.targets.tolist(), strict=True):
+                most = max(most, len(reached[source] | reached[target]))
+        return most
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
@@ -476,7 +492,8 @@ def movement_of(game: PlayedGame) -> Movement:
     """Return how the agents of a game go."""
     settings, graph = game.settings(), game.ctx.graph
     streets = Streets(graph.columns(), graph.routes)
-    speeds = [agent.speed for agent in Roster.of(game.agents).agents]
+    agents = Roster.of(game.agents).agents
+    speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in agents]
     if settings["legal"] == "any":
         return Anywhere(streets)
     unit, weight = settings["speed_unit"], settings["weight"]

@@ -17,6 +17,9 @@ OTHER = ("is_seen", "is_mate", "dx", "dy")  # of each other agent; offsets from 
 MOVE = ("is_legal", "dx", "dy")  # of each action; offsets from the agent to where it leads
 
 
+Vectors32 = np.ndarray[tuple[int, ...], np.dtype[np.float32]]
+
+
 class Vectors(NamedTuple):
     """The observations of the agents of a view.
 
@@ -27,7 +30,7 @@ class Vectors(NamedTuple):
         legal: (games, agents, actions) which actions are legal; of dead agents, only to stay.
     """
 
-    values: "np.ndarray[tuple[int, ...], np.dtype[np.float32]]"
+    values: Vectors32
     names: tuple[str, ...]
     mask: BoolArray
     legal: BoolArray
@@ -39,29 +42,35 @@ class Encoder:
     Args:
         streets: the graph.
         others: how many of the agents that one sees are in a vector: the nearest.
-        actions: how many actions are in a vector; None: the most that are legal anywhere.
+        actions: how many actions are in a vector.
+        is_plain: whether agents may go along one edge; else what is legal is given with where they are.
     """
 
-    def __init__(self, streets: Streets, others: int, actions: int | None = None) -> None:
+    def __init__(self, streets: Streets, others: int, actions: int, *, is_plain: bool) -> None:
         xy = streets.columns.xy
         low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
-        scale = float((high - low).max()) / 2.0 or 1.0
-        self._places: FloatArray = (xy - (low + high) / 2.0) / scale  # (nodes, 2)
-        most, self._others = int(streets.counts.max(initial=1)), others
-        actions = most if actions is None else actions
-        self._is_legal: BoolArray = np.arange(actions) < streets.counts[:, None]
-        moves = np.zeros((len(xy), actions, len(MOVE)), np.float32)
-        moves[..., 0] = self._is_legal
-        moves[:, :most, 1:] = self._places[streets.legal] - self._places[:, None]
-        empty = np.zeros((len(xy), others * len(OTHER)), np.float32)
-        self._of_node = np.concatenate((self._places.astype(np.float32), moves.reshape(len(xy), -1), empty), axis=1)
+        self._scale, self._centre = float((high - low).max()) / 2.0 or 1.0, (low + high) / 2.0
+        self._others, self._actions = others, actions
+        self._places = self._placed(xy)  # (nodes, 2)
         self.names = (
             *OWN,
             *(f"action_{number}.{name}" for number in range(actions) for name in MOVE),
             *(f"other_{number}.{name}" for number in range(others) for name in OTHER),
         )
+        if is_plain:
+            is_legal = np.arange(streets.legal.shape[1]) < streets.counts[:, None]
+            self._of_node = self._moving(self._places, streets.legal, is_legal)
+            self._is_legal: BoolArray = self._of_node[:, self._legal_entries] > 0.0
 
-    def encode(self, node: IntArray, mask: BoolArray, seen: Seen, is_mate: BoolArray) -> Vectors:
+    def encode(
+        self,
+        node: IntArray,
+        mask: BoolArray,
+        seen: Seen,
+        is_mate: BoolArray,
+        legal: tuple[IntArray, BoolArray] | None = None,
+        xy: FloatArray | None = None,
+    ) -> Vectors:
         """Return the vectors of some agents.
 
         Args:
@@ -69,11 +78,19 @@ class Encoder:
             mask: (games, agents) which are alive.
             seen: by them.
             is_mate: (pairs,) which of those that are seen are of the team of the agent that sees them.
+            legal: rows of the nodes where they may go, (games, agents, most), and which of them count; None: along one
+                edge.
+            xy: (games, agents, 2) where they are; None: on their nodes.
         """
-        values, legal = self._of_node[node], self._is_legal[node]
+        own = None if xy is None else self._placed(xy)
+        if legal is None:
+            values, is_legal = self._of_node[node], self._is_legal[node]
+        else:
+            values = self._moving(self._places[node] if own is None else own, *legal)
+            is_legal = values[..., self._legal_entries] > 0.0
         if self._others and len(seen.at):
-            here = node[seen.at, seen.viewers]
-            dx, dy = (axis[seen.nodes] - axis[here] for axis in self._places.T)
+            here = self._places[node[seen.at, seen.viewers]] if own is None else own[seen.at, seen.viewers]
+            dx, dy = (axis[seen.nodes] - start for axis, start in zip(self._places.T, here.T, strict=True))
             pairs, rank = _nearest(seen, dx * dx + dy * dy, self._others)
             rows = seen.at[pairs] * node.shape[1] + seen.viewers[pairs]
             first = (rows + 1) * len(self.names) + (rank - self._others) * len(OTHER)
@@ -82,8 +99,25 @@ class Encoder:
                 flat[first + place] = entry
         if not mask.all():
             values[~mask] = 0.0
-            legal[..., 1:] &= mask[..., None]
-        return Vectors(values, self.names, mask, legal)
+            is_legal[..., 1:] &= mask[..., None]
+        return Vectors(values, self.names, mask, is_legal)
+
+    @property
+    def _legal_entries(self) -> slice:
+        """The entries that say which actions are legal."""
+        return slice(len(OWN), len(OWN) + self._actions * len(MOVE), len(MOVE))
+
+    def _placed(self, xy: FloatArray) -> FloatArray:
+        return (xy - self._centre) / self._scale
+
+    def _moving(self, own: FloatArray, rows: IntArray, is_legal: BoolArray) -> Vectors32:
+        """Return vectors of agents that are there, (…, 2), and may go to nodes, (…, most); they see no others."""
+        wide, shape = min(rows.shape[-1], self._actions), own.shape[:-1]
+        moves = np.zeros((*shape, self._actions, len(MOVE)), np.float32)
+        offsets, counts = self._places[rows[..., :wide]] - own[..., None, :], is_legal[..., :wide]
+        moves[..., :wide, 0], moves[..., :wide, 1:] = counts, np.where(counts[..., None], offsets, 0.0)
+        empty = np.zeros((*shape, self._others * len(OTHER)), np.float32)
+        return np.concatenate((own.astype(np.float32), moves.reshape(*shape, -1), empty), axis=-1)
 
 
 def _nearest(seen: Seen, far: FloatArray, most: int) -> tuple[IntArray, IntArray]:

@@ -350,19 +350,21 @@ class ArrayView(Mapping[str, Any]):
             others: of how many agents that are seen.
 
         Raises:
-            BadValue: agents may go anywhere, so that there are as many actions as nodes.
+            BadValue: an agent may go to more than 4096 nodes.
         """
-        if not self.movement.follows_edges:
-            raise BadValue("Vectors are for agents that go along edges, and here ctx.game.legal is 'any'.")
         return self.encoded(as_count(others, "others", least=0), None)
 
     def encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere."""
-        shared, key = self._state.shared, ("encoder", others, actions)
+        shared, movement = self._state.shared, self.movement
+        width, is_plain = movement.width if actions is None else actions, movement.is_plain
+        key = "encoder", others, width, is_plain
         if key not in shared:
-            shared[key] = Encoder(self.streets, others, actions)
+            shared[key] = Encoder(self.streets, others, width, is_plain=is_plain)
         found, encoder = self.seen(), shared[key]
-        made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found))
+        legal = None if is_plain else movement.legal(self.choices)
+        xy = self.places().xy if movement.leaves_nodes else None
+        made: Vectors = encoder.encode(self.node, self.mask, found, self._are_mates(found), legal, xy)
         return made
 
     @property
