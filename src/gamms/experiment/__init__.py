@@ -3,13 +3,16 @@
     rows = gamms.experiment.run(scenario, range(1000), {"teams.red.count": [3, 5, 8]}, workers=4, out="results")
     print(rows.summary())
 
-Read `running.py` first: what is played, where, and what happens when a process dies. `variants.py` has the grids and
-samples, `games.py` plays in a worker, `executors.py` has the workers, `folders.py` what a run keeps on disk, `rows.py`
-what it gives back. A client of scenarios: May import: `scenario` and below.
+Read `running.py` first: what is played, where, and what happens when a process dies. `variants.py` has the grids,
+`sampling.py` the samples, `games.py` plays in a worker, `executors.py` has the workers, `folders.py` what a run keeps
+on disk, `rows.py` what it gives back, `statistics.py` the intervals, `tables.py` and `plots.py` how they are shown. A
+client of scenarios: May import: `scenario` and below.
 """
 
 from gamms.experiment.folders import merge
 from gamms.experiment.rows import Rows
 from gamms.experiment.running import load, run
+from gamms.experiment.sampling import Sample, sample
+from gamms.experiment.tables import Table
 
-__all__ = ["Rows", "load", "merge", "run"]
+__all__ = ["Rows", "Sample", "Table", "load", "merge", "run", "sample"]

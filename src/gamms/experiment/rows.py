@@ -2,13 +2,19 @@
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
-from gamms.arguments import as_int
+import numpy as np
+
+from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment.folders import as_columns
 from gamms.experiment.games import Row
+from gamms.experiment.plots import plot
+from gamms.experiment.statistics import Interval, holm, mean_interval, paired, rate_interval, sobol_indices
+from gamms.experiment.tables import Table
 from gamms.experiment.variants import Variant, digest_of
 from gamms.game.result import Result
 from gamms.ir.tables import frame_of
@@ -17,6 +23,10 @@ from gamms.visual import Engine
 
 if TYPE_CHECKING:
     import pandas as pd
+    from matplotlib.axes import Axes
+
+_WINS = "wins."
+_METRICS = ("score.", "collector.")  # beginnings of columns that a summary has
 
 
 class Rows(Sequence[Row]):
@@ -31,10 +41,16 @@ class Rows(Sequence[Row]):
     """
 
     def __init__(
-        self, rows: Sequence[Row], keys: Sequence[str], scenario: Scenario | None, variants: Sequence[Variant]
+        self,
+        rows: Sequence[Row],
+        keys: Sequence[str],
+        scenario: Scenario | None = None,
+        variants: Sequence[Variant] = (),
+        sample: tuple[Sequence[str], int] | None = None,
     ) -> None:
         self._rows, self.keys = list(rows), tuple(keys)
         self._scenario, self._variants = scenario, variants
+        self._sample = sample  # keys and n of one for Sobol indices
 
     def __len__(self) -> int:
         return len(self._rows)
@@ -66,6 +82,150 @@ class Rows(Sequence[Row]):
             MissingExtra (ImportError): pandas is not installed.
         """
         return frame_of(self.table())
+
+    # -- statistics -----------------------------------------------------------------------------------------------
+
+    def metrics(self) -> list[str]:
+        """Return what `summary` shows: turns, scores, numbers that were collected, and `wins.<team>`."""
+        found = {
+            name
+            for row in self._rows
+            for name, value in row.items()
+            if name.startswith(_METRICS) and isinstance(value, (int, float))
+        }
+        winners = {str(row["winner"]) for row in self._rows if row.get("winner") is not None}
+        return ["turns", *sorted(found, key=lambda name: (not name.startswith("score."), name))] + [
+            f"{_WINS}{one}" for one in sorted(winners)
+        ]
+
+    def summary(
+        self, by: Sequence[str] | None = None, metrics: Sequence[str] | None = None, *, confidence: float = 0.95
+    ) -> Table:
+        """Return means with bootstrap intervals, and rates of wins with Wilson intervals, for each variant.
+
+        Rows with errors count in none of them; the column `errors` says how many there are.
+
+        Args:
+            by: the keys by which rows are grouped; None: all that were varied.
+            metrics: columns of numbers, or `wins.<team>`; None: those of `metrics()`.
+            confidence: of the intervals.
+
+        Raises:
+            UnknownName (KeyError): there is no such column.
+            MissingExtra (ImportError): SciPy is not installed.
+        """
+        names = self.metrics() if metrics is None else [self._as_metric(one) for one in metrics]
+        keys = self._as_keys(by)
+        made = []
+        for settings, rows in self._groups(keys).items():
+            good = [row for row in rows if row["error"] is None]
+            for name in names:
+                interval = _interval(name, good, confidence)
+                counts = {"games": len(good), "errors": len(rows) - len(good)}
+                mean = dict(zip(("mean", "low", "high"), interval, strict=True))
+                made.append({**dict(zip(keys, settings, strict=True)), "metric": name, **counts, **mean})
+        return Table.of(made)
+
+    def compare(self, metric: str, by: str, *, confidence: float = 0.95) -> Table:
+        """Compare all values of a key in pairs of games that have the same seed and all other settings in common.
+
+        Columns: first, second, pairs, difference (first minus second) with its interval, effect (Cohen's d_z) and p,
+        of a permutation test, corrected for the number of comparisons after Holm.
+
+        Args:
+            metric: a column of numbers, or `wins.<team>`.
+            by: the key.
+            confidence: of the intervals.
+
+        Raises:
+            UnknownName (KeyError): there is no such column or key.
+            MissingExtra (ImportError): SciPy is not installed.
+        """
+        name, (key,) = self._as_metric(metric), self._as_keys([by])
+        others = [one for one in self.keys if one != key]
+        found: dict[Any, dict[tuple[Any, ...], float]] = {}
+        for row in self._rows:
+            if row["error"] is None:
+                pair = (row["seed"], *(row[one] for one in others))
+                found.setdefault(row[key], {})[pair] = _value(name, row)
+        made = []
+        for first, second in combinations(found, 2):
+            common = [pair for pair in found[first] if pair in found[second]]
+            result = paired([found[first][pair] - found[second][pair] for pair in common], confidence)
+            made.append({"first": first, "second": second, "pairs": len(common), **result._asdict()})
+        for row, p in zip(made, holm([row["p"] for row in made]), strict=True):
+            row["p"] = p
+        names = ("first", "second", "pairs", "difference", "low", "high", "effect", "p")
+        return Table.of(made) if made else Table({one: np.array([]) for one in names})
+
+    def indices(self, metric: str, *, confidence: float = 0.95) -> Table:
+        """Return first-order and total Sobol indices of the keys of a sample, with bootstrap intervals.
+
+        Args:
+            metric: a column of numbers, or `wins.<team>`, of which the mean over seeds counts.
+            confidence: of the intervals.
+
+        Raises:
+            BadValue: the rows are not of `sample(…, method="sobol")`, or games of it are missing or have raised.
+            UnknownName (KeyError): there is no such column.
+        """
+        if self._sample is None:
+            raise BadValue("Sobol indices need rows of a sample: run(…, vary=sample(space, n, method='sobol')).")
+        name, (keys, n) = self._as_metric(metric), self._sample
+        points = len(self._rows) / (n * (len(keys) + 2))
+        if points != int(points):
+            raise BadValue(f"Games are missing: {len(self)} are not so many for each of {n * (len(keys) + 2)} points.")
+        values = [np.nan if row["error"] is not None else _value(name, row) for row in self._rows]
+        means = np.reshape(values, (-1, int(points))).mean(axis=1)
+        made = []
+        for key, orders in zip(keys, sobol_indices(means, len(keys), confidence), strict=True):
+            for order, interval in zip(("first", "total"), orders, strict=True):
+                made.append({"key": key, "index": order, **interval._asdict()})
+        return Table.of(made)
+
+    def plot(self, x: str | None = None, y: str = "turns", hue: str | None = None, ax: "Axes | None" = None) -> "Axes":
+        """Draw means with intervals of 95 %: y by x, a series for each value of hue; return the axes.
+
+        Args:
+            x: a varied key; None: the first one.
+            y: a column of numbers, or `wins.<team>`.
+            hue: a varied key; None: one series.
+            ax: where; None: a figure of its own.
+
+        Raises:
+            UnknownName (KeyError): there is no such column or key.
+            MissingExtra (ImportError): matplotlib or SciPy is not installed.
+        """
+        if x is None and not self.keys:
+            raise BadValue("Nothing was varied, so there is no x to plot by.")
+        name, across = self._as_metric(y), self.keys[0] if x is None else x
+        keys = self._as_keys([across] if hue is None else [across, hue])
+        series: dict[Any, list[tuple[Any, Interval]]] = {}
+        for settings, rows in self._groups(keys).items():
+            good = [row for row in rows if row["error"] is None]
+            series.setdefault(settings[-1] if hue else None, []).append((settings[0], _interval(name, good, 0.95)))
+        return plot(across, name, hue, series, ax)
+
+    def _groups(self, keys: Sequence[str]) -> dict[tuple[Any, ...], list[Row]]:
+        groups: dict[tuple[Any, ...], list[Row]] = {}
+        for row in self._rows:
+            groups.setdefault(tuple(row[key] for key in keys), []).append(row)
+        return groups
+
+    def _as_keys(self, given: Sequence[str] | None) -> list[str]:
+        known = [*self.keys, "seed"]
+        keys = list(self.keys) if given is None else as_items(given, "by", "varied keys")
+        for key in keys:
+            if key not in known:
+                raise UnknownName("varied key", key, known)
+        return keys
+
+    def _as_metric(self, name: str) -> str:
+        known = self.metrics()
+        columns = {one for row in self._rows for one, value in row.items() if isinstance(value, (int, float))}
+        if not (name in columns or str(name).startswith(_WINS)):
+            raise UnknownName("column of numbers", name, known)
+        return name
 
     # -- games again ----------------------------------------------------------------------------------------------
 
@@ -109,3 +269,18 @@ class Rows(Sequence[Row]):
         if digest_of(scenario) != row["scenario"]:
             raise BadValue(f"The scenario or its code has changed since the game of row {row['id']} was played.")
         return scenario, row["seed"], variant.strategies
+
+
+def _value(name: str, row: Row) -> float:
+    if name.startswith(_WINS):
+        return float(row["winner"] is not None and str(row["winner"]) == name.removeprefix(_WINS))
+    value = row.get(name)
+    return float(value) if isinstance(value, (int, float)) else np.nan
+
+
+def _interval(name: str, rows: Sequence[Row], confidence: float) -> Interval:
+    values = np.array([_value(name, row) for row in rows], float)
+    values = values[np.isfinite(values)]
+    if name.startswith(_WINS):
+        return rate_interval(int(values.sum()), len(values), confidence)
+    return mean_interval(values, confidence)

@@ -14,6 +14,7 @@ from gamms.experiment import folders
 from gamms.experiment.executors import Here, WorkerPool, cores, executor_for
 from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play, without_address
 from gamms.experiment.rows import Rows
+from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import Show
@@ -38,6 +39,7 @@ class _Plan(NamedTuple):
     digests: list[str]
     seeds: list[int]
     collect: dict[str, Any]
+    sample: tuple[list[str], int] | None  # keys and n of one for Sobol indices
 
     def ids(self) -> list[str]:
         """Return the ids of all rows in their order."""
@@ -61,6 +63,7 @@ class _Plan(NamedTuple):
             "digests": self.digests,
             "seeds": self.seeds,
             "collect": list(self.collect),
+            "sample": self.sample,
             "versions": versions(),
             "rows": ids,
         }
@@ -123,7 +126,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         rows = [runner.rows[id] for id in ids if id in runner.rows]
         if folder is not None and part is None:
             folders.write_rows(folder, rows, plan.keys())
-        return Rows(rows, plan.keys(), plan.scenario, plan.variants)
+        return Rows(rows, plan.keys(), plan.scenario, plan.variants, plan.sample)
 
 
 def load(
@@ -146,7 +149,7 @@ def load(
     plan, rows = folders.read_plan(folder), folders.rows_in(folder / folders.JOURNAL)
     own = None if scenario is None else _as_scenario(scenario)
     variants = [] if own is None else variants_of(own, vary)
-    return Rows([rows[id] for id in plan["rows"] if id in rows], plan["keys"], own, variants)
+    return Rows([rows[id] for id in plan["rows"] if id in rows], plan["keys"], own, variants, plan["sample"])
 
 
 def _as_scenario(given: Scenario | str | os.PathLike[str]) -> Scenario:
@@ -169,7 +172,9 @@ def _planned(scenario: object, seeds: Iterable[int], vary: Vary | None, collect:
     for name, function in wanted.items():
         if not isinstance(name, str) or not callable(function):
             raise BadType(f"collect is a dict of names and functions of a result, not {shown(wanted)}.")
-    return _Plan(base, variants, [digest_of(variant.of(base)) for variant in variants], chosen, wanted)
+    digests = [digest_of(variant.of(base)) for variant in variants]
+    sample = (list(vary.keys), vary.n) if isinstance(vary, Sample) and vary.method == "sobol" else None
+    return _Plan(base, variants, digests, chosen, wanted, sample)
 
 
 class _Games(NamedTuple):

@@ -1,0 +1,200 @@
+"""Statistics of games: intervals, paired comparisons and Sobol indices. The only file that loads SciPy here.
+
+All that draws is seeded: the same rows give the same numbers.
+"""
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadValue, MissingExtra
+from gamms.ir.graph import FloatArray, IntArray
+
+_RESAMPLES = 2_000
+_PERMUTATIONS = 9_999
+_MOST_OF_BCA = 1_000  # values; it takes the square of their number
+_SEED = 20
+_CELLS = 1 << 22  # of an array of resamples
+
+
+class Interval(NamedTuple):
+    """An estimate with its confidence interval."""
+
+    value: float
+    low: float
+    high: float
+
+
+class Paired(NamedTuple):
+    """A comparison of pairs.
+
+    Attributes:
+        difference: the mean of the differences.
+        low: of its interval.
+        high: of its interval.
+        effect: Cohen's d_z, the mean of the differences by their standard deviation.
+        p: how probable a mean as far from 0 is if the signs of the differences were drawn.
+    """
+
+    difference: float
+    low: float
+    high: float
+    effect: float
+    p: float
+
+
+def mean_interval(values: Sequence[float] | FloatArray, confidence: float = 0.95) -> Interval:
+    """Return the mean and its bootstrap interval: bias-corrected and accelerated, of more than 1,000 values percentile.
+
+    Efron and Tibshirani, An Introduction to the Bootstrap, 1993, chapters 13 and 14.
+
+    Raises:
+        MissingExtra: SciPy is not installed.
+    """
+    given = np.asarray(values, float)
+    if not len(given):
+        return Interval(np.nan, np.nan, np.nan)
+    mean = float(given.mean())
+    if np.ptp(given) == 0.0:
+        return Interval(mean, mean, mean)
+    found = (
+        _stats()
+        .bootstrap(
+            (given,),
+            np.mean,
+            n_resamples=_RESAMPLES,
+            batch=max(1, _CELLS // len(given)),
+            confidence_level=confidence,
+            method="BCa" if len(given) <= _MOST_OF_BCA else "percentile",
+            random_state=np.random.default_rng(_SEED),
+        )
+        .confidence_interval
+    )
+    return Interval(mean, float(found.low), float(found.high))
+
+
+def rate_interval(successes: int, trials: int, confidence: float = 0.95) -> Interval:
+    """Return a rate and its score interval (Wilson, JASA 22, 1927).
+
+    Raises:
+        MissingExtra: SciPy is not installed.
+    """
+    if not trials:
+        return Interval(np.nan, np.nan, np.nan)
+    found = _stats().binomtest(successes, trials).proportion_ci(confidence, method="wilson")
+    return Interval(successes / trials, float(found.low), float(found.high))
+
+
+def paired(differences: Sequence[float] | FloatArray, confidence: float = 0.95) -> Paired:
+    """Compare two series by the differences of their pairs.
+
+    The interval is that of `mean_interval`; d_z is of Cohen, Statistical Power Analysis, 1988, 2.3.5; p is that of the
+    permutation test that draws the signs (Fisher, The Design of Experiments, 1935, section 21), exact for few pairs.
+
+    Raises:
+        MissingExtra: SciPy is not installed.
+    """
+    given = np.asarray(differences, float)
+    interval = mean_interval(given, confidence)
+    if len(given) < 2:
+        return Paired(*interval, np.nan, np.nan)
+    spread = float(given.std(ddof=1))
+    if not given.any():
+        return Paired(*interval, 0.0, 1.0)
+    effect = interval.value / spread if spread else float(np.copysign(np.inf, interval.value))
+    test = _stats().permutation_test(
+        (given,),
+        np.mean,
+        permutation_type="samples",
+        vectorized=True,
+        n_resamples=_PERMUTATIONS,
+        batch=max(1, _CELLS // len(given)),
+        random_state=np.random.default_rng(_SEED),
+    )
+    return Paired(*interval, effect, float(test.pvalue))
+
+
+def holm(p: Sequence[float]) -> list[float]:
+    """Return p-values that count how many there are (Holm, Scandinavian Journal of Statistics 6, 1979)."""
+    order = np.argsort(p, kind="stable")
+    scaled = np.asarray(p, float)[order] * (len(p) - np.arange(len(p)))
+    adjusted = np.empty(len(p))
+    adjusted[order] = np.minimum(np.maximum.accumulate(scaled), 1.0)
+    return [float(one) for one in adjusted]
+
+
+# -- samples ------------------------------------------------------------------------------------------------------
+
+
+def uniform_points(n: int, size: int, method: str, seed: int) -> FloatArray:
+    """Return points of the unit cube, (n, size): a Sobol sequence, a Latin hypercube, or drawn independently.
+
+    Raises:
+        MissingExtra: SciPy is not installed, which the first two need.
+    """
+    rng = np.random.default_rng(seed)
+    if method == "random":
+        return rng.random((n, size))
+    qmc = _stats().qmc
+    points: FloatArray = (qmc.Sobol if method == "sobol" else qmc.LatinHypercube)(size, seed=rng).random(n)
+    return points
+
+
+def sobol_indices(values: FloatArray, keys: int, confidence: float = 0.95) -> list[tuple[Interval, Interval]]:
+    """Return the first-order and the total index of each key, with percentile bootstrap intervals.
+
+    First order by Saltelli et al., Computer Physics Communications 181, 2010, equation (b) of table 2; total by Jansen,
+    Computer Physics Communications 117, 1999, equation (f) there.
+
+    Args:
+        values: what came of A, B, and of A with each key of B, ((keys + 2) * n,).
+        keys: how many.
+        confidence: of the intervals.
+
+    Raises:
+        BadValue: a value is missing, or all are equal.
+    """
+    blocks = np.asarray(values, float).reshape(keys + 2, -1)
+    if not np.isfinite(blocks).all():
+        raise BadValue(f"{int((~np.isfinite(blocks)).sum())} points of the sample have no value: their games raised.")
+    if np.ptp(blocks[:2]) == 0.0:
+        raise BadValue("All points of the sample have the same value, so no key has an influence on it.")
+    n = blocks.shape[1]
+    drawn = np.random.default_rng(_SEED).integers(n, size=(_RESAMPLES, n))
+    tail = (1.0 - confidence) / 2.0
+    per_batch = max(1, _CELLS // blocks.size)
+    firsts = [*range(0, _RESAMPLES, per_batch), _RESAMPLES]
+    resampled = np.concatenate([_indices(blocks, drawn[a:b]) for a, b in pairwise(firsts)])
+    low, high = np.nanquantile(resampled, (tail, 1.0 - tail), axis=0)
+    found = _indices(blocks, np.arange(n)[None])[0]
+    made = [
+        [Interval(*map(float, one)) for one in zip(found[order], low[order], high[order], strict=True)]
+        for order in (0, 1)
+    ]
+    return list(zip(*made, strict=True))
+
+
+def _indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
+    """Return the indices of resamples, (resamples, 2, keys)."""
+    first, second, mixed = blocks[0][drawn], blocks[1][drawn], blocks[2:][:, drawn]
+    both = np.concatenate((first, second), axis=-1)
+    variance, centred = both.var(axis=-1), second - both.mean(axis=-1, keepdims=True)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        of_first = (centred * (mixed - first)).mean(axis=-1) / variance
+        of_total = ((first - mixed) ** 2).mean(axis=-1) / (2.0 * variance)
+    return np.stack((of_first, of_total)).transpose(2, 0, 1)
+
+
+def _stats() -> Any:
+    """Return `scipy.stats`.
+
+    Raises:
+        MissingExtra: SciPy is not installed.
+    """
+    try:
+        import scipy.stats
+    except ImportError:
+        raise MissingExtra("Intervals and samples", "accel") from None
+    return scipy.stats
