@@ -3,6 +3,7 @@
 import subprocess
 import sys
 from pathlib import Path
+from time import process_time
 
 import pytest
 
@@ -64,7 +65,7 @@ def test_a_plan_searches_for_all_agents_of_its_team(tag):
 def test_the_same_seed_gives_the_same_actions(tag, opponents):
     def played(seed):
         with tag.build() as ctx:
-            ctx.game.command("red", mcts(12, depth=4, opponents=opponents, seed=seed))
+            ctx.game.command("red", mcts(12, depth=4, opponents=opponents, seed=seed, value="closeness"))
             return moves_of(ctx, 4)
 
     assert played(1) == played(1)
@@ -141,20 +142,49 @@ def _in_the_middle(ctx, _):
     ctx.agent.get_agent("bob").current_node_id = 1
 
 
-@pytest.mark.parametrize("seconds", [0.1, 3.0])
-def test_a_budget_of_time_is_kept(tag, monkeypatch, seconds):
-    """By a clock of which each look takes a hundredth of a second."""
-    looks = [0]
+@pytest.mark.parametrize(("turn_s", "value_s"), [(0.0, 0.0), (0.0, 0.015), (0.03, 0.01)])
+def test_a_budget_of_time_is_kept_also_where_it_is_enough_for_few_turns(tag, monkeypatch, turn_s, value_s):
+    """By the CPU time of this process, so that others on the machine do not count."""
+    monkeypatch.setattr(sys.modules["gamms.planning.mcts"], "perf_counter", process_time)
 
-    def clock():
-        looks[0] += 1
-        return looks[0] / 100
+    def work(seconds):
+        end = process_time() + seconds
+        while process_time() < end:
+            pass
 
-    monkeypatch.setattr(sys.modules["gamms.planning.mcts"], "perf_counter", clock)
+    def slow(state):
+        work(turn_s)
+        gamms.strategies.random_walk(state)
+
+    def value(model):
+        work(value_s)
+        return 0.0
+
+    spent = []
     with tag.build() as ctx:
-        ctx.game.command("red", mcts(seconds=seconds, depth=20, rollout="chase"))
+        ctx.game.command("red", mcts(seconds=0.05, depth=4, rollout="chase", opponents=slow, value=value))
+        for _ in range(3):
+            began = process_time()
+            ctx.game.step()
+            spent.append(process_time() - began)
+    assert sorted(spent)[1] <= 1.1 * 0.05
+    assert turn_s + value_s > 0.02 or sorted(spent)[1] > 0.03
+
+
+def test_where_a_budget_is_too_short_for_a_model_the_policy_decides(tag, monkeypatch):
+    monkeypatch.setattr(sys.modules["gamms.planning.mcts"], "perf_counter", process_time)
+    seen = []
+
+    def east(state):
+        seen.append(state["name"])
+        state["action"] = state["curr_pos"] + 1
+
+    with tag.build(strategies={"ann": mcts(seconds=1e-5, rollout=east)}) as ctx:
+        ctx.game.run(3)
+        assert ctx.agent.get_agent("ann").current_node_id == 3
+        began = process_time()
         ctx.game.step()
-    assert 0.8 * seconds < looks[0] / 100 <= 1.1 * seconds
+        assert process_time() - began < 0.02, "no model is made, which takes several milliseconds"
 
 
 def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):
@@ -194,6 +224,7 @@ def test_it_plays_the_scenarios_that_come_with_gamms(name):
         ({"value": "closness"}, BadType, "value is a function of the model"),
         ({"value": 3}, BadType, "value is a function of the model"),
         ({"actions": 3}, BadType, "actions is a function of the state"),
+        ({"confidence": -1}, BadValue, "confidence must not be negative"),
         ({"information": "all"}, BadValue, "information must be 'private' or 'full'"),
         ({"horizon": 3}, UnknownName, "Unknown option 'horizon'"),
         ({"seed": "x"}, BadType, "seed"),

@@ -145,6 +145,7 @@ class Game(RuleVerbs):
         others = {one: known for one, known in self.plans.items() if one != team}
         self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
         self._unchecked_plans.append(team)
+        self._prepared = -1
 
     @refused_while_deciding
     def collect(self, name: str, fn: Callable[[Any], Any], every: int = 1, per: str = "game") -> None:
@@ -209,9 +210,10 @@ class Game(RuleVerbs):
         return state.over is None
 
     def _prepare_strategies(self) -> None:
-        """Call `prepare(ctx)` of the strategies that have it, as of rules."""
+        """Call `prepare(ctx)` of the strategies and plans that have it, as of rules."""
         changes = self._phase.strategy_changes
         strategies = {id(strategy): strategy for *_, strategy in self.ctx.agent.storage.details()}
+        strategies |= {id(plan.function): plan.function for plan in self.plans.values()}
         for strategy in strategies.values():
             prepare = getattr(strategy, "prepare", None)
             if prepare is not None and not isinstance(strategy, type):

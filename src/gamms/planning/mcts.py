@@ -8,12 +8,13 @@ from typing import Any, Literal, NamedTuple, Unpack, cast
 
 from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_range
+from gamms.context import Context
 from gamms.errors import BadType, BadValue
-from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options
+from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
 from gamms.scenario.code import offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown, shown_as_called
-from gamms.typing import SensorType
+from gamms.typing import IAgent, SensorType
 from gamms.typing.game import Action, Draws, State, Strategy
 
 Value = Callable[[Model], float]
@@ -22,6 +23,7 @@ Key = tuple[Any, ...]
 _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _ITERATIONS = 200
 _EXPLORATION = 0.7  # how much UCT is for actions that it does not know yet; gains are from 0 to 1
+_RESERVE = 1.05  # by how much longer than predicted all of a decision may take
 _EXPLORED = 0.2  # the share of moves that Exp3 makes at random
 
 
@@ -33,6 +35,9 @@ class SearchOptions(ModelOptions, total=False):
     often each was tried, for games in which opponents must not foresee it."""
     actions: Callable[[State], Sequence[Action]]
     """The actions that are searched: a function of the state. Default: `state["legal"]`, nodes."""
+    confidence: float
+    """By how many standard errors another action has to be better than that of the rollout policy. Default: 1; for the
+    random walk 0."""
     discount: float
     """What a point is worth that is made a turn later, from 0 to 1. Default: 0.98."""
     seed: int
@@ -51,6 +56,7 @@ class _Settings(NamedTuple):
     value: Value | None
     is_uct: bool
     actions: Callable[[State], Sequence[Action]]
+    confidence: float
     discount: float
     seed: int
     options: ModelOptions
@@ -81,7 +87,7 @@ def mcts(
     `value` says at its end.
 
     For iterations alone, the same seed gives the same actions; for seconds, how far it comes depends on the machine.
-    No turn of the model is begun that would end late, by the longest so far.
+    Nothing is begun that would end late, by how long turns have taken so far, also in the decisions before.
 
     Args:
         iterations: how many; None: 200, or as many as there are seconds for.
@@ -132,19 +138,117 @@ def mcts(
         value=worth,
         is_uct=chosen == "uct",
         actions=actions,
+        confidence=as_range(options.get("confidence", 0.0 if rollout is random_walk else 1.0), "confidence"),
         discount=discount,
         seed=as_int(options.get("seed", 0), "seed"),
         options=cast("ModelOptions", rest),
     )
 
-    def mcts(states: States) -> None:
-        _Search(settings, states, perf_counter()).decide()
+    return _searching(settings)
 
+
+def _searching(settings: _Settings) -> Callable[[States], None]:
+    """Return the strategy, or plan, of checked settings."""
+    pace, limit = _Pace(), settings.seconds
+
+    def mcts(states: States) -> None:
+        given, timer = states_of(states), _Timer(limit, pace)
+        if not pace.has_followed(given, limit):
+            _Search(settings, pace, timer, given).decide()
+
+    def prepare(ctx: Context) -> None:
+        teams = [team for team, plan in ctx.game.plans.items() if getattr(plan.function, "prepare", None) is prepare]
+        own = [one for one in ctx.agent.create_iter() if one.team in teams or _prepares(one) is prepare]
+        if own and pace.model_s == inf:
+            _warm_up(ctx, own[0].name, settings, pace)
+
+    if limit < inf:
+        mcts.__dict__["prepare"] = prepare
     return mcts
+
+
+def _prepares(agent: IAgent) -> object:
+    return getattr(agent.strategy, "prepare", None)
+
+
+def _warm_up(ctx: Context, name: str, settings: _Settings, pace: "_Pace") -> None:
+    """Search twice in a fork before the first decision: its time is not for loading libraries and making tables."""
+    game = ctx.game.fork(0)
+    game.configure({"plans": {}, "max_turns": None, "deadline_s": None, "time_budget": None})
+    once = settings._replace(iterations=1)
+
+    def look(state: State) -> None:
+        timer = _Timer(inf, pace)
+        _Search(once, pace, timer, states_of(state)).decide()
+
+    for agent in game.ctx.agent.create_iter():
+        agent.register_strategy(look if agent.name == name else random_walk)
+    game.run(2)
 
 
 def _legal(state: State) -> Sequence[Action]:
     return state["legal"]
+
+
+class _Pace:
+    """How long the parts of a search take, from one decision to the next.
+
+    Attributes:
+        model_s: how long it took to make a model, at least.
+        usual_s: the mean time of a step of the last decision.
+    """
+
+    def __init__(self) -> None:
+        self.model_s, self.usual_s = inf, 0.0
+        self._fork: object = None
+        self._policies: Mapping[str, Strategy] = {}
+
+    def note(self, model: Model, seconds: float) -> None:
+        """Note how long a model took."""
+        self.model_s = min(self.model_s, seconds)
+        self._fork, self._policies = next(iter(model.states.values()))["fork"], model.policies
+
+    def has_followed(self, states: Mapping[str, State], limit: float) -> bool:
+        """Let agents follow their policies if there is no time for a model; return whether that is so."""
+        is_of_it = self._fork is next(iter(states.values()))["fork"]
+        if not is_of_it or _RESERVE * self.model_s <= limit:
+            return False
+        for name, state in states.items():
+            self._policies[name](state)
+        return True
+
+
+class _Timer:
+    """Says whether there is time for another step of a search: a world, a turn or a value.
+
+    Args:
+        seconds: that the decision may take from now on.
+        pace: of the decisions before.
+    """
+
+    def __init__(self, seconds: float, pace: _Pace) -> None:
+        self._began = self._last = perf_counter()
+        self._end, self._pace = self._began + seconds / _RESERVE, pace
+        self._longest, self._steps, self._spent = 2.0 * pace.usual_s, 0, 0.0
+
+    def elapsed(self) -> float:
+        """Return how many seconds it has been going."""
+        return perf_counter() - self._began
+
+    def has_time(self) -> bool:
+        """Return whether a step that begins now ends in time, by the longest so far."""
+        now = perf_counter()
+        if self._steps:
+            self._longest = max(self._longest, now - self._last)
+            self._spent += now - self._last
+        self._steps += 1
+        self._last = now
+        return now + self._longest <= self._end
+
+    def end(self) -> None:
+        """Note how long steps were."""
+        if self._steps > 1:
+            self._pace.usual_s = self._spent / (self._steps - 1)
 
 
 class _Range:
@@ -172,19 +276,21 @@ class _Node:
         children: (action, what it saw then) -> the node behind.
     """
 
-    __slots__ = ("actions", "children", "counts", "totals", "weights")
+    __slots__ = ("actions", "children", "counts", "squares", "totals", "weights")
 
     def __init__(self) -> None:
         self.actions: Sequence[Action] | None = None
         self.children: dict[Key, _Node] = {}
         self.counts: list[int] = []
         self.totals: list[float] = []
+        self.squares: list[float] = []
         self.weights: list[float] = []
 
     def offer(self, actions: Sequence[Action]) -> None:
         """Set what the agent may do."""
         self.actions = actions
-        self.counts, self.totals, self.weights = [0] * len(actions), [0.0] * len(actions), [0.0] * len(actions)
+        self.counts = [0] * len(actions)
+        self.totals, self.squares, self.weights = ([0.0] * len(actions) for _ in range(3))
 
     def by_uct(self, known: _Range, draw: Draws) -> int:
         """Return the action with the highest upper bound, of several any; those that were not tried come first."""
@@ -209,10 +315,30 @@ class _Node:
         total = sum(shares)
         return [(1.0 - _EXPLORED) * share / total + _EXPLORED / number for share in shares]
 
-    def best(self) -> int:
-        """Return the action that was tried most often; of several, the one with the highest mean, then the first."""
-        ranks = [(tries, total / max(tries, 1)) for tries, total in zip(self.counts, self.totals, strict=True)]
-        return ranks.index(max(ranks))
+    def best(self, confidence: float) -> int:
+        """Return the action with the highest lower bound of its mean, or the first, if no other is surely better.
+
+        Args:
+            confidence: by how many standard errors another has to be better than the first.
+        """
+        known = [action for action, tries in enumerate(self.counts) if tries]
+        first, *others = known
+        mean, error = self._mean(first)
+        best, most = first, 0.0
+        for action in others:
+            other, its_error = self._mean(action)
+            margin = other - mean - confidence * sqrt(error + its_error)
+            if margin > most:
+                best, most = action, margin
+        return best
+
+    def _mean(self, action: int) -> tuple[float, float]:
+        """Return the mean gain of an action and the square of its standard error."""
+        tries, total = self.counts[action], sum(self.counts)
+        mean = self.totals[action] / tries
+        every = sum(self.totals) / total
+        spread = max(0.0, sum(self.squares) / total - every * every)
+        return mean, spread / tries
 
     def mixed(self, chance: float) -> int:
         """Return an action by how often each was tried, but for what Exp3 tries in any case."""
@@ -278,8 +404,11 @@ class _Walker:
     def _policy_first(self, state: State) -> list[Action]:
         """Return the actions to search, first what the policy says: it is done where nothing speaks for another."""
         actions = list(self._search.settings.actions(state))
-        self._policy(state)
-        first = state.pop("action", None)
+        if self._action is None and self._is_own:
+            first = self._search.preferred[state["name"]]
+        else:
+            self._policy(state)
+            first = state.pop("action", None)
         if first in actions:
             actions.remove(first)
             actions.insert(0, first)
@@ -297,23 +426,30 @@ class _Search:
 
     Args:
         settings: of the strategy.
+        pace: of the decisions before.
+        timer: begun when it was called.
         states: what the strategy or plan was given.
-        began: when it was called.
 
     Attributes:
         settings: as given.
         known: the gains so far.
         turn: of the iteration under way, from 0.
+        preferred: agent -> what the rollout policy does now.
     """
 
-    def __init__(self, settings: _Settings, states: States, began: float) -> None:
+    def __init__(self, settings: _Settings, pace: _Pace, timer: _Timer, states: Mapping[str, State]) -> None:
         self.settings, self.known, self.turn = settings, _Range(), 0
-        self._end, self._longest = began + settings.seconds, 0.0
+        self._timer = timer
         self._model = Model(
             states, seed=settings.seed, rollout=settings.rollout, opponents=settings.opponents, **settings.options
         )
+        pace.note(self._model, timer.elapsed())
         self._own: dict[str, dict[Key, _Node]] = {name: {} for name in self._model.states}
+        self.preferred: dict[str, Action | None] = {}
         for name, state in self._model.states.items():
+            # Of the state that the game gave, so that a policy remembers there what it wants.
+            self._model.policies[name](state)
+            self.preferred[name] = state.get("action")
             if not settings.actions(state):
                 raise BadValue(
                     f"mcts has no action to choose for agent {name!r}: it searches state['legal'], which agents that "
@@ -331,13 +467,15 @@ class _Search:
         for number in count():
             if number >= self.settings.iterations or not self._iterate(number):
                 break
+        self._timer.end()
         for name, state in self._model.states.items():
             node = self._own[name].get(())
-            if node is None or not node.actions:  # there was no time, or it died at once wherever it was
-                self._model.policies[name](state)
+            if (
+                node is None or node.actions is None or not any(node.counts)
+            ):  # there was no time, or it died at once wherever it was
                 continue
             if self.settings.is_uct:
-                action = node.best()
+                action = node.best(self.settings.confidence)
             else:
                 key = kernels.purpose_key(self.settings.seed, "mcts", state["turn"])
                 action = node.mixed(kernels.fraction(kernels.draw_bits(key, kernels.name_key(name), 0)))
@@ -345,9 +483,8 @@ class _Search:
 
     def _iterate(self, number: int) -> bool:
         """Play ahead once, and note what came of it; return False, and note nothing, if there is no time for it."""
-        model, rewards = self._model, list[float]()
-        began = perf_counter()
-        if began + self._longest > self._end:
+        model, rewards, timer = self._model, list[float](), self._timer
+        if not timer.has_time():
             return False
         model.sample(number)
         policies = model.policies
@@ -356,16 +493,16 @@ class _Search:
         lead = model.lead()
         with model.game.internals.lending():
             for turn in range(self.settings.depth):
-                self.turn, now = turn, perf_counter()
-                self._longest = max(self._longest, now - began)
-                if now + self._longest > self._end:
+                self.turn = turn
+                if not timer.has_time():
                     return False
-                began = now
                 model.play(1, walkers)
                 before, lead = lead, model.lead()
                 rewards.append(lead - before)
                 if model.is_over:
                     break
+        if not timer.has_time():
+            return False
         value = self.settings.value
         gains = [0.0 if value is None or model.is_over else as_float(value(model), "What value(model) returns")]
         for reward in reversed(rewards):
@@ -378,5 +515,6 @@ class _Search:
                 share = self.known.share(gains[turn])
                 node.counts[action] += 1
                 node.totals[action] += gains[turn]
+                node.squares[action] += gains[turn] ** 2
                 node.weights[action] += (share if name in self._own else 1.0 - share) / chance
         return True
