@@ -62,7 +62,7 @@ def test_it_prints_what_happened_and_draws_the_picture_of_the_readme(tmp_path):
 def test_it_films_the_game_and_names_all_that_it_wrote(town, tmp_path):
     arguments = ["--max-turns", "10", "--map", str(town), "--out", str(tmp_path)]
     done = CliRunner().invoke(cli.app, ["demo", *arguments], catch_exceptions=False)
-    files = {"result.json", "game.ggr", "game.mp4", "final.png", "final.svg"}
+    files = {"game.html", "result.json", "game.ggr", "game.mp4", "final.png", "final.svg"}
     assert {path.name for path in tmp_path.iterdir()} == files
     assert all(f"{tmp_path / name}" in done.stdout for name in files)
     assert "Not made" not in done.stdout
@@ -84,7 +84,7 @@ def test_what_is_not_installed_is_left_out_with_a_sentence(town, tmp_path, missi
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == sorted(
-        [*film, *picture, "game.ggr", "result.json"]
+        [*film, *picture, "game.ggr", "game.html", "result.json"]
     )
     [sentence] = [line for line in done.stdout.splitlines() if line.startswith("Not made")]
     for name, extras in (("game.mp4", "viz,video"), ("final.png", "viz")):

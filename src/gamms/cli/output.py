@@ -150,12 +150,12 @@ def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, righ
 
 
 @contextmanager
-def recorded(ctx: "Context", folder: Path) -> Iterator[Path]:
-    """Record a game into a folder; replaces an earlier recording there."""
+def recorded(ctx: "Context", folder: Path, *, sensed: bool = False) -> Iterator[Path]:
+    """Record a game into a folder, perhaps with what agents sense; replaces an earlier recording there."""
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / RECORDING
     path.unlink(missing_ok=True)
-    ctx.record.start(path, drawings=True)
+    ctx.record.start(path, drawings=True, sensed=sensed)
     try:
         yield path
     finally:

@@ -45,13 +45,14 @@ def demo(
     max_turns: Annotated[int, typer.Option(min=1, help="The game ends after this many turns at the latest.")] = 600,
     seed: Annotated[int, typer.Option(help="The same seed plays the same game.")] = 1,
     teams: Annotated[str, typer.Option(help="Agents per team: 5, or 5,3, or with names: cats=5,dogs=3.")] = "5",
-    out: Annotated[Path, typer.Option(help="The folder for result.json, game.ggr, game.mp4 and final.png.")] = Path(
-        "gamms-demo"
-    ),
+    out: Annotated[
+        Path, typer.Option(help="The folder for game.html, result.json, game.ggr, game.mp4 and final.png.")
+    ] = Path("gamms-demo"),
     map: Annotated[Path | None, typer.Option(help="An OpenStreetMap file to play on instead of Helsinki.")] = None,
     film: Annotated[bool, typer.Option("--film/--no-film", help="Whether to film it.")] = True,
 ) -> None:
     """Play capture the flag on the streets of a city."""
+    from gamms import recorder
     from gamms.demo import capture_the_flag, check_ways
 
     sides = _parsed_teams(teams)
@@ -61,17 +62,20 @@ def demo(
     with game.build(seed) as ctx:
         check_ways(ctx)
         with ExitStack() as making:
-            recording = making.enter_context(recorded(ctx, out))
+            recording = making.enter_context(recorded(ctx, out, sensed=True))
             film_file = making.enter_context(filmed(ctx, out, **page) if film else nullcontext())
             played = ctx.game.run(progress=True)
         played.save(out / "result.json")
+        with recorder.open(recording) as whole:
+            whole.save(out / "game.html", title=page["title"])
         pictures = save_pictures(ctx, out, **page)
         _print_demo(ctx, played, sides, map_name)
     named = "" if film_file is None else f", {film_file} (the game as a film)"
     wanted = [out / name for name in ("game.mp4",) * film + ("final.png",)]
     echo(
-        f"\nWrote {out / 'result.json'} (every event), {recording} (every move; gamms replay){named} and "
-        f"{in_words(pictures)} (the last turn).{not_made(wanted, [film_file, *pictures])}"
+        f"\nWrote {out / 'game.html'} (the game, to be opened in a browser), {out / 'result.json'} (every event), "
+        f"{recording} (every move; gamms replay){named} and {in_words(pictures)} (the last turn)."
+        f"{not_made(wanted, [film_file, *pictures])}"
     )
 
 

@@ -187,7 +187,10 @@ def replay(  # noqa: PLR0913, PLR0917 - one argument per option
 def render(  # noqa: PLR0913, PLR0917 - one argument per option
     file: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FILE", show_default=False)],
     out: Annotated[
-        Path, typer.Argument(help="What is written: .mp4, .gif, .png, .svg or .pdf.", metavar="OUT", show_default=False)
+        Path,
+        typer.Argument(
+            help="What is written: .html, .mp4, .gif, .png, .svg or .pdf.", metavar="OUT", show_default=False
+        ),
     ],
     turns: Annotated[
         str, typer.Option(help="Turns to film, 100:200, 100: or :200; a picture shows the last one.", metavar="FROM:TO")
@@ -225,7 +228,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         Path | None, typer.Option("--map", help="The map of a recording of version 2, .gamms.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Make a film of a recording, or a picture of one of its turns."""
+    """Make a film of a recording, a picture of one of its turns, or a page that replays it in a browser."""
     first, last = _parsed_turns(turns)
     with progress() as show:
         from gamms import rendering
@@ -250,7 +253,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
             trails=trails,
         )
         shown = rendering.render(file, out, options, map=map, show=show)
-    is_film = out.suffix.lower() in (".mp4", ".gif")
+    is_film = out.suffix.lower() in (".mp4", ".gif", ".html")
     echo(f"Wrote {out} ({f'{shown} turns' if is_film else f'after turn {shown}'}).")
 
 

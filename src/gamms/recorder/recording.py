@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_int, as_mapping
-from gamms.errors import BadValue
+from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path
+from gamms.errors import BadValue, MissingFolder
+from gamms.folders import write_whole
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
 from gamms.ir.events import COMPONENTS, Log
@@ -28,6 +29,7 @@ from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
+from gamms.typing.recorder import pages
 from gamms.typing.visualization_engine import PictureOptions
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ if TYPE_CHECKING:
 C = TypeVar("C", bound=IContext)
 Strategies = Mapping[str, Strategy | AerialStrategy | AsyncStrategy]  # agent or team -> its strategy
 
+_OF_PAGES = {"title", "theme", "labels", "trails", "turn"}  # what a page may be given
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
 _KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
@@ -327,7 +330,10 @@ class Recording(Opened):
         dpi: float = 96.0,
         **options: Unpack[PictureOptions],
     ) -> None:
-        """Save a picture of how things were after so many turns: the bytes that `ctx.visual.save` gave then.
+        """Save a picture of how things were after so many turns, or as `.html` a page that replays all of them.
+
+        A picture has the bytes that `ctx.visual.save` gave then. A page takes `title`, `theme`, `labels` and `trails`,
+        begins after `turn`, by default 0, and is as large as its window.
 
         Args:
             path: an existing file is replaced; its suffix names the format.
@@ -343,8 +349,21 @@ class Recording(Opened):
             MissingExtra (ImportError): what the format needs is not installed.
             RecordingError (ValueError): the recording is damaged.
         """
+        if Path(path).suffix.lower() == ".html":
+            if width is not None or height is not None:
+                raise BadValue("A page is as large as its window; leave width and height out.")
+            self._save_page(path, {"turn": turn or 0, **options})
+            return
         with self._live(self.turns if turn is None else turn, {}, is_quiet=True) as ctx:
             ctx.visual.save(path, width, height, dpi=dpi, **options)
+
+    def _save_page(self, path: str | os.PathLike[str], options: dict[str, Any]) -> None:
+        target = as_path(path, "path")
+        if not target.parent.is_dir():
+            raise MissingFolder(target.name, target.parent)
+        if unknown := sorted(options.keys() - _OF_PAGES):
+            raise BadValue(f"A page has no {unknown[0]!r}; there is: {', '.join(sorted(_OF_PAGES))}.")
+        write_whole(target, pages["gamms"](self, **options))
 
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
         """Return the state that an agent's strategy got in a turn; what was sensed must be recorded.

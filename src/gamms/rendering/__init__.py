@@ -1,16 +1,19 @@
-"""Pictures and films of recordings. A client: it replays into a context and draws that as any program would."""
+"""Pictures, films and pages of recordings. A client: it replays into a context and draws that as any program would."""
 
 import os
 from collections.abc import Callable, Collection, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from gamms import recorder, recordings
 from gamms.context import Context
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue, MissingFolder, UnknownName
+from gamms.folders import write_whole
 from gamms.typing import PictureOptions
+from gamms.typing.recorder import pages
 from gamms.visual.backends import FILMS, FORMATS
 from gamms.visual.drawers.graph import typical_edge_length
 from gamms.visual.drawing import longer_side
@@ -19,6 +22,8 @@ from gamms.visual.fog import Fog
 __all__ = ["Fog", "RenderOptions", "render"]
 
 _VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
+
+_PAGE = ".html"
 
 Show = Callable[[str], None]
 
@@ -73,7 +78,9 @@ def render(
     map: str | os.PathLike[str] | None = None,
     show: Show = lambda _: None,
 ) -> int:
-    """Make a picture (`.png`, `.svg`) or a film (`.mp4`, `.gif`) of a recording.
+    """Make a picture (`.png`, `.svg`), a film (`.mp4`, `.gif`) or a page (`.html`) of a recording.
+
+    A page holds all turns, and begins before the first one that is asked for; with `fog` it holds what the team knew.
 
     Args:
         path: of the recording, of any version.
@@ -83,7 +90,7 @@ def render(
         show: called with a line of text as it goes on.
 
     Returns:
-        The turn that a picture shows, or how many turns are in the film.
+        The turn that a picture shows, or how many turns are in the film or on the page.
 
     Raises:
         BadValue: turns that are not there, a format that cannot be written, or a team that cannot see.
@@ -93,13 +100,43 @@ def render(
         OSError: a file cannot be read or written.
     """
     options, out = options or RenderOptions(), Path(out)
-    if (suffix := out.suffix.lower()) not in (*FILMS, *FORMATS):
-        raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS))}.")
+    if (suffix := out.suffix.lower()) not in (*FILMS, *FORMATS, _PAGE):
+        raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
     total = _checked_turns(path, options)
+    if suffix == _PAGE:
+        return _save_page(path, out, options, map)
     with recordings.context_for(path, map) as ctx:
         renderer = _Renderer(ctx, options, total, show)
         make = renderer.film if suffix in FILMS else renderer.picture
         return make(ctx.record.replay(os.fspath(path)), out)
+
+
+def _save_page(
+    path: str | os.PathLike[str], out: Path, options: RenderOptions, map: str | os.PathLike[str] | None
+) -> int:
+    """Write a page; return how many turns it has."""
+    if not out.absolute().parent.is_dir():
+        raise MissingFolder(out.name, out.parent)
+    if options.last is not None:
+        raise BadValue("A page holds all turns: give --turns FROM: for where it begins.")
+    with ExitStack() as made:
+        if recordings.version_of(path) < 3:
+            folder = made.enter_context(TemporaryDirectory())
+            converted = Path(folder) / "converted.ggr"
+            recordings.to_version_3(path, converted, map)
+            path = converted
+        recording = made.enter_context(recorder.open(path))
+        content = pages["gamms"](
+            recording,
+            title=options.title,
+            theme=options.theme,
+            labels=options.labels,
+            trails=options.trails,
+            turn=max((options.first or 1) - 1, 0),
+            follow=options.follow,
+        )
+        write_whole(out, content)
+        return recording.turns
 
 
 def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:

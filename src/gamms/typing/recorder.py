@@ -6,6 +6,7 @@ from enum import Enum
 from typing import Any, BinaryIO, TypeVar
 
 from gamms.ir import events as kinds
+from gamms.plugins import Registry
 
 C = TypeVar("C", bound=type)  # a class that a decorator returns as it is
 
@@ -145,3 +146,7 @@ class IRecorder(ABC):
     @abstractmethod
     def unregister_component(self, key: tuple[str, str]) -> None:
         """Forget a component class."""
+
+
+pages: Registry[bytes] = Registry("form of pages of recordings", "gamms.pages", "gamms.web")
+"""What makes a page of a recording, which plays in a browser; the recorder finds it under the name "gamms"."""

@@ -1,0 +1,214 @@
+"""A recording as one HTML page: the viewer, and behind it the recording itself in its own format, in base64.
+
+What the viewer does not read is left out: random streams, facts, components, attributes of streets. The scenery of the
+map, which recordings name, is put in. So the file needs nothing else, and no server.
+"""
+
+import base64
+import json
+import zlib
+from collections.abc import Collection, Iterator
+from functools import cache
+from html import escape
+from io import BytesIO
+from pathlib import Path
+from struct import Struct
+from typing import Any, Literal
+
+import numpy as np
+
+from gamms.arguments import as_int
+from gamms.errors import BadValue
+from gamms.ir import events as kinds
+from gamms.ir import packing
+from gamms.limits import Allowance
+from gamms.plain import Plain
+from gamms.recorder import Recording, Writer
+from gamms.recordings import with_map
+from gamms.text import shown
+from gamms.typing.recorder import pages
+
+__all__ = ["page"]
+
+_PAGE = Path(__file__).parent.parent / "data" / "viewer.html"
+_KEYFRAME_TURNS = 64
+_UNREAD = {  # kinds of events that the viewer does not read
+    kinds.GAME_FACTS,
+    kinds.GAME_CHANCE,
+    kinds.GAME_PRIVATE_FACTS,
+    kinds.AGENT_STRATEGY,
+    kinds.DELAYED_LOOKS,
+    *kinds.COMPONENTS,
+}
+_UNREAD_STATE = ("components", "chance", "delayed_looks", "agent_facts", "team_facts")  # of keyframes
+_HEADER = ("format", "package", "seed", "created", "visuals", "drawings")
+_EDGE_ATTRIBUTES = {"highway", "name", "tunnel"}
+_STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
+_HEAD = Struct("<8sIII")
+
+
+@pages.register("gamms")
+def page(
+    recording: Recording,
+    *,
+    title: str = "",
+    theme: Literal["light", "dark"] | None = None,
+    labels: bool | Literal["auto"] = "auto",
+    trails: int = 0,
+    turn: int = 0,
+    follow: str | None = None,
+) -> bytes:
+    """Return an HTML page that replays a recording: UTF-8, the same bytes for the same recording and keywords.
+
+    Args:
+        recording: is read from its first turn to its last; it holds its map, or was opened with it.
+        title: stands above the map and on the tab; "": the name of the scenario.
+        theme: "light" or "dark"; None: as the pages of the browser are.
+        labels: whether agents have their names beside them; "auto": while they are few.
+        trails: of how many turns the ways of agents are shown, 200 at most.
+        turn: after which turn it begins.
+        follow: the name of an agent to keep in the middle.
+
+    Raises:
+        BadValue: there is no such turn or theme.
+        RecordingError (ValueError): the recording is damaged, or does not hold its map.
+    """
+    if not 0 <= as_int(turn, "turn") <= recording.turns:
+        raise BadValue(f"There is no state after {turn} turns: this recording has {recording.turns} turns.")
+    if theme not in (None, "light", "dark"):
+        raise BadValue(
+            f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None, which is as the browser."
+        )
+    title = title or _title_of(recording)
+    look = {"title": title, "theme": theme, "labels": labels, "trails": trails, "turn": turn, "follow": follow}
+    given = {name: value for name, value in look.items() if value is not None}
+    data = base64.b64encode(_rewritten(recording)).decode()
+    parts = {
+        "title": escape(title),
+        "still": escape(f"{title}: {recording.turns} turns. A browser with JavaScript replays them."),
+        "data": (
+            f'<script type="application/json" id="options">{_as_json(given)}</script>\n'
+            f'<script type="application/x-gamms-recording" class="recording">{data}</script>'
+        ),
+    }
+    return _filled(parts).encode("utf-8", "replace")
+
+
+def _filled(parts: dict[str, str]) -> str:
+    """Return the page with what belongs into it, of which each mark is there once."""
+    text = _page()
+    for name, part in parts.items():
+        before, _, after = text.partition(f"{{{name}}}")
+        text = f"{before}{part}{after}"
+    return text
+
+
+@cache
+def _page() -> str:
+    return _PAGE.read_text(encoding="utf-8")
+
+
+def _as_json(value: object) -> str:
+    """Return JSON that can stand in a script element, which only a `<` could end."""
+    return json.dumps(value).replace("<", "\\u003c")
+
+
+def _title_of(recording: Recording) -> str:
+    scenario = recording.header.get("scenario")
+    name = scenario.get("name") if isinstance(scenario, dict) else None
+    return name if isinstance(name, str) and name else "A recorded game"
+
+
+# -- the recording ------------------------------------------------------------------------------------------------
+
+
+def _rewritten(recording: Recording) -> bytes:
+    """Return the recording with what the viewer reads, and with more keyframes, so that any turn comes at once."""
+    header = {name: recording.header[name] for name in _HEADER if recording.header.get(name) is not None}
+    stream = BytesIO()
+    writer = Writer(stream, header | {"world": _drawn_map(recording.graph.packed)}, seconds=None)
+    for turn, log in enumerate(_logs(recording)):
+        if turn % _KEYFRAME_TURNS == 0:
+            writer.keyframe(_keyframe(recording, turn))
+        writer.add_turn(log)
+    if not recording.turns:
+        writer.keyframe(_keyframe(recording, 0))
+    writer.close()
+    return stream.getvalue()
+
+
+def _keyframe(recording: Recording, turn: int) -> dict[str, Plain]:
+    state = recording.detached(turn).keyframe(turn)
+    return {name: value for name, value in state.items() if name not in _UNREAD_STATE}
+
+
+def _logs(recording: Recording) -> Iterator[kinds.Log]:
+    """Yield the log of each whole turn, as far as the viewer reads it."""
+    for log in recording.logs(1, recording.turns + 1):
+        if not any(type(entry) is tuple for entry in log):
+            yield log
+            continue
+        yield [_drawn_event(entry) for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD]
+
+
+def _drawn_event(entry: Any) -> Any:
+    """Return an event of a log, with a map as the viewer reads it."""
+    if type(entry) is tuple and entry[0] == kinds.WORLD:
+        return kinds.WORLD, {"world": _drawn_map(entry[1]["world"])}
+    return entry
+
+
+# -- the map ------------------------------------------------------------------------------------------------------
+
+
+def _drawn_map(world: bytes) -> bytes:
+    """Return a map with what is drawn of it: rounded, with its scenery, without most attributes."""
+    state = _opened(world)
+    with with_map(None) as ctx:
+        ctx.graph.storage.unpack(world)
+        scenery = ctx.graph.scenery_columns()
+    buildings = scenery.buildings
+    base = {
+        "kinds": scenery.kinds,
+        "sizes": np.diff(scenery.offsets),
+        "points": scenery.points,
+        "face_types": buildings.types,
+        "face_corners": buildings.corners.reshape(-1, 12),
+    }
+    if len(state["face_ids"]):  # which are drawn instead
+        base |= {"face_types": buildings.types[:0], "face_corners": buildings.corners[:0].reshape(-1, 12)}
+    step = _step(state["xy"])
+    for name in ("xy", "bend_points", "face_corners"):
+        state[name] = _rounded(state[name], step)
+    state |= {
+        "scenery": None,
+        "base_map": base | {name: _rounded(base[name], step) for name in ("points", "face_corners")},
+        "lengths": np.zeros(len(state["edge_ids"])),
+        "node_attributes": {},
+        "edge_attributes": _chosen(state["edge_attributes"], _EDGE_ATTRIBUTES),
+    }
+    body = packing.pack(state, "A map")
+    magic, version, *_ = _HEAD.unpack_from(world)
+    return _HEAD.pack(magic, version, len(body), zlib.crc32(body)) + body
+
+
+def _opened(world: bytes) -> dict[str, Any]:
+    decoder = packing.Decoder(Allowance(len(world), "The map"))
+    state: Any = packing.unpack(world[_HEAD.size :], decoder)
+    found: dict[str, Any] = state
+    return found
+
+
+def _chosen(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any]:
+    return {name: column for name, column in attributes.items() if name in names}
+
+
+def _step(xy: "np.ndarray[Any, Any]") -> float:
+    """Return a power of two to whose multiples coordinates are rounded, so that their last bytes are zeros."""
+    extent = float(np.ptp(xy, axis=0).max()) if len(xy) else 0.0
+    return float(2.0 ** np.floor(np.log2(extent / _STEPS))) if extent > 0.0 else 2.0**-32
+
+
+def _rounded(places: "np.ndarray[Any, Any]", step: float) -> "np.ndarray[Any, Any]":
+    rounded: np.ndarray[Any, Any] = np.round(places / step) * step
+    return rounded

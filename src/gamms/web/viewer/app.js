@@ -1,0 +1,225 @@
+// The viewer: one or two recordings on one timeline, and what a person does with them.
+import { element, iconButton } from "./dom.js";
+import { Controls } from "./controls.js";
+import { listen } from "./input.js";
+import { Panel } from "./panel.js";
+import { Replay } from "./replay.js";
+import { Scene } from "./scene.js";
+import { Settings } from "./settings.js";
+import { THEMES } from "./themes.js";
+
+const SLICE_MS = 12; // of reading on at once
+const RESTS_MS = 160; // after which the map is painted sharply
+const WIDE_PX = 1000; // pages that show the panel at first
+
+/** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number}} Options */
+/** @typedef {{replay: Replay, scene: Scene, canvas: HTMLCanvasElement}} View */
+
+export class App {
+  /** @param {HTMLElement} root @param {Replay[]} replays @param {Options} options */
+  constructor(root, replays, options) {
+    this.root = root;
+    this.options = options;
+    /** @type {import("./scene.js").Look} */
+    this.look = {
+      theme: options.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"),
+      fog: null, trails: options.trails ?? 0, labels: options.labels ?? "auto", sensors: false, messages: true, heat: null,
+      selected: null, hovered: null,
+    };
+    this.position = 0; // turns, with the share of the one that is under way
+    this.isPlaying = false;
+    this.speed = 4; // turns a second
+    this.isFollowing = false;
+    this.movedAt = -Infinity; // when the camera was moved
+    this.needsPaint = true;
+    this.paintMs = 0; // that the last frame took
+    this.stage = element("div", { class: "stage" });
+    /** @type {View[]} */
+    this.views = replays.map((replay, i) => this.#view(replay, i));
+    this.controls = new Controls(this);
+    this.panel = new Panel(this);
+    this.settings = new Settings(this);
+    root.replaceChildren(this.stage, this.controls.head, this.settings.element, this.#corner(), this.panel.element, this.controls.bar);
+    this.#dress();
+    new ResizeObserver(() => this.#resize()).observe(this.stage);
+    this.#resize();
+    listen(this);
+    this.seek(options.turn ?? 0);
+    if (options.follow) this.select(options.follow, true);
+    this.lastFrame = performance.now();
+    this.#frame(this.lastFrame);
+    setTimeout(() => this.readOn(), 0);
+  }
+
+  get turns() {
+    return Math.max(...this.views.map((view) => view.replay.turns));
+  }
+
+  /** The turn that is shown, at its end or on the way there. */
+  get turn() {
+    return Math.ceil(this.position);
+  }
+
+  /** Whether the panel stands beside the map at first. */
+  get isWide() {
+    return this.root.clientWidth >= WIDE_PX;
+  }
+
+  /** @param {Replay} replay @param {number} number @returns {View} */
+  #view(replay, number) {
+    const name = this.options.names?.[number];
+    const label = name ? `The map with the agents of ${name}` : "The map with the agents";
+    const canvas = element("canvas", { class: "view", tabindex: "0", role: "img", "aria-label": `${label}. Keys: ? shows them.` });
+    this.stage.append(element("div", { class: "half" }, canvas, name ? element("div", { class: "name", text: name }) : null));
+    return { replay, scene: new Scene(replay, canvas), canvas };
+  }
+
+  #corner() {
+    const { attribution } = this.views[0].replay.world;
+    return element("footer", { class: "credit", text: [attribution, "GAMMS"].filter(Boolean).join(" · ") });
+  }
+
+  /** Read what happens in the turns, a few milliseconds at a time. */
+  readOn() {
+    const until = performance.now() + SLICE_MS;
+    let isMore = true;
+    while (isMore && performance.now() < until) isMore = this.views.map((view) => view.replay.overview.readOn(view.replay.recording)).some(Boolean);
+    if (isMore) {
+      setTimeout(() => this.readOn(), 0);
+      return;
+    }
+    const position = this.position; // drawings and what was sensed are known only now
+    for (const view of this.views) {
+      view.replay.show(view.replay.state.turn ? 0 : Math.min(1, view.replay.turns));
+      view.replay.show(Math.min(Math.ceil(position), view.replay.turns));
+    }
+    this.controls.renew();
+    this.settings.renew();
+    this.panel.renew(true);
+    this.needsPaint = true;
+    this.root.dataset.isRead = "true";
+  }
+
+  /** Go to a place in the turns. @param {number} position */
+  seek(position) {
+    this.position = Math.min(Math.max(position, 0), this.turns);
+    for (const { replay } of this.views) replay.show(Math.min(this.turn, replay.turns));
+    this.needsPaint = true;
+    this.controls.renewTurn();
+    this.panel.renew();
+  }
+
+  /** Go some whole turns on or back, and stop there. @param {number} turns */
+  step(turns) {
+    this.pause();
+    this.seek(turns > 0 ? Math.floor(this.position) + turns : Math.ceil(this.position) + turns);
+  }
+
+  play() {
+    if (this.position >= this.turns) this.seek(0);
+    this.isPlaying = true;
+    this.lastFrame = performance.now();
+    this.controls.renewTurn();
+  }
+
+  pause() {
+    this.isPlaying = false;
+    this.controls.renewTurn();
+    this.panel.renew(true);
+  }
+
+  /** Select an agent, or none. @param {string | null} name @param {boolean} [isFollowed] */
+  select(name, isFollowed = false) {
+    this.look.selected = name !== null && this.views.some((view) => view.replay.state.byName.has(name)) ? name : null;
+    this.isFollowing = isFollowed && this.look.selected !== null;
+    if (this.isFollowing) this.#lookCloser();
+    if (this.look.selected !== null && this.isWide) this.panel.open();
+    this.needsPaint = true;
+    this.panel.renew(true);
+  }
+
+  /** Change how all is painted. @param {Partial<import("./scene.js").Look>} changes */
+  change(changes) {
+    Object.assign(this.look, changes);
+    if ("theme" in changes) this.#dress();
+    this.needsPaint = true;
+    this.controls.renew();
+    this.settings.renew();
+    this.panel.renew(true);
+  }
+
+  /** Move all cameras. @param {(camera: import("./camera.js").Camera) => void} move */
+  moveCamera(move) {
+    for (const { scene } of this.views) move(scene.camera);
+    this.movedAt = performance.now();
+    this.needsPaint = true;
+  }
+
+  /** Follow the selected agent from some hundred metres. */
+  #lookCloser() {
+    for (const { scene } of this.views) {
+      const { camera, world } = scene;
+      const wanted = Math.min(camera.width, camera.height) / (world.isMetric ? 400 : 30 * world.unit);
+      if (camera.scale < wanted) camera.zoom(wanted / camera.scale);
+    }
+    this.movedAt = performance.now();
+  }
+
+  #follow() {
+    if (!this.isFollowing || this.look.selected === null) return;
+    for (const { scene } of this.views) {
+      const disc = scene.discOf(this.look.selected);
+      if (disc === undefined || (disc.x === scene.camera.x && disc.y === scene.camera.y)) continue;
+      scene.camera.lookAt(disc.x, disc.y);
+      this.movedAt = performance.now();
+      this.needsPaint = true;
+    }
+  }
+
+  /** Put on the colours of the theme. */
+  #dress() {
+    const theme = THEMES[this.look.theme];
+    this.root.dataset.theme = theme.name;
+    for (const name of /** @type {const} */ (["background", "ink", "faint", "card"])) this.root.style.setProperty(`--${name}`, theme[name]);
+  }
+
+  #resize() {
+    const bar = (this.controls.bar.offsetHeight || 64) + 12;
+    for (const { scene } of this.views) {
+      scene.camera.insets = { left: 0, top: this.isWide ? 0 : 64, right: 0, bottom: bar };
+      scene.resize();
+    }
+    this.controls.renew();
+    this.needsPaint = true;
+  }
+
+  /** @param {number} now */
+  #frame(now) {
+    if (this.isPlaying) this.#playOn((now - this.lastFrame) / 1000);
+    this.lastFrame = now;
+    this.#follow();
+    const isMoving = now - this.movedAt < RESTS_MS;
+    if (this.needsPaint) {
+      const begun = performance.now();
+      this.needsPaint = false;
+      const share = this.position === this.turn ? 1 : this.position - this.turn + 1;
+      for (const { replay, scene } of this.views) {
+        if (!scene.paint(this.look, this.turn > replay.turns ? 1 : share, isMoving)) this.needsPaint = true;
+      }
+      this.paintMs = performance.now() - begun;
+    } else if (isMoving) {
+      this.needsPaint = true;
+    }
+    requestAnimationFrame((next) => this.#frame(next));
+  }
+
+  /** @param {number} seconds */
+  #playOn(seconds) {
+    const position = Math.min(this.position + Math.min(seconds, 0.25) * this.speed, this.turns);
+    if (Math.ceil(position) !== this.turn) this.seek(position);
+    this.position = position;
+    this.needsPaint = true;
+    this.controls.renewPosition();
+    if (position >= this.turns) this.pause();
+  }
+}

@@ -1,0 +1,78 @@
+// Where the view looks: world units, y up, to pixels, y down.
+
+const CLOSEST = 40; // how far beyond the scale at which all is seen one can zoom, in typical edges across the view
+const MARGIN = 0.04;
+
+export class Camera {
+  /** @param {{left: number, bottom: number, right: number, top: number}} box what is seen at first @param {number} unit */
+  constructor(box, unit) {
+    this.box = box;
+    this.unit = unit;
+    this.width = this.height = 1; // CSS pixels
+    this.x = (box.left + box.right) / 2;
+    this.y = (box.bottom + box.top) / 2;
+    this.scale = 1; // pixels per world unit
+    this.isFitted = true;
+    this.insets = { left: 0, top: 0, right: 0, bottom: 0 };
+  }
+
+  /** @param {number} width @param {number} height CSS pixels */
+  resize(width, height) {
+    this.width = Math.max(width, 1);
+    this.height = Math.max(height, 1);
+    if (this.isFitted) this.fit();
+  }
+
+  /** Show the whole map, clear of what covers the edges of the view. */
+  fit() {
+    const { left, bottom, right, top } = this.box, { insets } = this;
+    const free = { width: Math.max(this.width - insets.left - insets.right, 50), height: Math.max(this.height - insets.top - insets.bottom, 50) };
+    this.scale = (1 - 2 * MARGIN) * Math.min(free.width / Math.max(right - left, this.unit), free.height / Math.max(top - bottom, this.unit));
+    this.x = (left + right) / 2 - (insets.left - insets.right) / 2 / this.scale;
+    this.y = (bottom + top) / 2 + (insets.top - insets.bottom) / 2 / this.scale;
+    this.isFitted = true;
+  }
+
+  /** Move by pixels. @param {number} dx @param {number} dy */
+  pan(dx, dy) {
+    this.x -= dx / this.scale;
+    this.y += dy / this.scale;
+    this.isFitted = false;
+    this.#keepNear();
+  }
+
+  /** Zoom around a pixel. @param {number} factor @param {number} px @param {number} py */
+  zoom(factor, px = this.width / 2, py = this.height / 2) {
+    const [x, y] = this.toWorld(px, py);
+    const extent = Math.max(this.box.right - this.box.left, this.box.top - this.box.bottom, this.unit);
+    const least = (0.3 * Math.min(this.width, this.height)) / extent, most = (CLOSEST * Math.min(this.width, this.height)) / (40 * this.unit);
+    this.scale = Math.min(Math.max(this.scale * factor, least), Math.max(most, least));
+    this.x = x - (px - this.width / 2) / this.scale;
+    this.y = y + (py - this.height / 2) / this.scale;
+    this.isFitted = false;
+    this.#keepNear();
+  }
+
+  /** Look at a place. @param {number} x @param {number} y */
+  lookAt(x, y) {
+    this.x = x;
+    this.y = y;
+    this.isFitted = false;
+  }
+
+  #keepNear() {
+    const { left, bottom, right, top } = this.box;
+    this.x = Math.min(Math.max(this.x, left), right);
+    this.y = Math.min(Math.max(this.y, bottom), top);
+  }
+
+  /** @param {number} x @param {number} y @returns {[number, number]} */
+  toScreen(x, y) {
+    return [this.width / 2 + (x - this.x) * this.scale, this.height / 2 - (y - this.y) * this.scale];
+  }
+
+  /** @param {number} px @param {number} py @returns {[number, number]} */
+  toWorld(px, py) {
+    return [this.x + (px - this.width / 2) / this.scale, this.y - (py - this.height / 2) / this.scale];
+  }
+}

@@ -1,0 +1,169 @@
+// What stands above and below the map: the title, teams with scores, what happens, and the timeline.
+import { dot, element, icon, iconButton, refill } from "./dom.js";
+import { THEMES } from "./themes.js";
+
+const SPEEDS = [0.5, 1, 2, 4, 8, 16, 32, 64];
+const CAPTION_TURNS = 8; // for which a line is shown
+const MOST_LINES = 3;
+
+/** @typedef {import("./app.js").App} App */
+
+export class Controls {
+  /** @param {App} app */
+  constructor(app) {
+    this.app = app;
+    this.title = element("h1", { text: app.options.title || "A game" });
+    this.teams = element("div", { class: "teams" });
+    this.end = element("p", { class: "end" });
+    this.head = element("header", { class: "head card" }, this.title, app.options.audience ? element("p", { class: "audience", text: `As ${app.options.audience} saw it` }) : null, this.teams, this.end);
+    this.captions = element("div", { class: "captions", role: "log", "aria-live": "polite", "aria-label": "What happens" });
+    this.playButton = iconButton("play", "Play (space)", () => (app.isPlaying ? app.pause() : app.play()), { class: "play" });
+    this.range = element("input", { type: "range", min: 0, max: 1, step: 1, value: 0, "aria-label": "Turn", on: { input: () => this.#dragged() } });
+    this.marks = element("canvas", { class: "marks", "aria-hidden": "true" });
+    this.tip = element("div", { class: "tip", role: "tooltip" });
+    this.track = element("div", { class: "track", on: { pointermove: (/** @type {PointerEvent} */ event) => this.#explain(event), pointerleave: () => this.#explain(null) } }, this.marks, this.range, this.tip);
+    this.turnText = element("output", { class: "turn" });
+    this.speedMenu = element("select", { class: "speed", "aria-label": "Speed", title: "Turns a second", on: { change: () => this.#setSpeed() } },
+      ...SPEEDS.map((speed) => element("option", { value: speed, text: `${speed} turn${speed === 1 ? "" : "s"}/s`, selected: speed === app.speed })));
+    this.bar = element("nav", { class: "bar card", "aria-label": "Timeline" }, this.captions,
+      element("div", { class: "buttons" }, iconButton("back", "One turn back (left arrow)", () => app.step(-1)), this.playButton, iconButton("next", "One turn on (right arrow)", () => app.step(1))),
+      this.track, this.turnText, this.speedMenu);
+  }
+
+  #dragged() {
+    const turn = Number(this.range.value); // which a pause would set back
+    this.app.pause();
+    this.app.seek(turn);
+  }
+
+  #setSpeed() {
+    this.app.speed = Number(this.speedMenu.value);
+  }
+
+  /** Play faster, or slower. @param {1 | -1} by */
+  changeSpeed(by) {
+    const place = SPEEDS.indexOf(this.app.speed) + by;
+    this.app.speed = SPEEDS[Math.min(Math.max(place, 0), SPEEDS.length - 1)];
+    this.speedMenu.value = String(this.app.speed);
+  }
+
+  /** Say what is different after the recording, the theme or the size has changed. */
+  renew() {
+    this.range.max = String(Math.max(this.app.turns, 1));
+    this.#paintMarks();
+    this.renewTurn();
+  }
+
+  /** Say what is different in another turn. */
+  renewTurn() {
+    const { app } = this;
+    this.renewPosition();
+    const label = app.isPlaying ? "Pause (space)" : "Play (space)";
+    this.playButton.setAttribute("aria-label", label);
+    this.playButton.title = label;
+    refill(this.playButton, icon(app.isPlaying ? "pause" : "play"));
+    this.turnText.textContent = `${app.turn} / ${app.turns}`;
+    this.range.setAttribute("aria-valuetext", `Turn ${app.turn} of ${app.turns}`);
+    this.#renewTeams();
+    this.#renewCaptions();
+  }
+
+  /** Move the handle. */
+  renewPosition() {
+    this.range.value = String(this.app.turn);
+    this.track.style.setProperty("--share", String(this.app.turns ? this.app.position / this.app.turns : 0));
+  }
+
+  #renewTeams() {
+    const { app } = this;
+    const [{ replay, scene }] = app.views;
+    const colors = scene.colors(app.look);
+    const sides = new Map(replay.sides().map((side) => [side, { living: 0, all: 0 }]));
+    for (const agent of replay.state.agents.values()) {
+      const side = sides.get(agent.team ?? agent.name);
+      if (side === undefined) continue;
+      side.all++;
+      side.living += agent.alive ? 1 : 0;
+    }
+    const { scores, over } = replay.state;
+    const names = [...new Set([...sides.keys(), ...scores.keys()])].slice(0, 8);
+    const hasScores = scores.size > 0 || replay.overview.scores.length > 0;
+    refill(this.teams, ...names.map((name) => {
+      const side = sides.get(name);
+      const count = side !== undefined && side.all > 1 ? `${side.living < side.all ? `${side.living} of ${side.all}` : side.all} agents` : "";
+      const score = hasScores ? Number((scores.get(name) ?? 0).toPrecision?.(5) ?? 0) : "";
+      return element("div", { class: "team" }, dot(colors.get(name)), element("span", { class: "who", text: name }), element("span", { class: "count", text: count }), element("span", { class: "score", text: score }));
+    }));
+    const ending = replay.overview.happenings.filter((one) => one.isMajor).pop();
+    this.end.textContent = over !== null && ending !== undefined && ending.turn === replay.state.turn ? ending.words : "";
+  }
+
+  #renewCaptions() {
+    const { app } = this;
+    const [{ replay, scene }] = app.views;
+    const colors = scene.colors(app.look);
+    const now = replay.overview.happenings.filter((one) => one.turn <= app.turn && one.turn > app.turn - CAPTION_TURNS && this.#isOpen(one)).slice(-MOST_LINES);
+    refill(this.captions, ...now.reverse().map((one) => {
+      const agent = one.agent === null ? undefined : replay.state.byName.get(one.agent);
+      const color = colors.get(agent === undefined ? one.agent ?? "" : agent.team ?? agent.name);
+      return element("p", { class: one.turn === app.turn ? "now" : "" }, dot(color), element("span", { text: one.words }));
+    }));
+  }
+
+  /** Whether a team that looks on knows of what happened. @param {import("./replay.js").Happening} happening */
+  #isOpen(happening) {
+    const [{ replay, scene }] = this.app.views;
+    if (this.app.look.fog === null || happening.agent === null) return true;
+    const agent = replay.state.byName.get(happening.agent);
+    return agent === undefined || scene.visible === null || scene.visible.has(agent.number);
+  }
+
+  #paintMarks() {
+    const { app, marks } = this;
+    const theme = THEMES[app.look.theme];
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const width = marks.clientWidth, height = marks.clientHeight;
+    marks.width = width * ratio;
+    marks.height = height * ratio;
+    const to = /** @type {CanvasRenderingContext2D} */ (marks.getContext("2d"));
+    to.scale(ratio, ratio);
+    to.clearRect(0, 0, width, height);
+    const turns = Math.max(app.turns, 1);
+    app.views.forEach(({ replay, scene }) => {
+      const colors = scene.colors(app.look);
+      for (const one of replay.overview.happenings) {
+        if (!one.isMarked) continue;
+        const agent = one.agent === null ? undefined : replay.state.byName.get(one.agent);
+        to.fillStyle = colors.get(agent === undefined ? one.agent ?? "" : agent.team ?? agent.name) ?? theme.faint;
+        const x = (one.turn / turns) * width, high = one.isMajor ? 16 : 9;
+        to.fillRect(x - (one.isMajor ? 1.5 : 0.75), height / 2 - high / 2, one.isMajor ? 3 : 1.5, high);
+      }
+    });
+    if (app.options.parts) {
+      const x = (app.options.parts / turns) * width;
+      to.strokeStyle = theme.ink;
+      to.setLineDash([3, 2]);
+      to.beginPath();
+      to.moveTo(x, 0);
+      to.lineTo(x, height);
+      to.stroke();
+    }
+  }
+
+  /** Say what happened in the turn that is pointed at. @param {PointerEvent | null} event */
+  #explain(event) {
+    if (event === null) {
+      this.tip.classList.remove("shown");
+      return;
+    }
+    const { app } = this;
+    const box = this.marks.getBoundingClientRect();
+    const share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
+    const turn = Math.round(share * app.turns), far = Math.max((4 / box.width) * app.turns, 0.5);
+    const near = app.views[0].replay.overview.happenings.filter((one) => one.isMarked && Math.abs(one.turn - share * app.turns) <= far && this.#isOpen(one)).slice(0, 4);
+    const parts = app.options.parts && Math.abs(app.options.parts - share * app.turns) <= far ? ["here the games part"] : [];
+    this.tip.textContent = [`Turn ${near.length ? near[0].turn : turn}`, ...near.map((one) => one.words), ...parts].join(" · ");
+    this.tip.style.left = `${share * 100}%`;
+    this.tip.classList.add("shown");
+  }
+}

@@ -1,0 +1,134 @@
+// Mouse, wheel, touch and keys.
+
+const CLICK_PX = 6; // a pointer that moves less is a click
+const PAN_PX = 60, ZOOM = 1.25;
+
+/** @typedef {import("./app.js").App} App @typedef {import("./app.js").View} View */
+
+/** Let a person move, point, click and type. @param {App} app */
+export function listen(app) {
+  for (const view of app.views) new Pointers(app, view);
+  app.root.addEventListener("keydown", (event) => onKey(app, event));
+}
+
+/** The pointers that are down on a view: one moves the map, two zoom it. */
+class Pointers {
+  /** @param {App} app @param {View} view */
+  constructor(app, view) {
+    this.app = app;
+    this.view = view;
+    /** @type {Map<number, {x: number, y: number}>} */ this.down = new Map();
+    this.travelled = 0;
+    const { canvas } = view;
+    canvas.addEventListener("pointerdown", (event) => this.#onDown(event));
+    canvas.addEventListener("pointermove", (event) => this.#onMove(event));
+    for (const kind of /** @type {const} */ (["pointerup", "pointercancel"])) canvas.addEventListener(kind, (event) => this.#onUp(event));
+    canvas.addEventListener("pointerleave", () => this.#point(null));
+    canvas.addEventListener("dblclick", (event) => app.moveCamera((camera) => camera.zoom(1.6, event.offsetX, event.offsetY)));
+    canvas.addEventListener("wheel", (event) => this.#onWheel(event), { passive: false });
+  }
+
+  /** @param {PointerEvent} event */
+  #onDown(event) {
+    this.view.canvas.setPointerCapture(event.pointerId);
+    this.view.canvas.focus({ preventScroll: true });
+    this.app.settings.close();
+    if (this.down.size === 0) this.travelled = 0;
+    this.down.set(event.pointerId, { x: event.offsetX, y: event.offsetY });
+  }
+
+  /** @param {PointerEvent} event */
+  #onMove(event) {
+    const was = this.down.get(event.pointerId);
+    if (was === undefined) {
+      this.#point(event);
+      return;
+    }
+    const [dx, dy] = [event.offsetX - was.x, event.offsetY - was.y];
+    const others = [...this.down].filter(([id]) => id !== event.pointerId).map((pair) => pair[1]);
+    this.down.set(event.pointerId, { x: event.offsetX, y: event.offsetY });
+    this.travelled += Math.abs(dx) + Math.abs(dy);
+    if (this.travelled < CLICK_PX) return;
+    this.app.isFollowing = false;
+    if (others.length === 0) {
+      this.app.moveCamera((camera) => camera.pan(dx, dy));
+      return;
+    }
+    const [other] = others;
+    const before = Math.hypot(was.x - other.x, was.y - other.y), after = Math.hypot(event.offsetX - other.x, event.offsetY - other.y);
+    this.app.moveCamera((camera) => {
+      camera.pan(dx / 2, dy / 2);
+      if (before > 0) camera.zoom(after / before, (event.offsetX + other.x) / 2, (event.offsetY + other.y) / 2);
+    });
+  }
+
+  /** @param {PointerEvent} event */
+  #onUp(event) {
+    const isClick = this.down.size === 1 && this.travelled < CLICK_PX && event.type === "pointerup";
+    this.down.delete(event.pointerId);
+    if (!isClick) return;
+    const found = this.view.scene.agentAt(event.offsetX, event.offsetY, event.pointerType === "touch" ? 22 : 12);
+    this.app.select(found === null ? null : found.name);
+    if (found !== null) this.app.panel.open();
+  }
+
+  /** @param {WheelEvent} event */
+  #onWheel(event) {
+    event.preventDefault();
+    const pixels = event.deltaY * (event.deltaMode === 1 ? 20 : 1);
+    const factor = Math.exp(-Math.min(Math.max(pixels, -300), 300) * (event.ctrlKey ? 0.01 : 0.002));
+    this.app.moveCamera((camera) => (this.app.isFollowing ? camera.zoom(factor) : camera.zoom(factor, event.offsetX, event.offsetY)));
+  }
+
+  /** Show what is pointed at. @param {PointerEvent | null} event */
+  #point(event) {
+    const { app, view } = this;
+    const found = event === null || event.pointerType === "touch" ? null : view.scene.agentAt(event.offsetX, event.offsetY);
+    view.canvas.style.cursor = found === null ? "" : "pointer";
+    if (app.look.hovered === (found?.name ?? null)) return;
+    app.look.hovered = found?.name ?? null;
+    app.needsPaint = true;
+    app.panel.explain(view, found);
+  }
+}
+
+/** @param {App} app @param {KeyboardEvent} event */
+function onKey(app, event) {
+  const target = /** @type {HTMLElement} */ (event.target);
+  if (event.ctrlKey || event.metaKey || event.altKey) return;
+  const isButton = target.tagName === "BUTTON", isField = target.tagName === "SELECT" || target.tagName === "INPUT";
+  if (event.key === "Escape") escape(app);
+  else if (isField && (event.key.length > 1 || event.key === " ")) return; // arrows move the timeline and menus
+  else if (isButton && (event.key === " " || event.key === "Enter")) return;
+  else if (!act(app, event)) return;
+  event.preventDefault();
+}
+
+/** @param {App} app */
+function escape(app) {
+  if (!app.settings.close()) app.select(null);
+}
+
+/** Do what a key means; return whether it means anything. @param {App} app @param {KeyboardEvent} event */
+function act(app, event) {
+  const pan = (/** @type {number} */ dx, /** @type {number} */ dy) => {
+    app.isFollowing = false;
+    app.moveCamera((camera) => camera.pan(dx * PAN_PX, dy * PAN_PX));
+  };
+  const zoom = (/** @type {number} */ factor) => app.moveCamera((camera) => camera.zoom(factor));
+  /** @type {Record<string, () => void>} */
+  const actions = {
+    " ": () => (app.isPlaying ? app.pause() : app.play()),
+    arrowleft: () => app.step(event.shiftKey ? -10 : -1), arrowright: () => app.step(event.shiftKey ? 10 : 1),
+    ",": () => app.step(-1), ".": () => app.step(1),
+    home: () => app.step(-app.turns), end: () => app.step(app.turns),
+    "[": () => app.controls.changeSpeed(-1), "]": () => app.controls.changeSpeed(1),
+    w: () => pan(0, 1), s: () => pan(0, -1), a: () => pan(1, 0), d: () => pan(-1, 0),
+    "+": () => zoom(ZOOM), "=": () => zoom(ZOOM), "-": () => zoom(1 / ZOOM), pageup: () => zoom(ZOOM), pagedown: () => zoom(1 / ZOOM),
+    0: () => app.settings.fit(), f: () => app.select(app.look.selected, !app.isFollowing),
+    l: () => app.settings.toggleLabels(), t: () => app.settings.toggleTrails(), n: () => app.settings.toggleTheme(), p: () => app.panel.toggle(), "?": () => app.settings.toggleKeys(),
+  };
+  const action = Object.hasOwn(actions, event.key.toLowerCase()) ? actions[event.key.toLowerCase()] : undefined;
+  action?.();
+  return action !== undefined;
+}

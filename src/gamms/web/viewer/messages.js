@@ -1,0 +1,89 @@
+// Messages: arcs from senders to those that hear or overhear them, and crosses where they are lost.
+import { faded } from "./themes.js";
+
+const HEIGHT = 0.12; // of an arc, in lengths of the way
+const MOST = 2000;
+
+/** @typedef {import("./scene.js").Scene} Scene */
+
+/**
+ * Paint what agents hear next, and what was lost or jammed in this turn, in the colours of the senders.
+ * @param {CanvasRenderingContext2D} to @param {Scene} scene @param {import("./scene.js").Look} look
+ */
+export function paintMessages(to, scene, look) {
+  const { state } = scene.replay;
+  const next = state.gameTurn + 1;
+  const discs = new Map(scene.discs.map((disc) => [disc.name, disc]));
+  const isOwn = (/** @type {string} */ name) => look.fog === null || discs.get(name)?.side === look.fog;
+  let count = 0;
+  for (const message of state.messages) {
+    const sender = discs.get(message.get("sender"));
+    for (const key of ["heard", "overheard"]) {
+      for (const [name, arrival] of message.get(key) ?? []) {
+        const receiver = discs.get(name);
+        if (arrival !== next || receiver === undefined || ++count > MOST) continue;
+        if (!isOwn(name) && !(isOwn(message.get("sender")) && key === "heard")) continue;
+        if (sender === undefined) ring(to, receiver.px, receiver.py, "#808080");
+        else arc(to, sender, receiver, faded(sender.color, key === "heard" ? 0.8 : 0.45), key === "heard" ? [] : [3, 5]);
+      }
+    }
+  }
+  for (const message of state.log.messages) {
+    const sender = discs.get(message.get("sender"));
+    if (sender === undefined || !isOwn(message.get("sender"))) continue;
+    for (const name of [...(message.get("lost") ?? []), ...(message.get("jammed") ?? [])]) {
+      const receiver = discs.get(name);
+      if (receiver !== undefined && ++count <= MOST) lost(to, sender, receiver);
+    }
+  }
+}
+
+/** @typedef {{px: number, py: number, color: string}} End */
+
+/** @param {CanvasRenderingContext2D} to @param {End} from @param {End} end @param {string} color @param {number[]} dash */
+function arc(to, from, end, color, dash) {
+  const [x, y] = bend(from, end);
+  to.strokeStyle = color;
+  to.lineWidth = 2;
+  to.setLineDash(dash);
+  to.beginPath();
+  to.moveTo(from.px, from.py);
+  to.quadraticCurveTo(x, y, end.px, end.py);
+  to.stroke();
+  to.setLineDash([]);
+}
+
+/** Half an arc that ends in a cross: this one did not come through. @param {CanvasRenderingContext2D} to @param {End} from @param {End} end */
+function lost(to, from, end) {
+  const [bx, by] = bend(from, end);
+  const x = 0.25 * from.px + 0.5 * bx + 0.25 * end.px, y = 0.25 * from.py + 0.5 * by + 0.25 * end.py;
+  to.strokeStyle = faded(from.color, 0.6);
+  to.lineWidth = 1.5;
+  to.setLineDash([2, 4]);
+  to.beginPath();
+  to.moveTo(from.px, from.py);
+  to.quadraticCurveTo((from.px + bx) / 2, (from.py + by) / 2, x, y);
+  to.stroke();
+  to.setLineDash([]);
+  to.beginPath();
+  to.moveTo(x - 4, y - 4);
+  to.lineTo(x + 4, y + 4);
+  to.moveTo(x - 4, y + 4);
+  to.lineTo(x + 4, y - 4);
+  to.stroke();
+}
+
+/** Return the control point of an arc that bends to the left. @param {End} from @param {End} end */
+function bend(from, end) {
+  const dx = end.px - from.px, dy = end.py - from.py;
+  return [from.px + dx / 2 + 2 * HEIGHT * dy, from.py + dy / 2 - 2 * HEIGHT * dx];
+}
+
+/** @param {CanvasRenderingContext2D} to @param {number} x @param {number} y @param {string} color */
+function ring(to, x, y, color) {
+  to.strokeStyle = color;
+  to.lineWidth = 2;
+  to.beginPath();
+  to.arc(x, y, 11, 0, 2 * Math.PI);
+  to.stroke();
+}

@@ -1,0 +1,184 @@
+// A recording that is shown: its state at a turn, the ways of agents in it, and what happens over all turns.
+import { captionsOf, endingOf, isMarked } from "./captions.js";
+import { waysOf } from "./motion.js";
+import { FLIGHT, Recording } from "./recording.js";
+import { Knowledge, sensedAt, sideOf } from "./sensed.js";
+import { KINDS, State, stateAt, teamText } from "./state.js";
+import { World } from "./world.js";
+
+const MOST_MARKS = 20000;
+
+/** @typedef {{turn: number, words: string, agent: string | null, isMajor: boolean, isMarked: boolean}} Happening */
+
+/** What happens in all turns, as far as they were read. */
+export class Overview {
+  constructor() {
+    this.turns = 0; // that were read
+    /** @type {Happening[]} */ this.happenings = [];
+    /** @type {{turn: number, scores: Map<string, number>}[]} */ this.scores = [];
+    /** @type {{turn: number, artist: string, data: () => any}[]} */ this.drawings = [];
+    /** @type {{turn: number, data: () => any}[]} */ this.visuals = [];
+    /** @type {{turn: number, data: () => any}[]} */ this.worlds = [];
+    this.hasSensed = false;
+    this.hasMessages = false;
+  }
+
+  /** Read the next block of turns. @param {Recording} recording @returns {boolean} whether there was one */
+  readOn(recording) {
+    if (this.turns >= recording.turns) return false;
+    const chunk = recording.chunk(this.turns);
+    for (let i = 0; i < chunk.turns; i++) {
+      const turn = chunk.first + i + 1;
+      const events = [];
+      for (let event = chunk.eventEnds[i]; event < chunk.eventEnds[i + 1]; event++) {
+        const kind = chunk.kinds[event];
+        const data = () => recording.chunk(turn - 1).data(event);
+        if (kind === KINDS.EVENT || kind === KINDS.USER_EVENT) events.push(chunk.data(event));
+        else if (kind === KINDS.SCORES) this.#addScores(turn, chunk.data(event).get("scores"));
+        else if (kind === KINDS.OVER) this.#addEnd(turn, chunk.data(event));
+        else if (kind === KINDS.DRAWING) this.drawings.push({ turn, artist: chunk.data(event).get("artist"), data });
+        else if (kind === KINDS.VISUALS) this.visuals.push({ turn, data });
+        else if (kind === KINDS.WORLD) this.worlds.push({ turn, data });
+        else if (kind === KINDS.SENSED) this.hasSensed = true;
+        else if (kind === KINDS.MESSAGE) this.hasMessages = true;
+      }
+      for (const { words, agent } of captionsOf(events)) this.#add({ turn, words, agent, isMajor: false, isMarked: events.some(isMarked) });
+    }
+    this.turns = chunk.first + chunk.turns;
+    return true;
+  }
+
+  /** @param {Happening} happening */
+  #add(happening) {
+    if (this.happenings.length < MOST_MARKS) this.happenings.push(happening);
+  }
+
+  #addScores(/** @type {number} */ turn, /** @type {any} */ given) {
+    const scores = new Map([...(given ?? [])].map(([of, score]) => [teamText(of) ?? "", score]).filter((pair) => typeof pair[1] === "number"));
+    const before = this.scores.length ? this.scores[this.scores.length - 1].scores : new Map();
+    for (const [of, score] of scores) {
+      if (score > (before.get(of) ?? 0)) this.#add({ turn, words: `${of} ${Number(score.toPrecision(6))}`, agent: of, isMajor: true, isMarked: true });
+    }
+    this.scores.push({ turn, scores });
+  }
+
+  #addEnd(/** @type {number} */ turn, /** @type {Map<string, any>} */ over) {
+    if (over.size) this.#add({ turn, words: endingOf(over), agent: teamText(over.get("winner")), isMajor: true, isMarked: true });
+  }
+}
+
+export class Replay {
+  /** @param {Recording} recording whose header and first keyframe are there */
+  constructor(recording) {
+    this.recording = recording;
+    this.overview = new Overview();
+    const world = recording.header.get("world");
+    if (!(world instanceof Uint8Array)) throw new Error("This recording does not hold its map.");
+    this.worldBytes = world;
+    this.world = new World(world);
+    this.knowledge = new Knowledge(recording, this.world);
+    /** @type {State} */ this.state = stateAt(recording, 0);
+    /** @type {Map<number, import("./state.js").Agent>} */ this.before = new Map();
+    /** @type {import("./motion.js").Way[]} */ this.ways = [];
+    /** @type {Map<number, import("./sensed.js").Look[]> | null} */ this.sensed = null;
+    this.#prepare();
+  }
+
+  get turns() {
+    return this.recording.turns;
+  }
+
+  /** Show the state after so many turns, at once. @param {number} turn */
+  show(turn) {
+    if (turn === this.state.turn + 1) {
+      this.before = copyOf(this.state);
+      this.state.advance(this.recording);
+    } else if (turn !== this.state.turn) {
+      const from = Math.max(turn - 1, 0);
+      const isNear = this.state.turn <= from && this.recording.keyframeBefore(from) <= this.state.turn;
+      const state = isNear ? this.state : stateAt(this.recording, from);
+      while (state.turn < from) state.advance(this.recording);
+      this.before = copyOf(state);
+      if (turn > from) state.advance(this.recording);
+      this.state = state;
+      this.#restoreLooks(turn);
+    } else {
+      return;
+    }
+    this.#prepare();
+  }
+
+  #prepare() {
+    const bytes = this.state.world ?? this.recording.header.get("world");
+    if (bytes !== this.worldBytes) {
+      this.worldBytes = bytes;
+      this.world = new World(bytes);
+      this.knowledge = new Knowledge(this.recording, this.world);
+    }
+    this.ways = waysOf(this.world, this.state, this.before);
+    this.sensed = this.overview.hasSensed ? sensedAt(this.recording, this.state.turn) : null;
+  }
+
+  /** Restore what keyframes do not hold: drawings, declared looks, and another map. @param {number} turn */
+  #restoreLooks(turn) {
+    const { state, overview } = this;
+    const last = (/** @type {{turn: number, data: () => any}[]} */ all) => all.filter((one) => one.turn <= turn).pop();
+    const artists = new Map(overview.drawings.filter((one) => one.turn <= turn).map((one) => [one.artist, one]));
+    state.drawings.clear();
+    for (const drawing of this.recording.header.get("drawings") ?? []) if (!artists.has(drawing.get("artist"))) state.draw(drawing);
+    for (const one of artists.values()) state.draw(one.data());
+    state.visuals = last(overview.visuals)?.data() ?? this.recording.header.get("visuals") ?? null;
+    state.world = last(overview.worlds)?.data().get("world") ?? null;
+  }
+
+  /** Return where agents went in the last turns: number of an agent -> turns and nodes, the oldest first. */
+  trails(/** @type {number} */ turns) {
+    /** @type {Map<number, {turn: number, x: number, y: number}[]>} */
+    const found = new Map();
+    const add = (/** @type {number} */ number, /** @type {number} */ turn, /** @type {number} */ x, /** @type {number} */ y) => {
+      const known = found.get(number);
+      if (known === undefined) found.set(number, [{ turn, x, y }]);
+      else known.push({ turn, x, y });
+    };
+    const { xy, rowOf } = this.world;
+    for (let turn = Math.max(this.state.turn - turns - 1, 0); turn < this.state.turn - 1; turn++) {
+      const chunk = this.recording.chunk(turn), i = turn - chunk.first;
+      for (let move = chunk.moveEnds[i]; move < chunk.moveEnds[i + 1]; move++) {
+        const row = rowOf.get(chunk.nodes[move]);
+        if (row !== undefined) add(chunk.rows[move], turn, xy[2 * row], xy[2 * row + 1]);
+      }
+      for (let event = chunk.eventEnds[i]; event < chunk.eventEnds[i + 1]; event++) {
+        if (chunk.kinds[event] !== FLIGHT) continue;
+        const [number, , x, y] = chunk.data(event);
+        add(number, turn, x, y);
+      }
+    }
+    return found;
+  }
+
+  /** Return how often each node was gone to in all turns up to this one, by its row. @param {string | null} side */
+  visits(side) {
+    const counts = new Float64Array(this.world.nodeIds.length);
+    const sides = new Map([...this.state.agents.values()].map((agent) => [agent.number, sideOf(agent)]));
+    for (let first = 0; first < this.state.turn; ) {
+      const chunk = this.recording.chunk(first);
+      const end = chunk.moveEnds[Math.min(this.state.turn - chunk.first, chunk.turns)];
+      for (let move = 0; move < end; move++) {
+        const row = this.world.rowOf.get(chunk.nodes[move]);
+        if (row !== undefined && (side === null || sides.get(chunk.rows[move]) === side)) counts[row]++;
+      }
+      first = chunk.first + chunk.turns;
+    }
+    return counts;
+  }
+
+  /** Return the sides of the game, in the order of their first agents. */
+  sides() {
+    return [...new Set([...this.state.agents.values()].map(sideOf))];
+  }
+}
+
+/** @param {State} state */
+function copyOf(state) {
+  return new Map([...state.agents].map(([number, agent]) => [number, { ...agent }]));
+}

@@ -1,0 +1,447 @@
+// Paint one frame: the map, what teams know, rules, sensors, trails, agents, messages, names and the scale bar.
+import { Camera } from "./camera.js";
+import { commandsOf, paintCommands } from "./draw_commands.js";
+import { MapLayer } from "./map_layer.js";
+import { placeOn } from "./motion.js";
+import { Replay } from "./replay.js";
+import { paintFlags, paintGoals, paintMarks, paintTerritories } from "./rules.js";
+import { paintMessages } from "./messages.js";
+import { sideOf } from "./sensed.js";
+import { THEMES, faded, isBright, teamColors } from "./themes.js";
+
+const AGENT_LAYER = 20; // artists below it are behind the agents
+const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
+const SPREAD = [0, 0, 0.7, 0.85, 0.95, 1.0]; // how far so many discs on one node are moved, in radii
+const MOST_SPREAD = 6; // of more on one node, one stands for each team, with their number
+const MOST_NAMES = 30; // that are shown by themselves
+const MOST_SIGHTS = 20; // agents whose sensors are shown by themselves
+const SEEN_ALPHA = 0.35;
+const VIRIDIS = ["#440154", "#46327e", "#365c8d", "#277f8e", "#1fa187", "#4ac16d", "#a0da39", "#fde725"];
+
+/**
+ * @typedef {object} Look how a scene is to be painted
+ * @property {"light" | "dark"} theme @property {string | null} fog the team whose eyes are used @property {number} trails turns
+ * @property {boolean | "auto"} labels @property {boolean} sensors @property {boolean} messages
+ * @property {string | null} heat "" for visits of all, or a team @property {string | null} selected name of an agent @property {string | null} hovered
+ * @typedef {{name: string, number: number, team: string | null, side: string, x: number, y: number, px: number, py: number, radius: number, color: string, way: import("./motion.js").Way}} Disc
+ */
+
+export class Scene {
+  /** @param {Replay} replay @param {HTMLCanvasElement} canvas */
+  constructor(replay, canvas) {
+    this.replay = replay;
+    this.canvas = canvas;
+    this.to = /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d", { alpha: false }));
+    this.world = replay.world;
+    this.map = new MapLayer(replay.world);
+    this.camera = new Camera(replay.world.box, replay.world.unit);
+    this.ratio = 1;
+    /** @type {Disc[]} */ this.discs = [];
+    /** @type {Set<number> | null} */ this.visible = null; // numbers of the agents that the fog leaves
+  }
+
+  /** Fit the canvas to its place on the page. */
+  resize() {
+    const { clientWidth, clientHeight } = this.canvas;
+    this.ratio = Math.min(window.devicePixelRatio || 1, 2);
+    this.canvas.width = Math.round(clientWidth * this.ratio);
+    this.canvas.height = Math.round(clientHeight * this.ratio);
+    this.camera.resize(clientWidth, clientHeight);
+  }
+
+  /** Return the colours of all sides. @param {Look} look */
+  colors(look) {
+    const declared = this.replay.state.visuals?.get("team_colors");
+    const given = declared instanceof Map ? declared : new Map(declared ?? []);
+    return teamColors(this.replay.sides(), THEMES[look.theme], given);
+  }
+
+  /**
+   * Paint the turn that is shown, after a share of it.
+   * @param {Look} look @param {number} share @param {boolean} isMoving whether the camera moves
+   * @returns {boolean} whether the map is as sharp as it can be
+   */
+  paint(look, share, isMoving) {
+    const { to, camera, replay, ratio } = this;
+    const theme = THEMES[look.theme];
+    if (replay.world !== this.world) {
+      this.world = replay.world;
+      this.map = new MapLayer(replay.world);
+    }
+    this.#place(look, share);
+    to.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const isSharp = this.map.show(to, camera, theme, ratio, isMoving);
+    const colors = this.colors(look);
+    const hidden = this.#paintFog(look, theme);
+    if (look.fog === null) paintTerritories(to, this, colors);
+    if (look.heat !== null) this.#paintHeat(look.heat);
+    this.#paintDrawings((layer) => layer < AGENT_LAYER, look, share);
+    paintGoals(to, this, colors, theme);
+    this.#paintTrails(look);
+    this.#paintSights(look, colors);
+    if (look.messages) paintMessages(to, this, look);
+    this.#paintAgents(look, theme);
+    paintFlags(to, this, colors, hidden);
+    paintMarks(to, this, colors, theme, look);
+    this.#paintDrawings((layer) => layer >= AGENT_LAYER, look, share);
+    this.#paintNames(look, theme);
+    this.#paintScaleBar(theme);
+    return isSharp;
+  }
+
+  /** Return where an agent is painted; undefined if it is not. @param {string} name */
+  discOf(name) {
+    return this.discs.find((disc) => disc.name === name);
+  }
+
+  /** Return the agent at a pixel; null where there is none. @param {number} px @param {number} py @param {number} far */
+  agentAt(px, py, far = 12) {
+    let [best, least] = [/** @type {Disc | null} */ (null), far];
+    for (const disc of this.discs) {
+      const distance = Math.hypot(disc.px - px, disc.py - py) - disc.radius;
+      if (distance < least) [best, least] = [disc, distance];
+    }
+    return best;
+  }
+
+  /** Work out where all agents are painted. @param {Look} look @param {number} share */
+  #place(look, share) {
+    const { replay, camera } = this;
+    this.sightOfTeam = look.fog === null ? null : replay.knowledge.sight(replay.state, look.fog);
+    this.visible = this.sightOfTeam?.agents ?? null;
+    const colors = this.colors(look);
+    const ways = replay.ways.filter((way) => (way.agent.alive || share < 1) && (this.visible === null || this.visible.has(way.number)));
+    const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
+    const radius = Math.max(0.22 * replay.world.unit * camera.scale, least);
+    const starts = spreadOf(ways, (way) => way.before?.node ?? way.agent.node), ends = spreadOf(ways, (way) => way.agent.node);
+    this.discs = ways.map((way, i) => {
+      const [x, y] = placeOn(way, share);
+      const [px, py] = camera.toScreen(x, y);
+      const right = (1 - share) * starts[i][0] + share * ends[i][0], down = (1 - share) * starts[i][1] + share * ends[i][1];
+      const side = sideOf(way.agent);
+      return { name: way.name, number: way.number, team: way.team, side, x, y, px: px + right * radius, py: py + down * radius, radius, color: colors.get(side) ?? "#888888", way };
+    }).filter((disc) => Number.isFinite(disc.px));
+  }
+
+  /** Veil what a team does not see; return the names of the agents that it does not see. @param {Look} look @param {import("./themes.js").Theme} theme */
+  #paintFog(look, theme) {
+    const hidden = new Set();
+    const sight = this.sightOfTeam;
+    if (look.fog === null || sight === null) return hidden;
+    const { to, camera, replay, world } = this;
+    for (const agent of replay.state.agents.values()) if (!sight.agents.has(agent.number)) hidden.add(agent.name);
+    to.fillStyle = faded(theme.background, 0.72);
+    to.fillRect(0, 0, camera.width, camera.height);
+    const since = replay.knowledge.firstSeen(look.fog);
+    const shadeOf = (/** @type {number} */ row) => (sight.nodes.has(row) ? 2 : since[row] >= 0 && since[row] <= replay.state.turn ? 1 : 0);
+    const paths = [null, new Path2D(), new Path2D()];
+    for (const edge of world.streets) {
+      const shade = Math.min(shadeOf(world.sources[edge]), shadeOf(world.targets[edge]));
+      const path = paths[shade];
+      if (path !== null) addLine(path, camera, world.pointsOf(edge));
+    }
+    [1, 2].forEach((shade) => {
+      to.strokeStyle = theme.fog[shade];
+      to.lineWidth = Math.max(world.isMetric ? 2 * camera.scale * Math.min(1, 0.1 * world.unit) : 1.5, 1.2);
+      to.lineCap = "round";
+      to.stroke(/** @type {Path2D} */ (paths[shade]));
+    });
+    return hidden;
+  }
+
+  /** Show how often nodes were visited. @param {string} side "" for all */
+  #paintHeat(side) {
+    const { to, camera, replay, world } = this;
+    const key = `${side} ${replay.state.turn}`;
+    if (this.heatKey !== key) [this.heatKey, this.heat] = [key, replay.visits(side === "" ? null : side)];
+    const counts = /** @type {Float64Array} */ (this.heat);
+    const most = Math.log1p(counts.reduce((a, b) => Math.max(a, b), 0)) || 1;
+    const radius = Math.max(0.5 * world.unit * camera.scale, 2.5);
+    const paths = VIRIDIS.map(() => new Path2D());
+    for (let row = 0; row < counts.length; row++) {
+      if (counts[row] === 0) continue;
+      const [x, y] = camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]);
+      const path = paths[Math.min(Math.floor((Math.log1p(counts[row]) / most) * VIRIDIS.length), VIRIDIS.length - 1)];
+      path.moveTo(x + radius, y);
+      path.arc(x, y, radius, 0, 2 * Math.PI);
+    }
+    paths.forEach((path, step) => {
+      to.fillStyle = faded(VIRIDIS[step], 0.75);
+      to.fill(path);
+    });
+  }
+
+  /** Paint what artists of a program's own drew. @param {(layer: number) => boolean} isChosen @param {Look} look @param {number} share */
+  #paintDrawings(isChosen, look, share) {
+    if (look.fog !== null) return; // nobody says what of it a team may see
+    const drawings = [...this.replay.state.drawings.values()].filter((one) => isChosen(one.get("layer")));
+    for (const drawing of drawings.sort((a, b) => a.get("layer") - b.get("layer"))) {
+      const commands = commandsOf(drawing.get("commands"));
+      const start = drawing.get("start");
+      if (start !== undefined && share < 1 && start.length === commands.points.length) {
+        commands.points = Float64Array.from(commands.points, (end, i) => start[i] + share * (end - start[i]));
+      }
+      paintCommands(this.to, commands, this.camera);
+    }
+  }
+
+  /** @param {Look} look */
+  #paintTrails(look) {
+    if (!look.trails) return;
+    const { to, camera, replay } = this;
+    const trails = replay.trails(look.trails);
+    to.lineCap = to.lineJoin = "round";
+    for (const { number, way, color, radius, x, y } of this.discs) {
+      const points = [...(trails.get(number) ?? []), { turn: replay.state.turn - 1, x: way.points[0], y: way.points[1] }, { turn: replay.state.turn, x, y }];
+      to.lineWidth = Math.max(0.7 * radius, 2);
+      for (let i = 1; i < points.length; i++) {
+        const age = replay.state.turn - points[i].turn;
+        to.strokeStyle = faded(color, Math.max(0.55 * (1 - age / (look.trails + 1)), 0.05));
+        to.beginPath();
+        to.moveTo(...camera.toScreen(points[i - 1].x, points[i - 1].y));
+        to.lineTo(...camera.toScreen(points[i].x, points[i].y));
+        to.stroke();
+      }
+    }
+  }
+
+  /** Paint what sensors saw: of all agents while they are few, else of those that are looked at. @param {Look} look @param {Map<string, string>} colors */
+  #paintSights(look, colors) {
+    const { replay, to, camera, world } = this;
+    if (replay.sensed === null) return;
+    const living = this.discs.filter((disc) => disc.way.agent.alive && (look.fog === null || disc.side === look.fog));
+    const chosen = living.filter((disc) => disc.name === look.selected || disc.name === look.hovered);
+    const shown = chosen.length ? chosen : look.sensors && living.length <= MOST_SIGHTS ? living : [];
+    for (const disc of shown) {
+      const color = colors.get(disc.side) ?? "#888888";
+      for (const seen of replay.sensed.get(disc.number) ?? []) {
+        const sensor = replay.state.sensors.get(disc.way.agent.sensors.get(seen.sensor) ?? "");
+        this.#paintField(disc, sensor, color);
+        if (seen.nodes.length > 0.9 * world.nodeIds.length) continue;
+        to.fillStyle = to.strokeStyle = faded(color, SEEN_ALPHA);
+        if (seen.agents.length === 0) this.#paintNodes(seen.nodes);
+        to.lineWidth = Math.max(3, 0.2 * world.unit * camera.scale);
+        to.lineCap = "round";
+        const path = new Path2D();
+        for (const id of seen.edges) {
+          const edge = this.#edgeRow(id);
+          if (edge !== undefined) addLine(path, camera, world.pointsOf(edge));
+        }
+        to.stroke(path);
+        to.strokeStyle = color;
+        to.lineWidth = 2;
+        for (const number of seen.agents) {
+          const other = this.discs.find((one) => one.number === number);
+          if (other === undefined || other.side === disc.side) continue;
+          to.beginPath();
+          to.arc(other.px, other.py, 1.7 * other.radius + 1, 0, 2 * Math.PI);
+          to.stroke();
+        }
+      }
+    }
+  }
+
+  /** Paint the field of a sensor with a range. */
+  #paintField(/** @type {Disc} */ disc, /** @type {{type: string, keywords: Map<string, any>} | undefined} */ sensor, /** @type {string} */ color) {
+    const { to, camera } = this;
+    const far = sensor?.keywords.get("sensor_range");
+    if (sensor === undefined || !Number.isFinite(far) || !(far > 0) || sensor.type.startsWith("OCCLUDED") || far * camera.scale > 2 * Math.max(camera.width, camera.height)) return;
+    const fov = sensor.keywords.get("fov") ?? 2 * Math.PI;
+    const [px, py] = camera.toScreen(disc.x, disc.y);
+    const [cos, sin] = disc.way.agent.heading;
+    to.beginPath();
+    if (fov < 6.28 && Number.isFinite(cos)) {
+      const angle = Math.atan2(-sin, cos);
+      to.moveTo(px, py);
+      to.arc(px, py, far * camera.scale, angle - fov / 2, angle + fov / 2);
+      to.closePath();
+    } else if (fov >= 6.28) {
+      to.arc(px, py, far * camera.scale, 0, 2 * Math.PI);
+    }
+    to.fillStyle = faded(color, 0.07);
+    to.fill();
+    to.strokeStyle = faded(color, 0.35);
+    to.lineWidth = 1;
+    to.stroke();
+  }
+
+  /** @param {number[]} ids */
+  #paintNodes(ids) {
+    const { to, camera, world } = this;
+    const radius = Math.max(0.11 * world.unit * camera.scale, 2.5);
+    to.beginPath();
+    for (const id of ids) {
+      const row = world.rowOf.get(id);
+      if (row === undefined) continue;
+      const [x, y] = camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]);
+      to.moveTo(x + radius, y);
+      to.arc(x, y, radius, 0, 2 * Math.PI);
+    }
+    to.fill();
+  }
+
+  /** @param {number} id of an edge */
+  #edgeRow(id) {
+    if (this.edgeRows?.of !== this.world) this.edgeRows = { of: this.world, rows: new Map(Array.from(this.world.edgeIds, (one, row) => [one, row])) };
+    return this.edgeRows.rows.get(id);
+  }
+
+  /** @param {Look} look @param {import("./themes.js").Theme} theme */
+  #paintAgents(look, theme) {
+    const { to, camera } = this;
+    const stacks = stacksOf(this.discs);
+    for (const disc of this.discs) {
+      const { px, py, radius, color, way } = disc;
+      if (px < -50 || py < -50 || px > camera.width + 50 || py > camera.height + 50) continue;
+      const edge = isBright(color) ? "#3c3c3c" : "#ffffff";
+      if (disc.name === look.selected || disc.name === look.hovered) this.#ring(px, py, radius + 5, faded(theme.ink, 0.85), 2);
+      if (way.agent.flies) this.#paintFlyer(disc, edge);
+      to.beginPath();
+      to.arc(px, py, radius, 0, 2 * Math.PI);
+      to.fillStyle = color;
+      to.fill();
+      if (radius > 2) this.#ring(px, py, radius, edge, Math.min(1.5, radius / 2));
+    }
+    to.textAlign = "center";
+    to.textBaseline = "middle";
+    for (const { x, y, radius, count } of stacks) {
+      to.font = `600 ${Math.max(10, radius)}px system-ui, sans-serif`;
+      this.#words(String(count), x, y - radius - 8, theme);
+    }
+    to.textAlign = "left";
+  }
+
+  /** An agent in the air has a ring around it, and a nose that points where it looks. */
+  #paintFlyer(/** @type {Disc} */ { px, py, radius, color, way }, /** @type {string} */ edge) {
+    const [w, x, y, z] = way.agent.quat;
+    this.#ring(px, py, 1.8 * radius, edge, 4);
+    this.#ring(px, py, 1.8 * radius, color, 2);
+    const [cos, sin] = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z)];
+    const length = Math.hypot(cos, sin);
+    if (!(length > 1e-9)) return;
+    for (const [ink, width] of /** @type {[string, number][]} */ ([[edge, 5], [color, 3]])) {
+      this.to.beginPath();
+      this.to.moveTo(px, py);
+      this.to.lineTo(px + (2.6 * radius * cos) / length, py - (2.6 * radius * sin) / length);
+      this.to.strokeStyle = ink;
+      this.to.lineWidth = width;
+      this.to.stroke();
+    }
+  }
+
+  #ring(/** @type {number} */ x, /** @type {number} */ y, /** @type {number} */ radius, /** @type {string} */ color, /** @type {number} */ width) {
+    this.to.beginPath();
+    this.to.arc(x, y, radius, 0, 2 * Math.PI);
+    this.to.strokeStyle = color;
+    this.to.lineWidth = width;
+    this.to.stroke();
+  }
+
+  /** Write names beside agents, where they cover no other agent and no other name. @param {Look} look @param {import("./themes.js").Theme} theme */
+  #paintNames(look, theme) {
+    const { to, camera } = this;
+    const isChosen = (/** @type {Disc} */ disc) => disc.name === look.selected || disc.name === look.hovered;
+    const areAll = look.labels === true || (look.labels === "auto" && this.discs.length <= MOST_NAMES);
+    const named = this.discs.filter((disc) => areAll || isChosen(disc)).sort((a, b) => Number(isChosen(b)) - Number(isChosen(a)));
+    /** @type {number[][]} */
+    const taken = this.discs.length <= 300 ? this.discs.map(({ px, py, radius }) => [px - radius, py - radius, px + radius, py + radius]) : [];
+    to.font = "12px system-ui, sans-serif";
+    to.textBaseline = "middle";
+    to.textAlign = "left";
+    for (const disc of named) {
+      const { px, py, radius, name, way } = disc;
+      if (px < 0 || py < 0 || px > camera.width || py > camera.height) continue;
+      const height = way.agent.flies && way.agent.position[2] > 0 ? ` ${way.agent.position[2].toFixed(0)} m` : "";
+      const words = (name.length > 24 ? `${name.slice(0, 23)}…` : name) + height;
+      const width = to.measureText(words).width, far = radius + 4;
+      const places = [[px + far - 2, py - far - 4], [px + far, py + far + 3], [px - far - width, py - far - 4], [px - far - width, py + far + 3], [px + far + 2, py], [px - width / 2, py - far - 8]];
+      const place = places.find(([x, y]) => !taken.some((box) => x < box[2] && x + width > box[0] && y - 8 < box[3] && y + 8 > box[1])) ?? (isChosen(disc) ? places[0] : null);
+      if (place === null) continue;
+      taken.push([place[0], place[1] - 8, place[0] + width, place[1] + 8]);
+      this.#words(words, place[0], place[1], theme);
+    }
+  }
+
+  /** Write words with a halo. */
+  #words(/** @type {string} */ words, /** @type {number} */ x, /** @type {number} */ y, /** @type {import("./themes.js").Theme} */ theme) {
+    this.to.lineJoin = "round";
+    this.to.lineWidth = 3;
+    this.to.strokeStyle = theme.background;
+    this.to.strokeText(words, x, y);
+    this.to.fillStyle = theme.ink;
+    this.to.fillText(words, x, y);
+  }
+
+  /** @param {import("./themes.js").Theme} theme */
+  #paintScaleBar(theme) {
+    const { to, camera } = this;
+    if (!this.world.isMetric) return;
+    const most = Math.min(140, camera.width / 4) / camera.scale;
+    const power = 10 ** Math.floor(Math.log10(most));
+    const metres = [5, 2, 1].map((n) => n * power).find((n) => n <= most) ?? power;
+    const width = metres * camera.scale, x = 14, y = camera.height - Math.max(camera.insets.bottom, 0) - 12;
+    to.textAlign = "left";
+    to.textBaseline = "alphabetic";
+    to.font = "11px system-ui, sans-serif";
+    for (const [ink, line] of /** @type {[string, number][]} */ ([[theme.background, 4], [theme.faint, 1.5]])) {
+      to.strokeStyle = ink;
+      to.lineWidth = line;
+      to.lineCap = "butt";
+      to.beginPath();
+      to.moveTo(x, y - 5);
+      to.lineTo(x, y);
+      to.lineTo(x + width, y);
+      to.lineTo(x + width, y - 5);
+      to.stroke();
+    }
+    this.#words(metres >= 1000 ? `${metres / 1000} km` : `${metres} m`, x + 5, y - 5, theme);
+  }
+}
+
+/** Add the points of a polyline to a path, in pixels. */
+function addLine(/** @type {Path2D} */ path, /** @type {Camera} */ camera, /** @type {ArrayLike<number>} */ points) {
+  path.moveTo(...camera.toScreen(points[0], points[1]));
+  for (let i = 2; i < points.length; i += 2) path.lineTo(...camera.toScreen(points[i], points[i + 1]));
+}
+
+/** Return by how many radii discs are moved right and down, so that those on one node can be told apart. */
+function spreadOf(/** @type {import("./motion.js").Way[]} */ ways, /** @type {(way: import("./motion.js").Way) => number} */ nodeOf) {
+  /** @type {Map<number, number[]>} */
+  const groups = new Map();
+  const found = ways.map(() => [0, 0]);
+  ways.forEach((way, i) => {
+    if (way.agent.flies || way.agent.share > 0) return;
+    const node = nodeOf(way);
+    const known = groups.get(node);
+    if (known === undefined) groups.set(node, [i]);
+    else known.push(i);
+  });
+  for (const members of groups.values()) {
+    if (members.length < 2) continue;
+    const sides = [...new Set(members.map((i) => sideOf(ways[i].agent)))];
+    const isMany = members.length > MOST_SPREAD;
+    const slots = isMany ? sides.length : members.length;
+    if (slots < 2) continue;
+    members.forEach((i, place) => {
+      const slot = isMany ? sides.indexOf(sideOf(ways[i].agent)) : place;
+      const angle = Math.PI * (1 + (2 * slot) / slots) - (slots % 2 ? Math.PI / 2 : 0);
+      const far = SPREAD[Math.min(slots, SPREAD.length - 1)];
+      found[i] = [far * Math.cos(angle), far * Math.sin(angle)];
+    });
+  }
+  return found;
+}
+
+/** Return where so many agents of a team stand on one node that one disc stands for them. @param {Disc[]} discs */
+function stacksOf(discs) {
+  /** @type {Map<string, {x: number, y: number, radius: number, count: number}>} */
+  const found = new Map();
+  for (const { px, py, radius, side, way } of discs) {
+    if (way.agent.flies) continue;
+    const key = `${way.agent.node} ${side} ${px.toFixed(1)} ${py.toFixed(1)}`;
+    const known = found.get(key);
+    if (known === undefined) found.set(key, { x: px, y: py, radius, count: 1 });
+    else known.count++;
+  }
+  return [...found.values()].filter((one) => one.count > 1);
+}

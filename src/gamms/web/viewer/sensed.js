@@ -1,0 +1,151 @@
+// What sensors saw in a turn, from the columns of an event; and what a team knows of the map and of others.
+import { Recording } from "./recording.js";
+import { KINDS, State, stateAt, teamText } from "./state.js";
+import { placeOf } from "./motion.js";
+import { World } from "./world.js";
+
+const IDS = 0, MAP = 1, AGENTS = 2, OTHER = 3, IN_SPACE = 4; // forms
+const OF_NODES = new Set(["NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL"]);
+const IN_THE_OPEN = new Set(["AGENT_RANGE", "AGENT_ARC"]); // kinds that see agents and have a field without walls
+
+/**
+ * @typedef {{sensor: string, kind: string, nodes: number[], edges: number[], agents: number[], other: any}} Look
+ * What one sensor saw: ids of nodes and edges, numbers of agents.
+ */
+
+/** Return what was sensed, by the number of the agent. @param {Map<string, any>} data @returns {Map<number, Look[]>} */
+export function looksOf(data) {
+  const [agents, counts, sensors, which, forms, sizes, ids, others] = ["agents", "counts", "sensors", "which", "forms", "sizes", "ids", "others"].map((key) => data.get(key));
+  const found = new Map();
+  let look = 0, at = 0, other = 0;
+  for (let i = 0; i < agents.length; i++) {
+    const looks = [];
+    for (let n = 0; n < counts[i]; n++, look++) {
+      const [sensor, kind] = sensors[which[look]] ?? ["", ""];
+      const first = [...ids.slice(at, at + sizes[2 * look])];
+      const second = [...ids.slice(at + sizes[2 * look], at + sizes[2 * look] + sizes[2 * look + 1])];
+      at += first.length + second.length;
+      const form = forms[look];
+      const given = form === OTHER || form === IN_SPACE ? others[other++] : null;
+      const isMap = form === IDS ? OF_NODES.has(kind) : form === MAP;
+      looks.push({
+        sensor, kind, nodes: isMap ? first : form === AGENTS || form === IN_SPACE ? second : [], edges: form === MAP ? second : [],
+        agents: form === AGENTS || form === IN_SPACE ? first : [], other: isMap || form === AGENTS ? null : given ?? first,
+      });
+    }
+    found.set(agents[i], looks);
+  }
+  return found;
+}
+
+/** Return what was sensed in a turn; null where that is not recorded. @param {Recording} recording @param {number} turn from 0 */
+export function sensedIn(recording, turn) {
+  if (turn < 0 || turn >= recording.turns) return null;
+  const chunk = recording.chunk(turn);
+  for (let event = chunk.eventEnds[turn - chunk.first]; event < chunk.eventEnds[turn - chunk.first + 1]; event++) {
+    if (chunk.kinds[event] === KINDS.SENSED) return looksOf(chunk.data(event));
+  }
+  return null;
+}
+
+/** Return what agents knew when the game stood so: what they sensed next; at the end, what they sensed last. */
+export function sensedAt(/** @type {Recording} */ recording, /** @type {number} */ turn) {
+  return sensedIn(recording, turn) ?? sensedIn(recording, turn - 1);
+}
+
+/** What a team sees: rows of nodes, and numbers of agents. @typedef {{nodes: Set<number>, agents: Set<number>}} Sight */
+
+/** Nodes by squares, to find those near a place. */
+class Squares {
+  /** @param {World} world */
+  constructor(world) {
+    this.world = world;
+    this.side = 4 * world.unit;
+    /** @type {Map<string, number[]>} */ this.squares = new Map();
+    for (let row = 0; row < world.nodeIds.length; row++) {
+      const key = this.#key(world.xy[2 * row], world.xy[2 * row + 1]);
+      const known = this.squares.get(key);
+      if (known === undefined) this.squares.set(key, [row]);
+      else known.push(row);
+    }
+  }
+
+  #key(/** @type {number} */ x, /** @type {number} */ y) {
+    return `${Math.floor(x / this.side)} ${Math.floor(y / this.side)}`;
+  }
+
+  /** Return the rows of the nodes within a distance. @param {number} x @param {number} y @param {number} far @returns {number[]} */
+  within(x, y, far) {
+    const { xy } = this.world;
+    const isNear = (/** @type {number} */ row) => Math.hypot(xy[2 * row] - x, xy[2 * row + 1] - y) <= far;
+    if (far / this.side > 50) return Array.from(this.world.nodeIds.keys()).filter(isNear);
+    const found = [];
+    for (let i = Math.floor((x - far) / this.side); i <= Math.floor((x + far) / this.side); i++) {
+      for (let j = Math.floor((y - far) / this.side); j <= Math.floor((y + far) / this.side); j++) {
+        found.push(...(this.squares.get(`${i} ${j}`) ?? []).filter(isNear));
+      }
+    }
+    return found;
+  }
+}
+
+/** What teams know of the map: which nodes they see, and since when they have seen others. */
+export class Knowledge {
+  /** @param {Recording} recording @param {World} world */
+  constructor(recording, world) {
+    this.recording = recording;
+    this.world = world;
+    this.squares = new Squares(world);
+    /** @type {Map<string, Int32Array>} */ this.since = new Map(); // team -> the turn in which it first saw each node
+  }
+
+  /** Return what a team sees in a state. @param {State} state @param {string} team @param {Map<number, Look[]> | null} sensed @returns {Sight} */
+  sight(state, team, sensed = sensedAt(this.recording, state.turn)) {
+    const nodes = new Set(), agents = new Set();
+    for (const agent of state.agents.values()) {
+      if (sideOf(agent) !== team) continue;
+      agents.add(agent.number);
+      if (!agent.alive) continue;
+      nodes.add(this.world.rowOf.get(agent.node));
+      for (const look of sensed?.get(agent.number) ?? []) {
+        for (const number of look.agents) agents.add(number);
+        if (look.agents.length === 0 || OF_NODES.has(look.kind)) for (const id of look.nodes) nodes.add(this.world.rowOf.get(id));
+        for (const row of this.#inField(state, agent, look)) nodes.add(row);
+      }
+    }
+    for (const agent of state.agents.values()) {
+      if (!agent.flies && agent.share === 0 && nodes.has(this.world.rowOf.get(agent.node))) agents.add(agent.number);
+    }
+    return { nodes, agents };
+  }
+
+  /** Return the nodes in the field of a sensor that sees agents wherever they are in it. */
+  #inField(/** @type {State} */ state, /** @type {import("./state.js").Agent} */ agent, /** @type {Look} */ look) {
+    const sensor = state.sensors.get(agent.sensors.get(look.sensor) ?? "");
+    const far = sensor?.keywords.get("sensor_range");
+    const fov = sensor?.keywords.get("fov");
+    if (!IN_THE_OPEN.has(look.kind) || !(far > 0) || !Number.isFinite(far) || (look.kind === "AGENT_ARC" && !(fov >= 6.28))) return [];
+    const [x, y] = placeOf(this.world, agent);
+    return Number.isFinite(x) ? this.squares.within(x, y, far) : [];
+  }
+
+  /** Return for each node the turn in which a team first saw it; -1: never. @param {string} team @returns {Int32Array} */
+  firstSeen(team) {
+    const known = this.since.get(team);
+    if (known !== undefined) return known;
+    const since = new Int32Array(this.world.nodeIds.length).fill(-1);
+    const state = stateAt(this.recording, 0);
+    for (;;) {
+      for (const row of this.sight(state, team).nodes) if (since[row] < 0) since[row] = state.turn;
+      if (state.turn >= this.recording.turns) break;
+      state.advance(this.recording);
+    }
+    this.since.set(team, since);
+    return since;
+  }
+}
+
+/** Return the side of an agent: its team, or without one itself. @param {{team: string | null, name: string}} agent */
+export function sideOf(agent) {
+  return teamText(agent.team) ?? agent.name;
+}

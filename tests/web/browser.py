@@ -1,0 +1,156 @@
+"""A headless Chromium that is driven over the DevTools protocol: pages are opened, evaluated, and looked at."""
+
+import base64
+import json
+import os
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+_FLAGS = (
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-gpu",
+    "--disable-dev-shm-usage",
+    "--no-first-run",
+    "--hide-scrollbars",
+    "--remote-debugging-port=0",
+    "--host-resolver-rules=MAP * ~NOTFOUND",  # there is no network
+)
+_SECONDS = 30.0
+
+
+class Page:
+    """A page in the browser."""
+
+    def __init__(self, socket):
+        self._socket, self._number = socket, 0
+        self.messages = []  # that the console and the engine have written
+
+    def call(self, method, **params):
+        """Call a method of the protocol, and return its result."""
+        self._number += 1
+        self._socket.send(json.dumps({"id": self._number, "method": method, "params": params}))
+        while True:
+            found = json.loads(self._socket.recv(timeout=_SECONDS))
+            if found.get("id") == self._number:
+                assert "error" not in found, found
+                return found["result"]
+            self._note(found)
+
+    def _note(self, event):
+        params = event.get("params", {})
+        if event.get("method") == "Runtime.consoleAPICalled":
+            self.messages.append(" ".join(str(one.get("value")) for one in params["args"]))
+        elif event.get("method") == "Runtime.exceptionThrown":
+            self.messages.append(json.dumps(params["exceptionDetails"].get("exception", params["exceptionDetails"])))
+        elif event.get("method") == "Log.entryAdded":
+            self.messages.append(params["entry"]["text"])
+
+    def open(self, path, width=1280, height=720, *, touch=False, scale=1, dark=False):
+        """Open a file in a window of some size, and wait until the viewer has read it."""
+        for domain in ("Page", "Runtime", "Log"):
+            self.call(f"{domain}.enable")
+        self.call(
+            "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=touch
+        )
+        self.call("Emulation.setTouchEmulationEnabled", enabled=touch)
+        features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
+        self.call("Emulation.setEmulatedMedia", features=features)
+        self.call("Page.navigate", url=Path(path).absolute().as_uri())
+        self.wait("document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead")
+        return self
+
+    def value(self, expression):
+        """Return the value of an expression in the page."""
+        found = self.call("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
+        assert "exceptionDetails" not in found, found["exceptionDetails"]
+        return found["result"].get("value")
+
+    def wait(self, expression):
+        """Wait until an expression is true."""
+        end = time.monotonic() + _SECONDS
+        while not self.value(f"Boolean({expression})"):
+            assert time.monotonic() < end, f"{expression} did not become true; {self.messages}"
+            time.sleep(0.02)
+
+    def settle(self):
+        """Wait until the next frames are painted."""
+        self.value(
+            "new Promise((done) => setTimeout(() => requestAnimationFrame(() => requestAnimationFrame(done)), 200))"
+        )
+
+    def picture(self, path=None):
+        """Return a screenshot as PNG, and write it to a file."""
+        data = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
+        if path is not None:
+            Path(path).write_bytes(data)
+        return data
+
+    def mouse(self, kind, x, y, **more):
+        """Send an event of the mouse."""
+        self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, **more)
+
+    def click(self, x, y):
+        """Click with the left button."""
+        for kind in ("mousePressed", "mouseReleased"):
+            self.mouse(kind, x, y, button="left", clickCount=1)
+
+    def drag(self, start, end):
+        """Drag with the left button."""
+        self.mouse("mousePressed", *start, button="left", clickCount=1)
+        middle = [(a + b) / 2 for a, b in zip(start, end, strict=True)]
+        for place in (middle, end):
+            self.mouse("mouseMoved", *place, button="left", buttons=1)
+        self.mouse("mouseReleased", *end, button="left", clickCount=1)
+
+    def touch(self, kind, *points):
+        """Send an event of fingers."""
+        found = [{"x": x, "y": y, "id": number} for number, (x, y) in enumerate(points)]
+        self.call("Input.dispatchTouchEvent", type=kind, touchPoints=found)
+
+    def key(self, key, **more):
+        """Press a key."""
+        text = {"text": key} if len(key) == 1 else {}
+        self.call("Input.dispatchKeyEvent", type="keyDown", key=key, **text, **more)
+        self.call("Input.dispatchKeyEvent", type="keyUp", key=key, **more)
+
+
+@contextmanager
+def browser():
+    """Start a browser; yield a page, which is used again for each test."""
+    from websockets.sync.client import connect
+
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
+        environment = {**os.environ, "HOME": folder}
+        process = subprocess.Popen(
+            [CHROMIUM, *_FLAGS, f"--user-data-dir={folder}/profile", "about:blank"],
+            stderr=subprocess.PIPE,
+            stdout=subprocess.DEVNULL,
+            text=True,
+            env=environment,
+        )
+        try:
+            for line in process.stderr:
+                if found := re.search(r"DevTools listening on ws://([^/]+)/", line):
+                    break
+            with connect(f"ws://{found[1]}{_target(found[1])}", max_size=None, proxy=None) as socket:
+                yield Page(socket)
+        finally:
+            process.terminate()
+            process.wait(10)
+            process.stderr.close()
+
+
+def _target(address):
+    """Return the path of the socket of the first page."""
+    from urllib.request import ProxyHandler, build_opener
+
+    with build_opener(ProxyHandler({})).open(f"http://{address}/json/list") as answer:
+        pages = [one for one in json.load(answer) if one["type"] == "page"]
+    return "/" + pages[0]["webSocketDebuggerUrl"].split("/", 3)[3]

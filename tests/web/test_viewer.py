@@ -1,0 +1,118 @@
+"""The viewer in a browser, from a file and without a network: it plays, seeks, and obeys mouse, fingers and keys."""
+
+import pytest
+
+import gamms
+from gamms import recorder
+
+
+@pytest.fixture(scope="module")
+def page(chromium, game, tmp_path_factory):
+    path = tmp_path_factory.mktemp("page") / "game.html"
+    with recorder.open(game) as recording:
+        recording.save(path, title="A walk")
+    return chromium.open(path)
+
+
+def test_it_shows_the_game_and_the_console_stays_empty(page):
+    page.settle()
+    assert page.value("document.title") == "A walk"
+    assert page.value("gamms.turns") == 80
+    assert page.value("document.querySelector('h1').textContent") == "A walk"
+    places = page.value("gamms.views[0].scene.discs.map((disc) => [disc.name, disc.x, disc.y])")
+    assert places == [["red_0", 0, 0], ["red_1", 30, 0], ["blue_2", 50, 50], ["blue_3", 0, 50]]
+    assert page.messages == []
+
+
+def test_keys_step_play_and_zoom(page, game):
+    page.value("document.querySelector('canvas.view').focus(), gamms.seek(0)")
+    for key in ("ArrowRight", "ArrowRight", "ArrowLeft", "End"):
+        page.key(key)
+    assert page.value("gamms.turn") == 80
+    page.key("Home")
+    page.key(" ")
+    page.wait("gamms.position > 0.2")
+    page.key(" ")
+    assert page.value("gamms.isPlaying") is False
+    scale = page.value("gamms.views[0].scene.camera.scale")
+    page.key("+")
+    assert page.value("gamms.views[0].scene.camera.scale") > scale
+    page.key("0")
+    assert page.value("gamms.views[0].scene.camera.scale") == pytest.approx(scale)
+
+
+def test_dragging_the_timeline_shows_any_turn(page, game):
+    box = page.value(
+        "(({x, y, width, height}) => [x, y, width, height])(document.querySelector('.track').getBoundingClientRect())"
+    )
+    page.drag((box[0] + 1, box[1] + box[3] / 2), (box[0] + box[2] / 2, box[1] + box[3] / 2))
+    turn = page.value("gamms.turn")
+    assert abs(turn - 40) <= 1
+    with recorder.open(game) as recording:
+        nodes = recording[turn].agents["node"].tolist()
+    assert page.value("[...gamms.views[0].replay.state.agents.values()].map((agent) => agent.node)") == nodes
+
+
+def test_the_mouse_moves_the_map_and_the_wheel_zooms_around_it(page):
+    page.value("gamms.settings.fit()")
+    camera = "(({x, y, scale}) => [x, y, scale])(gamms.views[0].scene.camera)"
+    x, y, scale = page.value(camera)
+    page.drag((600, 300), (700, 350))
+    moved = page.value(camera)
+    assert moved[0] == pytest.approx(x - 100 / scale, abs=1.0)
+    assert moved[1] == pytest.approx(y + 50 / scale, abs=1.0)
+    under = "gamms.views[0].scene.camera.toWorld(500, 300)"
+    before = page.value(under)
+    page.mouse("mouseWheel", 500, 300, deltaX=0, deltaY=-200)
+    page.wait(f"gamms.views[0].scene.camera.scale > {moved[2]}")
+    assert page.value(under) == pytest.approx(before)
+
+
+def test_a_click_on_an_agent_says_what_it_knows(page):
+    page.value("gamms.settings.fit(), gamms.seek(12)")
+    page.settle()
+    x, y = page.value("(({px, py}) => [px, py])(gamms.views[0].scene.discOf('red_0'))")
+    page.click(x, y)
+    words = page.value("document.querySelector('.panel').textContent")
+    for part in ("red_0", "Decision in turn 12", "What its sensors tell it", "eyes (AGENT_RANGE)"):
+        assert part in words
+    page.key("Escape")
+    assert page.value("gamms.look.selected") is None
+
+
+def test_two_fingers_zoom_on_a_phone(chromium, page, game):
+    path = page.value("location.pathname")
+    chromium.open(path, 390, 800, touch=True, scale=2)
+    chromium.settle()
+    scale = chromium.value("gamms.views[0].scene.camera.scale")
+    chromium.touch("touchStart", (150, 300), (250, 300))
+    chromium.touch("touchMove", (100, 300), (300, 300))
+    chromium.touch("touchEnd")
+    assert chromium.value("gamms.views[0].scene.camera.scale") > 1.5 * scale
+    width = chromium.value("document.documentElement.scrollWidth")
+    assert width == 390
+    box = chromium.value(
+        "(({right, bottom}) => [right, bottom])(document.querySelector('.bar').getBoundingClientRect())"
+    )
+    assert box[0] <= 390
+    assert box[1] <= 800
+
+
+def test_hostile_names_execute_nothing(chromium, tmp_path):
+    name = "</script><img src=x onerror='window.attacked=true'>"
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.add_nodes([0, 1], x=[0, 10], y=[0, 0])
+        ctx.graph.add_edges([0, 1], sources=[0, 1], targets=[1, 0])
+        ctx.agent.create_agent(name, start_node_id=0, team=name, strategy=lambda state: state.update(action=1))
+        ctx.record.start(tmp_path / "hostile.ggr")
+        ctx.game.emit(name, agent=name)
+        ctx.game.scores[name] = 3
+        ctx.game.run(max_turns=2)
+    with recorder.open(tmp_path / "hostile.ggr") as recording:
+        recording.save(tmp_path / "hostile.html", title=name)
+    chromium.open(tmp_path / "hostile.html")
+    chromium.value("gamms.seek(2), gamms.panel.open(), gamms.select([...gamms.views[0].replay.state.byName.keys()][0])")
+    chromium.settle()
+    assert chromium.value("window.attacked") is None
+    assert chromium.value("document.images.length") == 0
+    assert chromium.value("document.querySelector('.panel h2').textContent") == name
