@@ -109,3 +109,36 @@ def test_tables_of_a_graph_that_was_changed_are_others():
             target = games.observe("red").streets.rows(1)
             assert games.observe("red").routes() is not before
             assert games.observe("red").routes().distances(np.array([0]), target) == ctx.graph.distance(0, 1)
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    edges=EDGES,
+    asked=st.lists(st.tuples(st.booleans(), st.lists(st.integers(0, 48), min_size=1, max_size=4)), max_size=6),
+    most=st.integers(1, 9),
+)
+def test_what_was_asked_before_changes_no_answer(edges, asked, most):
+    with gamms.create_context(seed=1) as ctx, pytest.MonkeyPatch.context() as patch:
+        small_map(ctx, edges)
+        streets = Streets(ctx.graph.columns(), ctx.graph.routes)
+        sources, targets = (part.reshape(-1) for part in np.indices((7, 7)))
+        fresh = RouteTable(streets, "length")
+        far, actions = fresh.distances(sources, targets), fresh.actions(sources, targets)
+        patch.setattr(routes, "_MOST_BYTES", most * 40)
+        table = RouteTable(streets, "length")
+        for for_ways, pairs in asked:
+            expected, found = (actions, table.actions) if for_ways else (far, table.distances)
+            assert found(sources[pairs], targets[pairs]).tolist() == expected[pairs].tolist()
+        assert table.distances(sources, targets).tolist() == far.tolist()
+
+
+def test_tables_have_no_more_than_was_asked_of_them(grid_of_streets):
+    streets = Streets(grid_of_streets.graph.columns(), grid_of_streets.graph.routes)
+    table, nodes = RouteTable(streets, "length"), np.arange(len(streets.counts))
+    near = np.hypot(*(streets.axes - streets.axes[:, :1])) <= 10.0
+    table.distances(nodes[near], np.zeros(near.sum(), np.int64))
+    small = table.nbytes
+    table.distances(nodes[near], np.zeros(near.sum(), np.int64))
+    assert table.nbytes == small
+    table.distances(nodes, np.zeros(len(nodes), np.int64))
+    assert table.nbytes > small

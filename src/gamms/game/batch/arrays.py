@@ -369,13 +369,10 @@ class ArrayEngine:
             return ViewOfGrounds(self.state, agents, self._by_ground(games), self._on)
         return ArrayView(self.state, games, agents)
 
-    def overs(self) -> list[dict[str, Any] | None]:
-        """Return how the games have ended; None of one that goes on."""
-        late = {"reason": "max_turns", "winner": None, "truncated": True}
-        return [
-            late if known is None and is_over else known
-            for known, is_over in zip(self.state.over, self.is_over.tolist(), strict=True)
-        ]
+    def over(self, game: int) -> dict[str, Any] | None:
+        """Return how a game has ended; None: it goes on."""
+        known, is_late = self.state.over[game], self._last is not None and self.state.turn[game] >= self._last
+        return {"reason": "max_turns", "winner": None, "truncated": True} if known is None and is_late else known
 
     def scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""
@@ -399,7 +396,7 @@ class ArrayEngine:
             }
             for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
         }
-        over = self.overs()[game] or {"reason": "unfinished", "winner": None, "truncated": True}
+        over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
             turns=int(state.turn[game]),
             scores=state.scores_of(game),

@@ -154,13 +154,13 @@ class Batch:
         if self._apart is None:
             self._apart = OneByOneEngine(self._source.game, self._roster, self.seeds)
         apart, state, log = self._apart, self._engine.state, self._log or []
-        turns, overs = apart.turns().tolist(), apart.overs()
-        for number in [number for number in state.apart if overs[number] is None]:
+        turns = apart.turns().tolist()
+        for number in [number for number in state.apart if apart.over(number) is None]:
             for given in log[int(self._begun[number]) + turns[number] :]:
-                if overs[number] is None:
+                if apart.over(number) is None:
                     moves = {team: one._replace(moves=self._get(one.moves)) for team, one in given.items()}
                     apart.step_game(number, moves)
-            if to_the_end and overs[number] is None:
+            if to_the_end and apart.over(number) is None:
                 apart.run(number)
             apart.copy_to(state, number)
 
@@ -241,8 +241,10 @@ class Batch:
         if not numbers:
             return
         given = [self.seeds[game] for game in numbers] if seeds is None else as_seeds(len(numbers), 0, seeds)
-        changed = dict(zip(numbers, given, strict=True))
-        self.seeds = tuple(changed.get(game, seed) for game, seed in enumerate(self.seeds))
+        changed, of_all = dict(zip(numbers, given, strict=True)), [*self.seeds]
+        for game, seed in changed.items():
+            of_all[game] = seed
+        self.seeds = tuple(of_all)
         if isinstance(self._engine, ArrayEngine):
             self._engine.start(games, given, self._starts(given))
             if self._apart is not None:
@@ -340,12 +342,19 @@ class Batch:
     @property
     def terminated(self) -> BoolArray:
         """Which games were ended by what happened in them, (games,)."""
-        return self._put(np.array([over is not None and not over["truncated"] for over in self._engine.overs()]))
+        return self._put(self._engine.is_over & ~self._are_late())
 
     @property
     def truncated(self) -> BoolArray:
         """Which games were ended because the time was up, (games,)."""
-        return self._put(np.array([over is not None and over["truncated"] for over in self._engine.overs()]))
+        return self._put(self._are_late())
+
+    def _are_late(self) -> BoolArray:
+        late = np.zeros(len(self), np.bool_)
+        for game in np.flatnonzero(self._engine.is_over).tolist():
+            over = self._engine.over(game)
+            late[game] = over is not None and over["truncated"]
+        return late
 
     def result(self, game: int) -> Result:
         """Return the result of a game so far; of one in arrays its timings are 0."""
@@ -359,7 +368,7 @@ class Batch:
 
     def table(self) -> dict[str, Any]:
         """Return one row a game: seed, turns, reason, winner, truncated, and `score.<key>` for each score."""
-        overs = [over or {} for over in self._engine.overs()]
+        overs = [self._engine.over(game) or {} for game in range(len(self))]
         columns: dict[str, Any] = {"seed": np.array(self.seeds), "turns": self._engine.turns()}
         columns["reason"] = np.array([over.get("reason", "unfinished") for over in overs], object)
         columns["winner"] = np.array([over.get("winner") for over in overs], object)

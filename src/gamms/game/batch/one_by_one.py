@@ -161,9 +161,9 @@ class OneByOneEngine:
         for agent, name in enumerate(self._roster.names):
             noted.note(number, agent, rows(legal[name]) if legal.get(name) else nodes[agent : agent + 1])
 
-    def overs(self) -> list[dict[str, Any] | None]:
-        """Return how the games have ended; None of one that goes on."""
-        return self._over
+    def over(self, number: int) -> dict[str, Any] | None:
+        """Return how a game has ended; None: it goes on."""
+        return self._over[number]
 
     def scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""

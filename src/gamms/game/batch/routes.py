@@ -16,6 +16,7 @@ from gamms.ir.obstacles import BoolArray
 _MOST_BYTES = 512 * 2**20  # of the tables of one graph, and of those of other graphs that are kept beside them
 _AT_ONCE = 1 << 20  # nodes and edges that are searched at once, in all
 _DETOURS = (1.5, 3.0, 8.0, np.inf)  # how long ways are that are looked for first, then, and last, in straight lines
+_MARGIN = 1.1  # how much farther a table is made for than is asked, because others ask from a little farther away
 _SHORT = 0xFFFF  # nodes that have numbers of two bytes, without the last
 _MANY = 255  # actions that have numbers of one byte, without the last
 
@@ -44,8 +45,9 @@ class RouteTable:
     """How far it is to targets, and which action leads there: what strategies ask of `ctx.graph`, for arrays.
 
     A target gets a table when it is first asked for: of the nodes around it, and of more of the map once one farther
-    away asks: 9 bytes for each of these, and 2 or 4 for each node of the map. When the tables are larger than 512 MB
-    together, they are made again as they are asked for.
+    away asks: 9 bytes for each of these, and 2 or 4 for each node of the map. As long as distances alone are asked for,
+    a table has no nodes that are farther in a straight line than those that asked; else it has all on the ways, too.
+    When the tables are larger than 512 MB together, they are made again as they are asked for.
 
     Args:
         streets: the nodes, and which of them are legal from where.
@@ -65,9 +67,12 @@ class RouteTable:
         # Memory is taken for what is written alone. Of each table and node the number of its values, from its first:
         self._ranks = np.empty((tables, nodes), narrow)
         self._unknown = _SHORT if nodes < _SHORT else -1
-        self._first, self._tables, self._used = np.zeros(tables, np.int64), 0, 1
+        self._first, self._sizes = np.zeros((2, tables), np.int64)
+        self._tables, self._used = 0, 1
         self._has_hops = np.zeros(tables, np.bool_)  # which tables say where the ways lead
         self._table_of, self._level = np.full(nodes, -1, np.int64), np.full(nodes, -1, np.int64)  # by target
+        self._span = np.zeros(nodes)  # by target: how far away, in a straight line, those are that its table is for
+        self._has_ways, self._is_asked_for_ways = np.zeros(nodes, np.bool_), False  # which tables are not only for them
         self._far, self._hops = np.empty(values), np.empty(values, np.uint8 if most < _MANY else np.int32)
         self._none = _MANY if most < _MANY else -1  # stands for no path
         self._far[0], self._hops[0] = np.inf, self._none
@@ -185,7 +190,8 @@ class RouteTable:
 
     def _fill(self, starts: IntArray, ends: IntArray, *, with_hops: bool) -> bool:
         """Compute the tables that are missing; where that is too much, discard all and return False."""
-        if not self._fill_distances(starts, ends):
+        self._is_asked_for_ways |= with_hops
+        if not self._fill_distances(starts, ends, with_hops=with_hops):
             return False
         if with_hops:
             lacking = ends[~self._has_hops[self._table_of[ends]]]
@@ -193,20 +199,30 @@ class RouteTable:
                 self._add_hops(np.unique(lacking))
         return True
 
-    def _fill_distances(self, starts: IntArray, ends: IntArray) -> bool:
-        xy = self._streets.columns.xy
+    def _fill_distances(self, starts: IntArray, ends: IntArray, *, with_hops: bool) -> bool:
+        missing = np.flatnonzero(self._lack(starts, ends, with_hops=with_hops))
+        if not len(missing):
+            return True
+        xy, (starts, ends) = self._streets.columns.xy, (starts[missing], ends[missing])
+        straight = np.hypot(*(xy[starts] - xy[ends]).T)
+        is_far = straight > self._span[ends]
+        self._level[ends[is_far | (with_hops & ~self._has_ways[ends])]] = -1
+        self._span[ends[is_far]] = _MARGIN * straight.max()
         for level, detour in enumerate(_DETOURS):
-            tables = self._table_of[ends]
-            is_missing = tables < 0
-            is_missing |= (self._ranks[tables, starts] == self._unknown) & (self._level[ends] < len(_DETOURS) - 1)
-            missing = np.flatnonzero(is_missing)
-            if not len(missing):
-                return True
-            straight = np.hypot(*(xy[starts[missing]] - xy[ends[missing]]).T).max()
-            cutoff = np.inf if detour == np.inf else detour * float(straight)
-            if not self._add(np.unique(ends[missing]), cutoff, level):
+            wanted = np.flatnonzero(self._level[ends] < level)
+            targets = np.unique(ends[wanted[self._lack(starts[wanted], ends[wanted], with_hops=with_hops)]])
+            cutoff = np.inf if detour == np.inf else detour * float(self._span[targets].max(initial=0.0))
+            if not self._add(targets, cutoff, level):
                 return False
         return True
+
+    def _lack(self, starts: IntArray, ends: IntArray, *, with_hops: bool) -> BoolArray:
+        """Return which distances no table has, (queries,), or with hops no table with all nodes on the ways."""
+        tables = self._table_of[ends]
+        lack: BoolArray = (self._ranks[tables, starts] == self._unknown) | (tables < 0)
+        if with_hops:
+            lack |= ~self._has_ways[ends]
+        return lack
 
     def _add(self, targets: IntArray, cutoff: float, level: int) -> bool:
         """Compute the tables of some targets, up to a distance; where they do not fit, discard all and return False."""
@@ -214,22 +230,48 @@ class RouteTable:
         size = max(1, _AT_ONCE // (len(ids) + len(arcs.ends)))
         for first in range(0, len(targets), size):
             some = targets[first : first + size]
-            lines, rows, far = kernels.reached_from(arcs, some, len(ids), cutoff)
-            fresh = some[self._table_of[some] < 0]
+            lines, rows, far = self._reached(some, cutoff)
+            known = self._table_of[some]
+            fresh = some[known < 0]
+            if self._used + len(rows) > len(self._far):
+                self._sizes[known[known >= 0]] = 0
+                self._close_gaps()
             if self._tables + len(fresh) > len(self._first) or self._used + len(rows) > len(self._far):
-                self._table_of[:], self._level[:], self._tables, self._used = -1, -1, 0, 1
+                self._table_of[:], self._level[:], self._span[:], self._tables, self._used = -1, -1, 0.0, 0, 1
+                self._has_ways[:] = False
                 return False
             self._table_of[fresh] = np.arange(self._tables, self._tables + len(fresh))
-            self._level[some] = len(_DETOURS) - 1 if cutoff == np.inf else level
+            self._level[some] = level
             self._tables += len(fresh)
             tables, values = self._table_of[some], slice(self._used, self._used + len(rows))
             begins = np.searchsorted(lines, np.arange(len(some)))
             ranks = np.full((len(some), len(ids)), self._unknown, self._ranks.dtype)
             ranks[lines, rows] = np.arange(len(rows)) - begins[lines]
             self._ranks[tables], self._first[tables] = ranks, self._used + begins
+            self._sizes[tables] = np.diff(begins, append=len(rows))
             self._far[values], self._has_hops[tables] = far, False
             self._used += len(rows)
         return True
+
+    def _reached(self, targets: IntArray, cutoff: float) -> kernels.Reached:
+        """Return from where targets are reached: what they span, or, if ways were asked for, all nodes on these."""
+        lines, rows, far = found = kernels.reached_from(self._arcs, targets, len(self._table_of), cutoff)
+        self._has_ways[targets] |= self._is_asked_for_ways
+        if self._has_ways[targets].any():
+            self._has_ways[targets] = True
+            return found
+        (x, y), ends = self._streets.axes, targets[lines]
+        kept = np.hypot(x[rows] - x[ends], y[rows] - y[ends]) <= self._span[ends]
+        return kernels.Reached(lines[kept], rows[kept], far[kept])
+
+    def _close_gaps(self) -> None:
+        """Move the values of tables to where those were of tables that have been computed again for more of the map."""
+        self._used = 1
+        for table in np.argsort(self._first[: self._tables]).tolist():
+            first, size = self._first[table], self._sizes[table]
+            for column in (self._far, self._hops):
+                column[self._used : self._used + size] = column[first : first + size]
+            self._first[table], self._used = self._used, self._used + int(size)
 
     def _add_hops(self, targets: IntArray) -> None:
         """Compute where the ways to some targets lead, whose distances are known."""
