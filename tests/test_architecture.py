@@ -315,5 +315,6 @@ def test_no_package_uses_underscore_names_of_another():
         for node in nodes_of(path)
         if isinstance(node, ast.Attribute) and re.match(r"_[a-z]", node.attr)
         if node.attr not in defined[package_of(path)] and path.name != "engine.py"
+        if ast.unparse(node) != "os._exit"  # public, whatever its name
     ]
     assert not foreign

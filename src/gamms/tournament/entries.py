@@ -1,0 +1,183 @@
+"""The entries of a tournament: found, copied where they could read each other, and named by their digests.
+
+No code of an entry runs here: a Python file is read as text to see that the function is there.
+"""
+
+import hashlib
+import os
+import shutil
+import sys
+import sysconfig
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import NamedTuple
+
+from gamms.arguments import as_items, as_mapping, as_name
+from gamms.errors import BadType, BadValue
+from gamms.scenario.code import chosen
+
+Given = str | Sequence[str]
+"""`file.py:function`, `module:function`, or a program with its arguments."""
+
+_MOST_FILES, _MOST_BYTES = 2_000, 1 << 28  # of a folder that an entry may have for itself
+_Places = list[tuple[Path, Path] | None]  # of each text the file that it names, and what of it may be read
+_LIBRARIES = ("lib", "lib64", "libexec", "share", "pyvenv.cfg")
+_PASSED_OVER = ("__pycache__", ".git")
+
+
+class Entry(NamedTuple):
+    """One entry.
+
+    Attributes:
+        name: as the table has it.
+        reference: where the function is; "" for a program.
+        command: the program and its arguments, by absolute paths; () for Python.
+        readable: the files and folders of its own that it may read.
+        digest: the SHA-256 of its files and of how it is started, in hexadecimal.
+    """
+
+    name: str
+    reference: str
+    command: tuple[str, ...]
+    readable: tuple[str, ...]
+    digest: str
+
+
+def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: Iterable[Path]) -> list[Entry]:
+    """Return the entries in the order of their names.
+
+    An entry may read the folder that its file is in, unless another entry or a file of the game is there, too; then its
+    file alone is copied into `out`.
+
+    Args:
+        given: name -> what it is.
+        base: the folder that relative paths begin in.
+        out: the folder of the tournament.
+        private: further files and folders that no entry may read.
+
+    Raises:
+        BadType, BadValue: there are fewer than two entries, one is neither of what is possible, or a program is not
+            there.
+        ScenarioError (ValueError): there is no such file, module or function.
+    """
+    texts = {as_name(name, "an entry"): _texts(name, one) for name, one in as_mapping(given, "entries").items()}
+    if len(texts) < 2:
+        raise BadValue(f"A tournament needs two entries at least, not {len(texts)}.")
+    files = {name: [_file_in(text, base) for text in some] for name, some in texts.items()}
+    entries = []
+    for number, name in enumerate(sorted(texts)):
+        others = [file for other, some in files.items() if other != name for file in some if file is not None]
+        closed = [out, *private, *others]
+        copies = out / "entries" / f"{number:02d}"
+        places = [None if file is None else _place(file, closed, copies) for file in files[name]]
+        make = _python_entry if isinstance(given[name], str) else _program
+        entries.append(make(name, texts[name], places))
+    return entries
+
+
+def _texts(name: str, given: object) -> list[str]:
+    if isinstance(given, str):
+        return [as_name(given, f"the entry {name!r}")]
+    words = [as_name(word, f"a part of the entry {name!r}") for word in as_items(given, f"entry {name!r}", "texts")]
+    if not words:
+        raise BadValue(f"The entry {name!r} is empty. Give 'file.py:function', or a program and its arguments.")
+    return words
+
+
+def _file_in(text: str, base: Path) -> Path | None:
+    """Return the file that a text names, `file.py:function` included; None if it names none."""
+    left = text.rpartition(":")[0] or text
+    for one in (text, left):
+        file = base / one
+        if one and file.is_file():
+            return file.absolute()
+    return None
+
+
+def _place(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path]:
+    """Return where an entry finds its file, and what it may read."""
+    folder = file.parent.resolve()
+    if file.is_relative_to(sys.prefix) or file.is_relative_to("/usr"):
+        return file, file
+    is_own = not any(one.resolve().is_relative_to(folder) for one in closed)
+    if is_own and len(_files_of(folder)) < _MOST_FILES:
+        return file, folder
+    copies.mkdir(parents=True, exist_ok=True)
+    copy = copies / file.name
+    shutil.copyfile(file, copy)
+    return copy.absolute(), copies.absolute()
+
+
+def _python_entry(name: str, texts: list[str], places: _Places) -> Entry:
+    file, _, function = texts[0].rpartition(":")
+    place = places[0]
+    reference = f"{place[0]}:{function}" if place else texts[0]
+    found, _ = chosen(reference, f"the entry {name!r}")
+    readable = str(place[1]) if place else _package(found.module)
+    digest = _digest([f"{file.rpartition('/')[2]}:{function}"], [readable])
+    return Entry(name, reference, (), (readable,), digest)
+
+
+def _program(name: str, texts: list[str], places: _Places) -> Entry:
+    words = [str(place[0]) if place else text for text, place in zip(texts, places, strict=True)]
+    found = shutil.which(words[0])
+    if found is None:
+        raise BadValue(f"The entry {name!r} starts {words[0]!r}, and there is no such program.")
+    program = Path(found).absolute()
+    own = sorted({str(place[1]) for place in places if place})
+    libraries = {str(one) for way in (program, program.resolve()) for one in _beside(way)}
+    digest = _digest([place[0].name if place else text for text, place in zip(texts, places, strict=True)], own)
+    return Entry(name, "", (str(program), *words[1:]), (*own, *sorted(libraries)), digest)
+
+
+def _beside(program: Path) -> Iterator[Path]:
+    """Yield where a program has its libraries, if it is in a folder `bin`, and that folder."""
+    yield program.parent
+    for name in _LIBRARIES if program.parent.name == "bin" else ():
+        yield program.parent.parent / name
+
+
+def _package(module: str) -> str:
+    """Return the folder or file of an installed package."""
+    from importlib.util import find_spec
+
+    spec = find_spec(module.partition(".")[0])
+    if spec is None or spec.origin is None:
+        raise BadType(f"The package of {module!r} has no files.")
+    origin = Path(spec.origin)
+    return str(origin.parent if origin.name == "__init__.py" else origin)
+
+
+def _files_of(folder: Path) -> list[Path]:
+    found: list[Path] = []
+    for parent, folders, names in os.walk(folder):
+        folders[:] = sorted(one for one in folders if one not in _PASSED_OVER)
+        found += [Path(parent, name) for name in sorted(names)]
+        if len(found) >= _MOST_FILES:
+            break
+    return found
+
+
+def _digest(texts: Iterable[str], readable: Iterable[str]) -> str:
+    """Return the digest of how an entry is started, and of its files by their names in their folders."""
+    whole, left = hashlib.sha256(), _MOST_BYTES
+    for text in texts:
+        whole.update(f"{text}\n".encode())
+    for place in map(Path, readable):
+        for file in _files_of(place) if place.is_dir() else [place]:
+            left -= file.stat().st_size
+            if left < 0:
+                raise BadValue(
+                    f"The files in {str(place)!r} take more than {_MOST_BYTES >> 20} MiB, too many to digest."
+                )
+            name = file.relative_to(place) if place.is_dir() else file.name
+            whole.update(f"{name}\n{hashlib.sha256(file.read_bytes()).hexdigest()}\n".encode())
+    return whole.hexdigest()
+
+
+def python_folders() -> list[str]:
+    """Return the folders that Python and GAMMS are in, which every Python entry may read."""
+    import gamms
+
+    places = {sys.prefix, sys.base_prefix, sysconfig.get_path("stdlib"), str(Path(gamms.__file__).resolve().parent)}
+    return sorted(places | {sysconfig.get_path("purelib"), sysconfig.get_path("platlib")})

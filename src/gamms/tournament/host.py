@@ -1,0 +1,161 @@
+"""Plays a Python entry in its process: makes its functions, and asks them with states like those of a game alone.
+
+What is asked comes pickled from the master, which is trusted; what is answered goes back as lines of JSON, since the
+entry is not. The entry's `ctx` has the map, the settings of the game, the names and teams of all agents, and where its
+own are; there is no opponent in it to look at.
+"""
+
+import json
+import os
+import pickle
+import random
+import sys
+import traceback
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+import numpy as np
+
+from gamms.context import Context, create_context
+from gamms.errors import BadType
+from gamms.game.decisions import memory_copy, merged_memory
+from gamms.game.random_streams import Draws, TurnGenerator
+from gamms.ir.game_state import GameState
+from gamms.plain import as_json, to_plain
+from gamms.readonly import frozen
+from gamms.scenario.code import chosen, first_of, function_of, made
+from gamms.text import reason, shown
+
+Play = Callable[[int, int], None]
+_HEAD = 4  # bytes, before a question: its length
+_FAILED = 71
+
+
+def host_of(reference: str, map: str, settings: dict[str, Any]) -> Play:
+    """Load the map, and return what plays the entry in a child: `play(file with questions, file for answers)`."""
+    ctx = create_context(logger_config={"level": "ERROR"}, game=settings)
+    ctx.graph.load(map)
+    ctx.graph.columns()
+
+    def play(asked: int, answered: int) -> None:
+        _play(reference, ctx, asked, answered)
+
+    return play
+
+
+def _play(reference: str, ctx: Context, asked: int, answered: int) -> None:
+    questions = _questions(asked)
+    try:
+        team = _Team(ctx, reference, next(questions))
+        _write(answered, {"type": "ready"})
+        for question in questions:
+            _write(answered, team.answer(question))
+    except MemoryError:
+        _fail(answered, "memory", "it used more memory than it may")
+    except BaseException as error:  # noqa: BLE001 - SystemExit, too, is a fault of the entry
+        traceback.print_exc()
+        _fail(answered, "error", f"{type(error).__name__}: {reason(error)}")
+
+
+def _fail(answered: int, kind: str, message: str) -> NoReturn:
+    _write(answered, {"type": "failed", "kind": kind, "message": message[:1000]})
+    sys.stderr.flush()
+    os._exit(_FAILED)
+
+
+def _questions(asked: int) -> Iterator[dict[str, Any]]:
+    with os.fdopen(asked, "rb") as file:
+        while head := file.read(_HEAD):
+            yield pickle.loads(file.read(int.from_bytes(head, "big")))  # noqa: S301 - of the master
+
+
+def _write(answered: int, answer: dict[str, Any]) -> None:
+    data = memoryview(json.dumps(answer).encode() + b"\n")
+    while data:
+        data = data[os.write(answered, data) :]
+
+
+def framed(question: dict[str, Any]) -> bytes:
+    """Return a question as a Python entry gets it."""
+    data = pickle.dumps(question, pickle.HIGHEST_PROTOCOL)
+    return len(data).to_bytes(_HEAD, "big") + data
+
+
+@dataclass
+class _Player:
+    """An agent, and what it keeps from turn to turn."""
+
+    draw: Draws
+    rng: TurnGenerator
+    memory: dict[Any, Any]
+    decide: Callable[[Any], Any] | None  # None: the plan decides
+
+
+class _Team:
+    """The agents of the entry, and the function or functions that decide for them."""
+
+    def __init__(self, ctx: Context, reference: str, start: dict[str, Any]) -> None:
+        self._ctx, self._team, self._memory = ctx, start["team"], dict[Any, Any]()
+        self._clock = GameState()
+        random.seed(start["seed"])
+        np.random.seed(start["seed"] % (1 << 32))  # noqa: NPY002 - what programs for 1.0.0 draw from
+        for name, keywords in start["agents"].items():
+            ctx.agent.create_agent(name, **keywords)
+        found, folder = chosen(reference, "the entry")
+        function = function_of(found, folder)
+        self._plan: Callable[[Any], Any] | None = None
+        own = [name for name, keywords in start["agents"].items() if keywords["team"] == self._team]
+        kind = "plan" if first_of(function) == "states" else "strategy"
+        one = made(function, {}, ctx, "the entry", kind)
+        if first_of(one) == "states":
+            self._plan, kind = one, "plan"
+        self._players = {}
+        for number, name in enumerate(own):
+            decide = one if number == 0 else made(function, {}, ctx, "the entry", kind)
+            draw = Draws(start["seed"], self._clock, name)
+            rng = TurnGenerator(start["seed"], self._clock, name)
+            self._players[name] = _Player(draw, rng, {}, None if self._plan else decide)
+
+    def answer(self, question: dict[str, Any]) -> dict[str, Any]:
+        """Return what the agents do whose states are in a question."""
+        states: dict[str, dict[str, Any]] = {}
+        for name, sent in question["agents"].items():
+            player, agent = self._players[name], self._ctx.agent.get_agent(name)
+            self._clock.turn = sent["turn"]
+            state = {**sent, "name": name, "team": self._team, "draw": player.draw, "rng": player.rng}
+            state |= {"memory": player.memory, "facts": frozen(sent["facts"])}
+            if question["shares_memory"]:
+                state["team_memory"] = memory_copy(self._memory)
+            if isinstance(sent["curr_pos"], int):
+                agent.current_node_id = sent["curr_pos"]
+            states[name] = state
+        self._decide(states)
+        copies = [(name, state["team_memory"]) for name, state in states.items() if "team_memory" in state]
+        if copies:
+            self._memory = merged_memory(self._memory, [(name, _as_dict(copy)) for name, copy in copies])
+        return {
+            "type": "turn",
+            "question": question["question"],
+            "actions": {name: as_json(to_plain(one["action"])) for name, one in states.items() if "action" in one},
+            "outbox": {name: as_json(to_plain(one["outbox"])) for name, one in states.items() if one.get("outbox")},
+        }
+
+    def _decide(self, states: dict[str, dict[str, Any]]) -> None:
+        if self._plan is not None:
+            _check(self._plan(states), "A plan")
+            return
+        for name, state in states.items():
+            decide = self._players[name].decide
+            if decide is not None:
+                _check(decide(state), "A strategy")
+
+
+def _as_dict(value: object) -> dict[Any, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _check(returned: object, what: str) -> None:
+    """Refuse what is awaited: an entry has nothing to wait for."""
+    if hasattr(type(returned), "__await__"):
+        raise BadType(f"{what} of an entry must be an ordinary function, not one that returns {shown(returned)}.")

@@ -1,0 +1,296 @@
+"""An entry that does what it may not loses that game, is named with its fault, and leaves nothing behind."""
+
+import os
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from gamms.scenario import Scenario
+from gamms.tournament.entries import found_entries
+from gamms.tournament.games import Fixture, play
+from gamms.tournament.players import Allowed, Launcher
+from gamms.tournament.table import points_of
+
+# What each does in its second turn; the scenario says which, so that one launcher serves all tests.
+IN_PYTHON = """
+import ctypes, gc, mmap, os, resource, signal, socket, subprocess, sys, threading, time
+
+kept = []
+
+def hang():
+    time.sleep(60)
+
+def hang_and_ignore_signals():
+    for number in (signal.SIGTERM, signal.SIGCONT, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)
+    while True:
+        pass
+
+def burn():
+    for _ in range(3):
+        threading.Thread(target=lambda: [pow(3, 10**7) for _ in iter(int, 1)], daemon=True).start()
+    while True:
+        sum(range(10**6))
+
+def eat():
+    while True:
+        kept.append(bytearray(1 << 25))
+
+def eat_shared():
+    kept.append(mmap.mmap(-1, 1 << 30))
+    while True:
+        kept[-1].seek(0)
+        for _ in range(1 << 10):
+            kept[-1].write(b"x" * (1 << 20))
+
+def exit():
+    os._exit(0)
+
+def leave():
+    sys.exit(3)
+
+def fail():
+    raise ValueError("no idea")
+
+def fork():
+    while True:
+        os.fork()
+
+def run():
+    subprocess.run(["/bin/true"])
+
+def connect():
+    socket.create_connection(("127.0.0.1", 9), timeout=0.1)
+
+def crash():
+    ctypes.string_at(0)
+
+def kill():
+    os.kill(os.getppid(), signal.SIGKILL)
+
+def kill_all():
+    os.kill(-1, signal.SIGKILL)
+
+def spy():
+    open(f"/proc/{os.getppid()}/environ").read()
+
+def write():
+    open("/tmp/left-behind", "w")
+
+def raise_limit():
+    resource.prlimit(os.getppid(), resource.RLIMIT_CPU, (1, 1))
+
+def outlive():
+    ctypes.CDLL(None).prctl(1, 0, 0, 0, 0)
+    for number in range(3, 30):
+        try:
+            os.close(number)
+        except OSError:
+            pass
+    time.sleep(60)
+
+def fill():
+    for number in range(200):
+        with open(str(number), "wb") as file:
+            file.write(bytes(1 << 20))
+    time.sleep(60)
+
+def babble():
+    while True:
+        sys.stderr.write("x" * 100_000)
+
+def answer_garbage():
+    os.write(4, b"no json\\n")
+
+def answer_at_length():
+    while True:
+        os.write(4, b"1" * 100_000)
+
+def decide(state):
+    state["action"] = state["legal"][0]
+    if state["turn"] == 1 and state["facts"]["deed"] == "both fail":
+        fail()
+    if state["turn"] == 1 and state["team"] == "red":
+        chosen = globals().get(state["facts"]["deed"])
+        if chosen is not None:
+            chosen()
+        if state["facts"]["deed"] == "cheat":
+            state["action"] = 15
+        if state["facts"]["deed"] == "say nothing":
+            del state["action"]
+"""
+IN_ANY_LANGUAGE = """
+import json, os, sys, time
+
+def say(**message):
+    print(json.dumps(message), flush=True)
+
+deed = None
+for line in sys.stdin:
+    message = json.loads(line)
+    if message["type"] == "start":
+        say(type="ready")
+        continue
+    states = message["agents"]
+    deed = next(iter(states.values()))["facts"]["deed"]
+    actions = {name: state["legal"][0] for name, state in states.items()}
+    if message["question"] == 2:
+        if deed == "print a gigabyte":
+            for _ in range(1 << 10):
+                sys.stdout.write("x" * (1 << 20))
+        elif deed == "print garbage":
+            print("move north", flush=True)
+        elif deed == "print numbers that no one can hold":
+            print('{"type": "turn", "question": 2, "actions": {"red_0": ' + "9" * 10_000 + "}}", flush=True)
+        elif deed == "print brackets":
+            print("[" * 100_000, flush=True)
+        elif deed == "answer twice":
+            say(type="turn", question=2, actions=actions)
+        elif deed == "answer another question":
+            message["question"] = 3
+        elif deed == "decide for others":
+            actions["blue_0"] = 0
+        elif deed == "close its input":
+            os.close(0)
+            say(type="turn", question=2, actions=actions)
+            time.sleep(60)
+        elif deed == "close its output":
+            os.close(1)
+            time.sleep(60)
+        elif deed == "send a message":
+            say(type="turn", question=2, actions=actions, outbox={"red_0": [{"channel": "radio", "body": 1}]})
+            continue
+    say(type="turn", question=message["question"], actions=actions)
+"""
+
+
+def stays(deed):
+    """Return a game of three turns in which nothing happens but the deed of the red entry."""
+    return Scenario(
+        seed=1,
+        max_turns=3,
+        map={"grid": {"width": 4, "height": 4}},
+        facts={"deed": deed},
+        teams={name: {"agents": [{"name": f"{name}_0", "node": node}]} for name, node in (("red", 0), ("blue", 5))},
+    )
+
+
+@pytest.fixture(scope="module")
+def launchers(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("entries")
+    (folder / "entry.py").write_text(IN_PYTHON)
+    (folder / "program.py").write_text(IN_ANY_LANGUAGE)
+    given = {"python": "entry.py:decide", "program": [sys.executable, "-S", "-I", "program.py"]}
+    entries = found_entries(given, folder, folder / "out", [])
+    with stays("").build(seed=1) as ctx:
+        ctx.graph.save(folder / "map.gamms")
+    allowed = Allowed(move_s=10.0, memory_bytes=256 << 20, cpu_s=20)
+    made = {one.name: Launcher(one, allowed, folder / "map.gamms", {}) for one in entries}
+    yield made
+    for launcher in made.values():
+        launcher.close()
+
+
+@pytest.fixture(autouse=True)
+def scratch(tmp_path, monkeypatch):
+    """A folder for temporary files that no other test has."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+
+def descendants():
+    """Return the processes below this one, but for the two launchers."""
+    found, waiting = [], [os.getpid()]
+    while waiting:
+        for task in Path(f"/proc/{waiting.pop()}/task").iterdir():
+            below = [int(one) for one in (task / "children").read_text().split()]
+            found += below
+            waiting += below
+    return found
+
+
+def played(launchers, deed, entry, move_s=10.0):
+    launchers[entry].allowed = launchers[entry].allowed._replace(move_s=move_s)
+    row, logs = play(stays(deed), Fixture("id", {"red": entry, "blue": "python"}, 1, 1), launchers)
+    assert len(descendants()) == len(launchers)
+    assert not list(Path(tempfile.gettempdir()).iterdir())
+    return row, logs
+
+
+def test_entries_that_stay_play_to_the_end(launchers):
+    row, logs = played(launchers, "nothing", "program")
+    assert (row["reason"], row["turns"], row["faults"], row["winner"]) == ("max_turns", 3, {}, None)
+    assert not any(logs.values())
+
+
+CAN_CONFINE = pytest.mark.skipif(sys.platform != "linux", reason="confined on Linux alone")
+
+
+@CAN_CONFINE
+@pytest.mark.parametrize(
+    ("deed", "kind"),
+    [
+        ("hang", "time"),
+        ("hang_and_ignore_signals", "time"),
+        ("burn", "time"),
+        ("eat", "memory"),
+        ("eat_shared", "memory"),
+        ("exit", "exit"),
+        ("leave", "error"),
+        ("fail", "error"),
+        ("fork", "process"),
+        ("run", "process"),
+        ("connect", "error"),
+        ("crash", "exit"),
+        ("kill", "error"),
+        ("kill_all", "error"),
+        ("spy", "error"),
+        ("write", "error"),
+        ("raise_limit", "error"),
+        ("outlive", "exit"),
+        ("fill", "files"),
+        ("babble", "output"),
+        ("answer_garbage", "garbage"),
+        ("answer_at_length", "output"),
+        ("cheat", "illegal"),
+        ("say nothing", "illegal"),
+    ],
+)
+def test_a_python_entry_loses_by_its_fault(launchers, deed, kind):
+    row, _ = played(launchers, deed, "python", move_s=0.3 if kind == "time" else 10.0)
+    assert (row["faults"], row["winner"]) == ({"red": kind}, "blue"), row["details"]
+    assert row["turns"] == 2
+
+
+@CAN_CONFINE
+@pytest.mark.parametrize(
+    ("deed", "kind"),
+    [
+        ("print a gigabyte", "output"),
+        ("print garbage", "garbage"),
+        ("print numbers that no one can hold", "garbage"),
+        ("print brackets", "garbage"),
+        ("answer twice", "order"),
+        ("answer another question", "order"),
+        ("decide for others", "illegal"),
+        ("close its input", "exit"),
+        ("close its output", "exit"),
+        ("send a message", "illegal"),
+    ],
+)
+def test_a_program_loses_by_its_fault(launchers, deed, kind):
+    row, _ = played(launchers, deed, "program")
+    assert (row["faults"], row["winner"]) == ({"red": kind}, "blue"), row["details"]
+
+
+def test_what_an_entry_raises_is_in_its_log_and_in_the_row(launchers):
+    row, logs = played(launchers, "fail", "python")
+    assert row["details"] == {"red": "ValueError: no idea"}
+    assert b'raise ValueError("no idea")' in logs["red"]
+
+
+def test_two_that_fail_in_the_same_turn_both_lose(launchers):
+    row, _ = play(stays("both fail"), Fixture("id", {"red": "python", "blue": "python"}, 1, 1), launchers)
+    assert (row["winner"], row["faults"]) == (None, {"red": "error", "blue": "error"})
+    assert points_of({**row, "entries": {"red": "a", "blue": "b"}}) == {"a": 0.0, "b": 0.0}
