@@ -246,6 +246,8 @@ def test_wrong_arguments_are_refused_by_name():
         rl.vector_env(scene(), num_games=2, team="blue", agent="red_0")
     with pytest.raises(BadType, match=r"graph\(\).*call it, graph"):
         rl.vector_env(scene(), num_games=2, observation=rl.graph)
+    with pytest.raises(BadType, match=r"call it, rl.neighbourhood\(2\)"):
+        rl.vector_env(scene(), num_games=2, observation=rl.neighbourhood)
     for actions in (np.zeros(3, int), np.zeros(4), [["a"] * 4], None):
         with pytest.raises(BadValue, match="Actions are"):
             rl.vector_env(scene(), num_games=2, team="red").step(actions)

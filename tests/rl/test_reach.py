@@ -6,6 +6,8 @@ import pytest
 pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
 pytest.importorskip("pettingzoo", reason="PettingZoo is not installed")
 
+from policy_scenes import Linear, Sequential
+
 from gamms import rl
 from gamms.errors import BadValue
 from gamms.scenario import Scenario
@@ -146,22 +148,3 @@ def test_a_policy_plays_alone_as_in_batches(kind, tmp_path):
             one.to_dict()["agents"] for one in alone
         ]
         assert any(one.agents["red_0"]["moves"] for one in alone)
-
-
-class Values(np.ndarray):
-    """Parameters as PyTorch has them."""
-
-    def detach(self):
-        return self
-
-    cpu = numpy = detach
-
-
-class Linear:
-    def __init__(self, weight):
-        self.weight, self.bias = weight.astype(np.float32).view(Values), None
-
-
-class Sequential(list):
-    def __init__(self, *layers):
-        super().__init__(layers)

@@ -119,3 +119,18 @@ def test_a_model_is_saved_as_a_policy_that_plays_as_it_does(tmp_path):
     assert results[0] == results[1]
     with pytest.raises(BadValue, match="is a pickle"):
         rl.policy(tmp_path / "red.zip")
+
+
+def test_a_model_learns_moves_and_deeds_and_plays_them(tmp_path):
+    game = scene().replace(settings={"deeds": {"scan": {"node": "node"}, "rest": None}})
+    env = rl.sb3_env(game, num_games=4, team="red")
+    model = MaskablePPO("MultiInputPolicy", env, n_steps=8, batch_size=64, seed=1, device="cpu", **env.rollouts)
+    model.learn(128)
+    observed = env.reset()
+    chosen, _ = model.predict(observed, action_masks=get_action_masks(env), deterministic=True)
+    assert observed["action_mask"][np.arange(8), chosen[:, 0]].all()
+    assert observed["action_mask"][np.arange(8), 5 + chosen[:, 1]].all()
+    rl.save_policy(model, tmp_path / "red.safetensors", env)
+    env.close()
+    red = rl.policy(tmp_path / "red.safetensors", sample=True)
+    assert {deed["deed"] for deed in game.play(seed=3, strategies={"red": red}).deeds} >= {"scan"}

@@ -110,3 +110,16 @@ def test_wrong_arguments_are_refused_by_name():
         rl.torchrl_env(scene(), num_games=2, device="gpu")
     with pytest.raises(BadValue, match="give reward="):
         rl.torchrl_env(scene(rules=["last_team"]), num_games=2)
+
+
+def test_moves_and_deeds_are_one_action_with_masks():
+    env = TransformedEnv(rl.torchrl_env(scene(settings={"deeds": {"scan": {"node": "node"}}}), num_games=3, team="red"))
+    check_env_specs(env.base_env)
+    env.append_transform(ActionMask(("red", "action"), ("red", "action_mask")))
+    played = env.rollout(10, break_when_any_done=False)
+    moves, deeds = played["red", "action_mask"].split([5, 6], dim=-1)
+    chosen = played["red", "action"]
+    assert moves.gather(-1, chosen[..., :1]).all()
+    assert deeds.gather(-1, chosen[..., 1:]).all()
+    assert chosen[..., 1].any()
+    assert env.base_env.learners.games.result(0).deeds

@@ -27,7 +27,8 @@ def parallel_env(
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
 
     What an agent observes is `{"observation": numbers, "action_mask": (actions,)}`. Action k goes to the k-th node of
-    `state["legal"]`; 0 stays, as does an action that is not legal. Other teams play their own strategies.
+    `state["legal"]`; 0 stays, as does an action that is not legal. Where the scenario declares deeds, actions are pairs
+    of a move and a deed, and masks have both. Other teams play their own strategies.
 
     Args:
         scenario: see `gamms.scenario.load`.

@@ -6,15 +6,13 @@ from typing import Any
 
 import gymnasium
 import numpy as np
-from gymnasium import spaces
 from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from gamms.errors import BadValue
 from gamms.rl.learners import ActionArray, Array, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
-from gamms.rl.spaces import observation_space, observed
+from gamms.rl.spaces import action_masks, action_space, are_legal, moves_and_deeds, observation_space, observed
 from gamms.scenario import Scenario
 
 Infos = dict[str, Any]
@@ -37,7 +35,7 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
         self.learners, self.render_mode = learners, render_mode
         prepare(learners, render_mode)
         self.observation_space = observation_space(learners)
-        self.action_space = spaces.Discrete(learners.num_actions)
+        self.action_space = action_space(learners)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Infos]:
         """Begin a game; without a seed, that of the next one."""
@@ -48,19 +46,17 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; an action that is not legal stays, and `info["is_legal"]` is False then."""
-        chosen, legal = int(action), self.action_masks()
-        played = self.learners.step(np.array([[chosen]]))
+        moves, deeds = moves_and_deeds(self.learners, action)
+        was_legal = bool(are_legal(self.learners, moves, deeds)[0, 0])
+        played = self.learners.step(moves, deeds)
         found = self._observed()
-        infos = {
-            "action_mask": found["action_mask"],
-            "is_legal": bool(0 <= chosen < len(legal) and legal[chosen]),
-        }
+        infos = {"action_mask": found["action_mask"], "is_legal": was_legal}
         is_out, is_late = bool(played.terminated[0, 0]), bool(played.truncated[0, 0])
         return found, float(played.rewards[0, 0]), is_out, is_late and not is_out, infos
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Return which actions are legal, (actions,); `sb3_contrib.MaskablePPO` asks for it."""
-        masks: np.ndarray[Any, np.dtype[np.bool_]] = self.learners.masks[0, 0]
+        masks: np.ndarray[Any, np.dtype[np.bool_]] = action_masks(self.learners)[0, 0]
         return masks
 
     def render(self) -> Any:
@@ -97,7 +93,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         self.learners, self.num_games, self.num_agents = learners, len(learners.games), len(learners.names)
         self.num_envs = self.num_games * self.num_agents
         self.single_observation_space = observation_space(learners)
-        self.single_action_space = spaces.Discrete(learners.num_actions)
+        self.single_action_space = action_space(learners)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
 
@@ -113,13 +109,10 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         """Play a turn of all games, and begin those again that have ended.
 
         Args:
-            actions: (slots,) numbers of legal nodes; one that is not legal stays.
+            actions: (slots,) numbers of legal nodes, or with deeds (slots, 2); one that is not legal stays.
         """
         was_alive = self.learners.alive
-        given = np.asarray(actions)
-        if given.size != self.num_envs:
-            raise BadValue(f"Actions are one for each of {self.num_envs} slots, not of the shape {given.shape}.")
-        played = self.learners.step(given.reshape(self.num_games, self.num_agents))
+        played = self.learners.step(*moves_and_deeds(self.learners, actions))
         has_ended = self.learners.is_over
         found, infos = observed(self.learners), {}
         if has_ended.any():
@@ -134,7 +127,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
 
     def action_masks(self) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """Return which actions are legal, (slots, actions)."""
-        return self.learners.masks.reshape(self.num_envs, -1)
+        return action_masks(self.learners).reshape(self.num_envs, -1)
 
     def close_extras(self, **_: object) -> None:
         """End the games."""

@@ -5,15 +5,17 @@ from contextlib import suppress
 from functools import partial
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, cast
 
 import numpy as np
 
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch
+from gamms.game.deeds import field_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.rl.deeds import DeedChoices, choices_of
 from gamms.scenario import Scenario
 from gamms.text import shown
 from gamms.typing import AgentType
@@ -93,6 +95,7 @@ class Learners:
         names: of the agents, team by team, each in the order of their names.
         num_actions: how many actions there are at most; action 0 stays.
         masks: (games, agents, actions) which actions are legal: of dead agents and in games that are over to stay.
+        deeds: what agents may do besides moving; None: the scenario declares no deeds.
         alive: (games, agents) which agents take part.
         is_over: (games,) which games have ended.
         may_return: whether a rule brings back agents that are out: then they wait, and end with their games.
@@ -163,6 +166,11 @@ class Learners:
         self.num_actions = views[0].movement.width
         self._xp = views[0].xp
         self._numbers = self._put(np.arange(self.num_actions))
+        declared = self.games.game.settings()["deeds"].items()
+        fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared}
+        self.deeds = choices_of(on_host(views[0]), fields)
+        if self._hand is not None:
+            self._hand.begin(self.games, self.deeds)
         self._seed: int | None = None  # of the game that `begin_next` began last
         self._remember()
         self._sizes = [len(view.agents) for view in self._now]
@@ -201,19 +209,21 @@ class Learners:
         values = [self._checked(self.observation(view), view, "observation") for view in self._now]
         return joined(self._xp, values)
 
-    def step(self, actions: ActionArray) -> Played:
+    def step(self, actions: ActionArray, deeds: ActionArray | None = None) -> Played:
         """Play one turn of the games that are not over.
 
         Args:
             actions: (games, agents); an action that is not legal stays.
+            deeds: (games, agents) numbers of `deeds`; one that is not legal is not done. None: agents only move.
         """
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
         chosen = self._own(actions)
         chosen = self._xp.where((chosen >= 0) & (chosen < self._counts), chosen, 0)
+        done = None if deeds is None or self.deeds is None else self._legal_deeds(self._on_host(self._own(deeds)))
         if self._hand is None:
-            self.games.step(dict(zip(self.teams, self._by_team(chosen), strict=True)), on_illegal="stay")
+            self.games.step(self._given(chosen, done), on_illegal="stay")
         else:
-            self._hand.actions = chosen if self.games.library is None else self.games.library.get(chosen)
+            self._hand.take(self._on_host(self.games.turn), self._on_host(chosen), done)
             self.games.step()
         self._remember()
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
@@ -305,6 +315,41 @@ class Learners:
         self.masks: BoolArray = self._numbers < self._counts[..., None]
 
     @property
+    def deed_masks(self) -> BoolArray:
+        """Which deeds agents may choose, (games, agents, choices): of dead agents and in games that are over nothing.
+
+        A rule may refuse a deed all the same.
+        """
+        found = self._legal_deed_masks()
+        return self._put(found)  # type: ignore[no-any-return] # of any library
+
+    def _legal_deed_masks(self) -> BoolArray:
+        if self.deeds is None:
+            return np.ones((*self._shape, 1), np.bool_)
+        masks = np.concatenate([self.deeds.masks(on_host(view)) for view in self._now], axis=1)
+        masks[..., 1:] &= ~self._on_host(self.is_over)[:, None, None]
+        return masks
+
+    def _legal_deeds(self, chosen: IntArray) -> IntArray:
+        """Return choices of deeds, nothing instead of those that agents do not have."""
+        return np.where(are_in(self._legal_deed_masks(), chosen), chosen, 0)
+
+    def _given(self, chosen: Array, done: IntArray | None) -> dict[Hashable, Any]:
+        """Return what the agents of each team do, as `Batch.step` takes it."""
+        moves = dict(zip(self.teams, self._by_team(chosen), strict=True))
+        if done is None or self.deeds is None:
+            return moves
+        of_teams = zip(moves.items(), self._by_team(done), self._now, strict=True)
+        return {
+            team: {"moves": one, "deeds": self.deeds.given(choices, on_host(view))}
+            for (team, one), choices, view in of_teams
+        }
+
+    def _on_host(self, array: Array) -> Any:
+        """Return an array of the library of the games as one of NumPy."""
+        return array if self.games.library is None else self.games.library.get(array)
+
+    @property
     def _shape(self) -> tuple[int, int]:
         return len(self.games), sum(self._sizes)
 
@@ -353,22 +398,53 @@ def joined(xp: Namespace, columns: Sequence[Any], axis: int = 1) -> Any:
     return (np.concatenate if xp is np else xp.concat)(columns, axis=axis)
 
 
+def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:
+    """Return which numbers, of any shape, are legal by masks with one axis more, in NumPy."""
+    known = np.clip(chosen, 0, masks.shape[-1] - 1)
+    found: BoolArray = (known == chosen) & np.take_along_axis(masks, known[..., None], axis=-1)[..., 0]
+    return found
+
+
 class _Hand:
-    """The strategy of one agent, which does what it is given."""
+    """The strategy of one agent, which does in each turn of each game what it was given for it."""
 
     def __init__(self) -> None:
-        self.actions: ActionArray = np.zeros((1, 1), np.int64)
+        self._games: Batch | None = None
+        self._choices: DeedChoices | None = None
+        self._taken = np.zeros((0, 0, 2), np.int64)  # (turns, games, 2)  moves and deeds
+
+    def begin(self, games: Batch, choices: DeedChoices | None) -> None:
+        """Play in the games of a batch."""
+        self._games, self._choices, self._taken = games, choices, np.zeros((16, len(games), 2), np.int64)
+
+    def take(self, turns: IntArray, moves: ActionArray, deeds: IntArray | None) -> None:
+        """Take what is to be done in these turns of the games, (games,), as arrays (games, 1)."""
+        while turns.max() >= len(self._taken):
+            self._taken = np.concatenate((self._taken, np.zeros_like(self._taken)))
+        self._taken[turns, np.arange(len(turns))] = np.column_stack((moves, moves * 0 if deeds is None else deeds))
 
     def __call__(self, state: dict[str, Any]) -> None:
-        legal, action = state["legal"], int(self.actions[0, 0])
-        state["action"] = legal[action if action < len(legal) else 0]
+        legal, games = state["legal"], cast("Batch", self._games)
+        move, deed = self._taken[state["turn"], games.loaded].tolist()
+        node = legal[move if move < len(legal) else 0]
+        done = {} if self._choices is None else self._choices.plain(deed, legal, state["curr_pos"])
+        state["action"] = {"node_id": node, "do": done} if done else node
 
     def array_form(self, view: ArrayView) -> ActionArray:
         """Return what it is given for each game."""
-        given: ActionArray = self.actions[view.games]
-        return np.where(given < view.counts, given, 0)
+        moves, deeds = np.moveaxis(self._taken[view.turn, view.games][:, None], -1, 0)
+        if self._choices is not None:
+            for deed, (where, fields) in self._choices.given(deeds, view).items():
+                view.do(deed, where, **fields)
+        return np.where(moves < view.counts, moves, 0)
 
     array_form.is_blind = True  # type: ignore[attr-defined] # it does not ask what sensors show
+
+
+def on_host(view: ArrayView) -> ArrayView:
+    """Return a view in NumPy."""
+    found: ArrayView = view if view.xp is np else view.on_host()  # type: ignore[attr-defined] # of a device
+    return found
 
 
 def default_observation(view: ArrayView) -> Float32Array:

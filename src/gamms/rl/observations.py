@@ -8,12 +8,12 @@ from weakref import WeakKeyDictionary
 import numpy as np
 
 from gamms.arguments import as_count
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
-from gamms.rl.learners import Array, Float32Array
+from gamms.rl.learners import Array, Float32Array, on_host
 
 NEAR = ("is_there", "dx", "dy", "hops", "action", "mates", "enemies")
 """The entries of each node of `neighbourhood`."""
@@ -40,7 +40,7 @@ class Neighbourhood:
 
     def __call__(self, view: ArrayView) -> Array:
         """Return the entries of the nodes around the agents of a view."""
-        host: ArrayView = view if view.xp is np else view.on_host()  # type: ignore[attr-defined] # of a device
+        host = on_host(view)
         streets = host.streets
         if streets not in self._tables:
             self._tables[streets] = self._table(streets)
@@ -98,7 +98,7 @@ class MapGraph:
 
     def __call__(self, view: ArrayView) -> Array:
         """Return the entries of all nodes."""
-        host: ArrayView = view if view.xp is np else view.on_host()  # type: ignore[attr-defined] # of a device
+        host = on_host(view)
         columns, (games, agents) = host.streets.columns, host.node.shape
         self._edges = np.stack((columns.sources, columns.targets)).astype(np.int64)
         nodes = len(columns.node_ids)
@@ -154,6 +154,8 @@ def neighbourhood(hops: int = 2, nodes: int | None = None) -> Neighbourhood:
     Raises:
         BadType, BadValue: these are no positive integers.
     """
+    if isinstance(hops, ArrayView):
+        raise BadType("observation=rl.neighbourhood makes an observation: call it, rl.neighbourhood(2).")
     return Neighbourhood(as_count(hops, "hops"), None if nodes is None else as_count(nodes, "nodes"))
 
 

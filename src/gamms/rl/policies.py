@@ -15,6 +15,7 @@ from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile, 
 from gamms.game.batch import ArrayView, array_strategy
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
+from gamms.rl.deeds import choices_of
 from gamms.rl.learners import Float32Array, Learners, Observation, Turn, default_observation
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
 from gamms.scenario import Scenario
@@ -42,16 +43,26 @@ class Spaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         observation: the shape of what one agent observes.
         actions: how many there are.
         function: that observes: its module and name, or "default".
+        deeds: how many choices of deeds there are; 0: none are declared.
     """
 
     observation: Annotated[list[Count], msgspec.Meta(max_length=8)]
     actions: Count
     function: _Text = _DEFAULT
+    deeds: Annotated[int, msgspec.Meta(ge=0, le=1 << 16)] = 0
+
+    @property
+    def numbers(self) -> int:
+        """How many numbers a network gives: of each action, and of each choice of deeds."""
+        return self.actions + self.deeds
 
     @property
     def digest(self) -> str:
         """The SHA-256, in hexadecimal."""
-        return hashlib.sha256(msgspec.json.encode(self)).hexdigest()
+        named = msgspec.structs.asdict(self)
+        if not self.deeds:
+            del named["deeds"]
+        return hashlib.sha256(msgspec.json.encode(named)).hexdigest()
 
 
 class Description(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -127,7 +138,7 @@ def save_policy(
     except ImportError:
         raise MissingExtra("A policy in safetensors", "rl") from None
     network = network_of(model, shared)
-    network.check(_entries(found.spaces), found.spaces.actions)
+    network.check(_entries(found.spaces), found.spaces.numbers)
     described = msgspec.structs.replace(found, network=network.architecture)
     weights = {name: np.ascontiguousarray(one) for name, one in network.weights.items()}
     save_file(weights, file, {_KEY: msgspec.json.encode(described).decode()})
@@ -221,21 +232,29 @@ def _maker(player: _Player) -> Maker:
     alone = described is not None and described.agent is not None
 
     def play_policy(view: ArrayView) -> IntArray:
-        actions, uniform = np.zeros(view.node.shape, np.int64), view.draw.random() if sample else None
+        choices = choices_of(view, view.declared)
+        heads = 1 if choices is None else 2
+        actions = np.zeros((heads, *view.node.shape), np.int64)
+        uniform = [view.draw.random() for _ in range(heads)] if sample else None
         for whole, columns in [(view, np.arange(len(view.agents)))] if of_each else _views(view, alone):
             rows = np.searchsorted(whole.agents, view.agents[columns])
             values = np.asarray(observe(whole))[:, rows]
             most = view.movement.width
-            masks = np.arange(most) < np.where(view.mask, view.counts, 1)[:, columns, None]
-            parts = {
-                "observation": values.reshape(-1, *values.shape[2:]),
-                "action_mask": masks.reshape(-1, most),
-            }
-            evaluate = _fitting(loaded, (most, *values.shape[2:]))
-            logits = np.where(parts["action_mask"], evaluate(parts), -np.inf)
-            chosen = _chosen(logits, None if uniform is None else uniform[:, columns].ravel())
-            actions[:, columns] = chosen.reshape(masks.shape[:2])
-        return actions
+            masks = [np.arange(most) < np.where(view.mask, view.counts, 1)[..., None]]
+            masks += [] if choices is None else [choices.masks(view)]
+            shape = masks[0].shape[0], len(columns)
+            mask = np.concatenate(masks, axis=2)[:, columns].reshape(shape[0] * shape[1], -1)
+            parts = {"observation": values.reshape(-1, *values.shape[2:]), "action_mask": mask}
+            evaluate = _fitting(loaded, (most, mask.shape[1] - most, *values.shape[2:]))
+            logits = np.where(mask, evaluate(parts), -np.inf)
+            for head, part in enumerate(np.split(logits, [most], axis=1)[:heads]):
+                drawn = None if uniform is None else uniform[head][:, columns].ravel()
+                actions[head][:, columns] = _chosen(part, drawn).reshape(shape)
+        if choices is not None:
+            for deed, (where, fields) in choices.given(actions[1], view).items():
+                view.do(deed, where, **fields)
+        moves: IntArray = actions[0]
+        return moves
 
     play_policy.takes_any_legal = True  # type: ignore[attr-defined] # for games alone, where agents may have speeds
     play_policy.__name__ = play_policy.__qualname__ = f"policy({loaded.file.name!r})"
@@ -276,27 +295,28 @@ def _chosen(logits: Float32Array, uniform: FloatArray | None) -> IntArray:
 
 @lru_cache(maxsize=64)
 def _fitting(loaded: _Loaded, shape: tuple[int, ...]) -> Logits:
-    """Return what evaluates a policy for so many actions and observations of such a shape.
+    """Return what evaluates a policy for so many actions and deeds, and observations of such a shape.
 
     Raises:
         BadValue: it is for others.
     """
-    actions, *observed = shape
-    described = loaded.described
-    if described is not None and (actions, observed) != (described.spaces.actions, described.spaces.observation):
-        spaces = described.spaces
+    actions, deeds, *observed = shape
+    spaces = None if loaded.described is None else loaded.described.spaces
+    if spaces is not None and (actions, deeds, observed) != (spaces.actions, spaces.deeds, spaces.observation):
+        of_deeds = f" and {spaces.deeds} choices of deeds" if spaces.deeds else ""
+        here = f"{actions} and {deeds}" if deeds else actions
         raise BadValue(
-            f"{loaded.file} was trained with {spaces.actions} actions and observations of the shape "
-            f"{tuple(spaces.observation)} ({spaces.function}); here are {actions}, of the shape {tuple(observed)}. "
+            f"{loaded.file} was trained with {spaces.actions} actions{of_deeds} and observations of the shape "
+            f"{tuple(spaces.observation)} ({spaces.function}); here are {here}, of the shape {tuple(observed)}. "
             "Play it in games like those it was trained in, with observation= as it was."
         )
     if loaded.network is None:
         return cast("Logits", loaded.logits)
     try:
-        loaded.network.check(int(np.prod(observed)), actions)
+        loaded.network.check(int(np.prod(observed)), actions + deeds)
     except BadValue as error:
         raise BadValue(f"{loaded.file} does not fit this game: {error}") from None
-    return loaded.network.logits(actions)
+    return loaded.network.logits(actions + deeds)
 
 
 def _refuse_other(file: Path, described: Description, ctx: HostContext) -> None:
@@ -366,7 +386,7 @@ def _read(file: Path, _stamp: tuple[int, int]) -> _Loaded:
         raise BadFile(f"{file} does not say what network its weights are of.")
     network = Network(described.network, weights)
     try:
-        network.check(_entries(described.spaces), described.spaces.actions)
+        network.check(_entries(described.spaces), described.spaces.numbers)
     except BadValue as error:
         raise BadFile(f"{file} is damaged: {error}") from None
     return _Loaded(file, described, network, None)
@@ -407,7 +427,7 @@ def _save_onnx(model: object, file: Path, found: Description) -> None:
         raise MissingFile("an ONNX model", source)
     data = source.read_bytes()
     logits, _ = onnx_logits(data, str(source))
-    actions, shape = found.spaces.actions, found.spaces.observation
+    actions, shape = found.spaces.numbers, found.spaces.observation
     given = {"observation": np.zeros((1, *shape), np.float32), "action_mask": np.ones((1, actions), np.float32)}
     made = logits(given).shape
     if made != (1, actions):
@@ -422,7 +442,8 @@ def _described(learners: Learners) -> Description:
     """Return what a file says of a policy that was trained by these learners."""
     shape, function = list(np.asarray(learners.observe()).shape[2:]), learners.observation
     name = f"{getattr(function, '__module__', '?')}:{getattr(function, '__qualname__', type(function).__name__)}"
-    spaces = Spaces(shape, learners.num_actions, _DEFAULT if function is default_observation else name[:500])
+    named = _DEFAULT if function is default_observation else name[:500]
+    spaces = Spaces(shape, learners.num_actions, named, 0 if learners.deeds is None else len(learners.deeds))
     scenario = learners.scenario
     return Description(
         scenario.spec.name, scenario.digests(), spaces, spaces.digest, list(map(str, learners.teams)), learners.agent

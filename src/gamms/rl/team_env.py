@@ -11,12 +11,12 @@ from gamms.arguments import as_mapping
 from gamms.errors import UnknownName
 from gamms.rl.learners import Float32Array, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
-from gamms.rl.spaces import observation_space, observed
+from gamms.rl.spaces import action_masks, action_space, are_legal, moves_and_deeds, observation_space, observed
 
 Observed = dict[str, dict[str, Any]]  # agent -> `observation` and `action_mask`
 
 
-class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # PettingZoo has no types
+class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # PettingZoo has no types
     """The agents of some teams in one game; made by `gamms.rl.parallel_env`.
 
     Agents that are dead leave `agents`. Where a rule brings agents back, they stay there and wait, with no reward and
@@ -37,7 +37,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
         space = observation_space(learners)
         self.observation_spaces = {agent: deepcopy(space) for agent in self.possible_agents}  # each samples by itself
-        self.action_spaces = {agent: spaces.Discrete(learners.num_actions) for agent in self.possible_agents}
+        self.action_spaces = {agent: action_space(learners) for agent in self.possible_agents}
         self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -45,7 +45,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         return self.observation_spaces[self._known(agent)]
 
     def action_space(self, agent: str) -> spaces.Space[Any]:
-        """Return the space of what an agent does: the number of a legal node, 0 to stay."""
+        """Return the space of what an agent does: the number of a legal node, 0 to stay, and perhaps of a deed."""
         return self.action_spaces[self._known(agent)]
 
     def reset(self, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Observed, Observed]:  # noqa: ARG002 - PettingZoo's signature
@@ -59,7 +59,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         return self._answers(self.agents)
 
     def step(
-        self, actions: dict[str, int]
+        self, actions: dict[str, Any]
     ) -> tuple[Observed, dict[str, float], dict[str, bool], dict[str, bool], Observed]:
         """Play a turn.
 
@@ -72,13 +72,13 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
         """
         for name in as_mapping(actions, "actions"):
             self._known(name)
-        asked, masks = self.agents, self.learners.masks[0]
-        given = np.zeros(len(self.possible_agents), np.int64)
-        was_legal = {}
-        for number, name in enumerate(self.possible_agents):
-            given[number] = action = int(actions.get(name, 0))
-            was_legal[name] = bool(0 <= action < masks.shape[1] and masks[number, action])
-        played = self.learners.step(given[None])
+        asked = self.agents
+        stay = [0, 0] if self.learners.deeds is not None else 0
+        given = [actions.get(name, stay) for name in self.possible_agents]
+        moves, deeds = moves_and_deeds(self.learners, given)
+        legal = are_legal(self.learners, moves, deeds)[0].tolist()
+        was_legal = dict(zip(self.possible_agents, legal, strict=True))
+        played = self.learners.step(moves, deeds)
         observations, infos = self._answers(asked)
         for name in asked:
             infos[name]["is_legal"] = was_legal[name]
@@ -91,7 +91,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], int]):  # type: ignore[misc] # Pe
 
     def action_masks(self) -> dict[str, Any]:
         """Return which actions are legal: agent -> (actions,) booleans."""
-        return dict(zip(self.possible_agents, self.learners.masks[0], strict=True))
+        return dict(zip(self.possible_agents, action_masks(self.learners)[0], strict=True))
 
     def state(self) -> Float32Array:
         """Return the whole game as numbers: of each agent of all teams `alive`, `x`, `y` in shares of the map.

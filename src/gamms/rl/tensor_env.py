@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 import torch
 from tensordict import TensorDict, TensorDictBase
-from torchrl.data import Binary, Bounded, Categorical, Composite, Unbounded
+from torchrl.data import Binary, Bounded, Categorical, Composite, MultiCategorical, Unbounded
 from torchrl.envs import EnvBase
 
 from gamms.rl.learners import Learners, Played
@@ -46,12 +46,18 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
                 if np.isfinite(learners.bounds).all() and kind.is_floating_point
                 else Unbounded(shape=(*size, *shape), dtype=kind, device=self.device)
             )
+            sizes = [learners.num_actions, *([] if learners.deeds is None else [len(learners.deeds)])]
             masks = {
-                "action_mask": Binary(shape=(*size, learners.num_actions), dtype=torch.bool, device=self.device),
+                "action_mask": Binary(shape=(*size, sum(sizes)), dtype=torch.bool, device=self.device),
                 "mask": Binary(shape=size, dtype=torch.bool, device=self.device),
             }
             observed[team] = Composite({"observation": box, **masks}, shape=size, device=self.device)
-            action = Categorical(learners.num_actions, shape=size, dtype=torch.int64, device=self.device)
+            kinds = {"dtype": torch.int64, "device": self.device}
+            action = (
+                Categorical(learners.num_actions, shape=size, **kinds)
+                if learners.deeds is None
+                else MultiCategorical(sizes, shape=(*size, 2), **kinds)
+            )
             acting[team] = Composite({"action": action}, shape=size, device=self.device)
             reward = Unbounded(shape=(*size, 1), dtype=torch.float32, device=self.device)
             rewards[team] = Composite({"reward": reward}, shape=size, device=self.device)
@@ -77,7 +83,9 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Play a turn of all games that are not over."""
         given = [tensordict.get((team, "action")) for team in self.group_map]
-        return self._filled(self.learners.step(torch.cat(given, dim=1)))
+        actions = torch.cat(given, dim=1)
+        heads = (actions,) if self.learners.deeds is None else actions.unbind(dim=-1)
+        return self._filled(self.learners.step(*heads))
 
     def _set_seed(self, seed: int | None) -> None:
         """Let game i have the seed `seed + i` at the next reset."""
@@ -106,7 +114,12 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
             if not learners.may_return:
                 terminated = terminated | ~alive
             ended = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
-        columns = {"observation": learners.observe(), "action_mask": learners.masks, "mask": alive & ~over[:, None]}
+        masks = [learners.masks] + ([] if learners.deeds is None else [learners.deed_masks])
+        columns = {
+            "observation": learners.observe(),
+            "action_mask": torch.cat(masks, dim=-1),
+            "mask": alive & ~over[:, None],
+        }
         columns |= {key: one[..., None] for key, one in ended.items()}
         if played is not None:
             columns["reward"] = torch.as_tensor(played.rewards, dtype=torch.float32)[..., None]

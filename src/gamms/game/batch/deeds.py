@@ -79,6 +79,11 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         self._check, self._roster, self._streets = check, roster, streets
 
     @property
+    def declared(self) -> Mapping[str, Mapping[str, DeclaredField]]:
+        """The deeds that are declared, and the fields of each."""
+        return self._fields
+
+    @property
     def kinds(self) -> list[str]:
         """The deeds that are declared."""
         return list(self._fields)

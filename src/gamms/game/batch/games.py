@@ -415,6 +415,12 @@ class Batch:
         return not self._is_one_by_one
 
     @property
+    def loaded(self) -> int | None:
+        """The number of the game that is played by itself right now; None: games are in arrays."""
+        engine = self._apart if isinstance(self._engine, ArrayEngine) else self._engine
+        return None if engine is None else engine.loaded
+
+    @property
     def _is_one_by_one(self) -> bool:
         return isinstance(self._engine, OneByOneEngine)
 

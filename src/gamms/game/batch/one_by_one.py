@@ -30,12 +30,15 @@ class OneByOneEngine:
         game: at its start.
         roster: its agents.
         seeds: of the games.
+
+    Attributes:
+        loaded: the number of the game that the context has; None: of none.
     """
 
     def __init__(self, game: PlayedGame, roster: Roster, seeds: Sequence[int]) -> None:
         self._game, self._roster, self.seeds = game, roster, list(seeds)
         self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, over, or in the context
-        self._loaded: int | None = None  # the game that the context has
+        self.loaded: int | None = None
         self._results: list[Result | None] = [None] * len(seeds)
         self._over: list[dict[str, Any] | None] = [None] * len(seeds)
         self._turns = np.zeros(len(seeds), np.int64)
@@ -55,8 +58,8 @@ class OneByOneEngine:
     def start(self, game: int, seed: int) -> None:
         """Begin a game again, with another seed."""
         self.seeds[game] = seed
-        if game == self._loaded:
-            self._loaded = None
+        if game == self.loaded:
+            self.loaded = None
         self._snapshots[game] = self._results[game] = self._over[game] = None
         self._turns[game], self._scores[game] = 0, {}
         self._observed.reset(np.array([game]), [seed], self._observed.node[[game]])
@@ -185,16 +188,16 @@ class OneByOneEngine:
     def load(self, number: int) -> PlayedGame:
         """Let the context have a game as it is now."""
         game, snapshot = self._game, self._snapshots[number]
-        if self._loaded == number:
+        if self.loaded == number:
             return game
-        if self._loaded is not None and self._over[self._loaded] is None:
-            self._snapshots[self._loaded] = game.snapshot()
-        self._loaded, self._snapshots[number] = None, None
+        if self.loaded is not None and self._over[self.loaded] is None:
+            self._snapshots[self.loaded] = game.snapshot()
+        self.loaded, self._snapshots[number] = None, None
         if snapshot is None:
             game.reset(seed=self.seeds[number])
         else:
             game.restore(snapshot)
-        self._loaded = number
+        self.loaded = number
         return game
 
     def _store(self, number: int) -> None:

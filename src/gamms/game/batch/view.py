@@ -18,6 +18,7 @@ from gamms.game.batch.sight import Seen, in_turned_cone, lookouts, names_of, see
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
+from gamms.game.deeds import DeclaredField
 from gamms.game.random_streams import ArrayDraws
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -212,6 +213,11 @@ class ArrayView(Mapping[str, Any]):
     def xp(self) -> Any:
         """The functions of the array library of the view, as the array API names them: NumPy's."""
         return np
+
+    @property
+    def declared(self) -> Mapping[str, Mapping[str, DeclaredField]]:
+        """The deeds that the game declares, and the fields of each; not for `games.observe` of games one by one."""
+        return self._state.deeds.declared
 
     def sees(self, *names: str) -> BoolArray:
         """Return who sees whom, (games, agents, all agents); see `seen`."""

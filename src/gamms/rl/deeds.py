@@ -1,0 +1,201 @@
+"""Declared deeds as a finite list of choices, for learners: nothing, and each deed with each of its targets."""
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from gamms.errors import BadValue
+from gamms.game.batch import ArrayView
+from gamms.game.batch.movement import Movement
+from gamms.game.deeds import DeclaredField
+from gamms.game.streets import Streets
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+
+_MOST = 4096  # choices
+_LEFT_OUT = -1  # the number of an option: the field is not given
+_NEAR = ("node", "edge")  # kinds of fields whose options are numbers of legal nodes, or of edges that leave the node
+
+
+class _Deed(NamedTuple):
+    """A deed: its fields, the number of its first choice, and the options of each choice.
+
+    Attributes:
+        name: as declared.
+        first: the number of its first choice.
+        fields: name -> its declaration and, but of `_NEAR`, its options.
+        options: (choices, fields) numbers of options.
+    """
+
+    name: str
+    first: int
+    fields: dict[str, tuple[DeclaredField, Sequence[Any]]]
+    options: IntArray
+
+
+class DeedChoices:
+    """What an agent may do besides moving: choice 0 is nothing, then each deed with each combination of its fields.
+
+    A field has as options: an agent, a team, or a sensor of an agent, in the order of their names at the start; the
+    k-th of the nodes that are legal for the agent; the k-th of the edges that leave its node; no and yes; or the values
+    of a list. A field that may be missing is left out first, and always where its kind has no finite number of values.
+
+    Args:
+        declared: the deeds of the game.
+        known: the agents, teams and sensors of the start, by kind.
+        movement: how agents go.
+
+    Attributes:
+        names: of the choices.
+
+    Raises:
+        BadValue: a field that is needed has no finite number of values, or there are more than 4096 choices.
+    """
+
+    def __init__(
+        self,
+        declared: Mapping[str, Mapping[str, DeclaredField]],
+        known: Mapping[str, Sequence[Any]],
+        movement: Movement,
+    ) -> None:
+        self._columns = movement.streets.columns
+        self._degrees = np.diff(self._columns.offsets)
+        numbers = {"node": range(movement.width), "edge": range(int(self._degrees.max(initial=0)))}
+        known = {"boolean": (False, True), **numbers, **known}
+        self._deeds: list[_Deed] = []
+        names = ["nothing"]
+        for deed, declarations in declared.items():
+            fields = {key: _options_of(deed, key, field, known) for key, field in declarations.items()}
+            ways = [[*([] if one.is_required else [_LEFT_OUT]), *range(len(values))] for one, values in fields.values()]
+            many = len(names) + int(np.prod([len(one) for one in ways], dtype=np.float64))
+            if many > _MOST:
+                raise BadValue(
+                    f"With the deed {deed!r} there are {many} choices, and learners have {_MOST} at most: declare "
+                    "fewer fields, or lists of fewer values."
+                )
+            options = np.array([*product(*ways)], np.int64).reshape(many - len(names), len(fields))
+            self._deeds.append(_Deed(deed, len(names), fields, options))
+            names += [_name_of(deed, fields, row) for row in options.tolist()]
+        self.names = tuple(names)
+        self._needs = {kind: self._needed(kind) for kind in _NEAR}  # (choices,) how many nodes and edges there must be
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def masks(self, view: ArrayView) -> BoolArray:
+        """Return which choices the agents of a view have, (games, agents, choices); a rule may refuse some."""
+        degrees = self._degrees[view.node][..., None]
+        found: BoolArray = (self._needs["node"] <= view.counts[..., None]) & (self._needs["edge"] <= degrees)
+        found[..., 1:] &= view.mask[..., None]
+        return found
+
+    def given(self, chosen: IntArray, view: ArrayView) -> dict[str, tuple[BoolArray, dict[str, Any]]]:
+        """Return choices that agents have, (games, agents), as `Batch.step` takes deeds."""
+        found = {}
+        for deed in self._deeds:
+            where = (chosen >= deed.first) & (chosen < deed.first + len(deed.options))
+            if where.any():
+                rows = deed.options[np.where(where, chosen - deed.first, 0)]
+                columns = enumerate(deed.fields.items())
+                found[deed.name] = where, {key: self._values(*of, rows[..., i], view) for i, (key, of) in columns}
+        return found
+
+    def plain(self, choice: int, legal: Sequence[int], node: int) -> dict[str, dict[str, Any]]:
+        """Return a choice as `state["action"]` has deeds; nothing where the agent does not have it.
+
+        Args:
+            choice: its number.
+            legal: ids of the nodes where the agent may go.
+            node: the id of the node where it is.
+        """
+        row = int(np.flatnonzero(self._columns.node_ids == node)[0])
+        edges = self._columns.edge_ids[self._edges_from(row)].tolist()
+        for deed in self._deeds:
+            if not 0 <= choice - deed.first < len(deed.options):
+                continue
+            if self._needs["node"][choice] > len(legal) or self._needs["edge"][choice] > len(edges):
+                return {}
+            near = {"node": legal, "edge": edges}
+            options = zip(deed.options[choice - deed.first].tolist(), deed.fields.items(), strict=True)
+            return {
+                deed.name: {key: near.get(of.kind, known)[k] for k, (key, (of, known)) in options if k != _LEFT_OUT}
+            }
+        return {}
+
+    def _edges_from(self, node: int) -> IntArray:
+        columns = self._columns
+        edges: IntArray = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]]
+        return edges
+
+    def _values(self, field: DeclaredField, known: Sequence[Any], options: IntArray, view: ArrayView) -> Any:
+        """Return the values of a field, (games, agents), as `ArrayView.do` takes them."""
+        if field.kind == "agent":
+            return options
+        is_given = options != _LEFT_OUT
+        if field.kind == "node":
+            rows = view.movement.nodes(view.choices, np.clip(options, 0, view.counts - 1))
+            return np.where(is_given, rows, _LEFT_OUT)
+        if field.kind == "boolean" and field.is_required:
+            return options == 1
+        values = np.empty(options.shape, object)
+        for place in np.argwhere(is_given).tolist():
+            at = tuple(place)
+            if field.kind == "edge":
+                edges = self._edges_from(int(view.node[at]))
+                values[at] = int(self._columns.edge_ids[edges[options[at]]]) if options[at] < len(edges) else None
+            else:
+                values[at] = known[options[at]]
+        return values
+
+    def _needed(self, kind: str) -> IntArray:
+        needed = [np.zeros(1, np.int64)]
+        for deed in self._deeds:
+            columns = [i for i, (field, _) in enumerate(deed.fields.values()) if field.kind == kind]
+            needed.append(deed.options[:, columns].max(axis=1, initial=_LEFT_OUT) + 1)
+        return np.concatenate(needed)
+
+
+def choices_of(view: ArrayView, declared: Mapping[str, Mapping[str, DeclaredField]]) -> DeedChoices | None:
+    """Return the choices of the agents of a game, worked out once for its map; None: it declares no deeds."""
+    if not declared:
+        return None
+    known, roster = _known.setdefault(view.streets, {}), view.roster
+    sensors = sorted({name for agent in roster.agents for name in getattr(agent, "sensors", {})})
+    teams = [team for team in roster.teams if team is not None]
+    key = repr((declared, roster.names, teams, sensors, view.movement.width))
+    if key not in known:
+        known[key] = DeedChoices(declared, {"agent": roster.names, "team": teams, "sensor": sensors}, view.movement)
+    return known[key]
+
+
+_known: WeakKeyDictionary[Streets, dict[str, DeedChoices]] = WeakKeyDictionary()
+
+
+def _options_of(
+    deed: str, key: str, field: DeclaredField, known: Mapping[str, Sequence[Any]]
+) -> tuple[DeclaredField, Sequence[Any]]:
+    """Return a field with its options.
+
+    Raises:
+        BadValue: it is needed, and its kind has no finite number of values.
+    """
+    values = field.choices if field.kind == "choice" else known.get(field.kind, ())
+    if field.is_required and not values:
+        raise BadValue(
+            f"The field {key!r} of the deed {deed!r} is of the kind {field.kind!r}, of which learners cannot have all "
+            f"values: list those that they may choose, such as deeds: {{{deed}: {{{key}: [1, 2]}}}}."
+        )
+    return field, values
+
+
+def _name_of(deed: str, fields: Mapping[str, tuple[DeclaredField, Sequence[Any]]], row: Sequence[int]) -> str:
+    parts = []
+    for option, (key, (field, known)) in zip(row, fields.items(), strict=True):
+        if option != _LEFT_OUT:
+            value = f"{field.kind} {option}" if field.kind in _NEAR else shown(known[option])
+            parts.append(f"{key}={value}")
+    return f"{deed}({', '.join(parts)})"

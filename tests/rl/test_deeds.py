@@ -1,0 +1,173 @@
+"""Declared deeds as a second head of what learners do."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
+pytest.importorskip("pettingzoo", reason="PettingZoo is not installed")
+
+from gymnasium.utils.env_checker import check_env
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)  # importing the tests of PettingZoo makes a game the old way
+    from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+from policy_scenes import Linear, Sequential
+
+from gamms import rl
+from gamms.errors import BadValue
+from gamms.scenario import Scenario
+
+DEEDS = {
+    "arrest": {"whom": "agent"},
+    "scan": {"node": "node"},
+    "pay": {"amount": [1, 5], "to": "agent?"},
+    "close": {"street": "edge"},
+    "vote": {"yes": "boolean", "why": "text?"},
+    "rest": {},
+}
+NAMES = 1 + 3 + 5 + 2 * 4 + 4 + 2 + 1
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+COOLDOWN = {"rule": "cooldown", "with": {"deed": "scan", "turns": 3}}
+
+
+def scene(deeds=DEEDS, rules=(TAG, COOLDOWN), **more):
+    teams = {"red": {"count": 2, "sensors": ["near"]}, "blue": {"count": 1, "strategy": "gamms.strategies:random_walk"}}
+    near = {"near": {"type": "AGENT_RANGE", "sensor_range": 30}}
+    settings = {"deeds": deeds, **more.pop("settings", {})}
+    given = {"teams": teams, "sensors": near, "rules": list(rules), "max_turns": 9, "settings": settings, **more}
+    return Scenario(map={"grid": {"width": 4, "height": 4}}, **given)
+
+
+def chosen(masks, split, turn):
+    """Some legal move and deed of each slot."""
+    parts = np.split(np.asarray(masks), [split], axis=-1)
+    pick = [
+        [np.flatnonzero(mask)[(turn * 5 + slot * 3 + 1) % mask.sum()] for slot, mask in enumerate(part)]
+        for part in parts
+    ]
+    return np.array(pick).T
+
+
+def test_choices_are_nothing_and_each_deed_with_each_target():
+    with rl.Learners(scene(), teams=["red"]) as learners:
+        names = learners.deeds.names
+        assert len(names) == len(learners.deeds) == NAMES
+        assert names[:5] == (
+            "nothing",
+            "arrest(whom='blue_0')",
+            "arrest(whom='red_0')",
+            "arrest(whom='red_1')",
+            "scan(node=node 0)",
+        )
+        assert "pay(amount=1)" in names
+        assert "pay(amount=5, to='red_1')" in names
+        assert names[-4:] == ("close(street=edge 3)", "vote(yes=False)", "vote(yes=True)", "rest()")
+        masks = learners.deed_masks[0, 0]
+        legal = learners.masks[0, 0].sum()
+        assert masks[4:9].sum() == legal
+        assert masks[17:21].sum() == legal - 1
+        assert masks.sum() == NAMES - (5 - legal) - (4 - (legal - 1))
+
+
+@pytest.mark.parametrize("kind", [{}, {"settings": {"decide": "turn"}}, {"settings": {"legal": "any"}}])
+def test_games_at_once_are_the_same_as_one_by_one(kind):
+    game = scene(**kind)
+    env = rl.parallel_env(game, team="red", seed=4)
+    alone, _ = env.reset()
+    with rl.Learners(game, 2, teams=["red"], seed=4, record=True) as fast:
+        games = rl.vector_env(game, num_games=2, team="red", seed=4)
+        many, infos = games.reset()
+        assert games.learners.games.slow is None
+        for turn in range(9):
+            assert all(np.array_equal(many[key][slot], alone[f"red_{slot}"][key]) for key in many for slot in (0, 1))
+            assert np.array_equal(infos["action_mask"], many["action_mask"])
+            actions = chosen(many["action_mask"], games.learners.num_actions, turn)
+            fast.step(*np.moveaxis(actions.reshape(2, 2, 2), -1, 0))
+            alone, rewards, *_ = env.step(dict(zip(("red_0", "red_1"), actions[:2], strict=True)))
+            many, earned, *_, infos = games.step(actions)
+            assert earned[:2].tolist() == [*rewards.values()]
+            many = infos.get("final_obs", many)
+        done = env.learners.games.result(0).deeds
+        assert fast.games.result(0).deeds == done
+        assert len({deed["deed"] for deed in done}) > 2
+    games.close()
+    env.close()
+
+
+def test_what_is_chosen_is_done():
+    env = rl.single_agent_env(scene(), agent="red_0")
+    names, (observed, _) = env.learners.deeds.names, env.reset(seed=1)
+    for turn, name in enumerate(names[:9]):
+        mask = observed["action_mask"][env.learners.num_actions :]
+        legal = list(env.learners.games.observe("red")["legal"][0, 0])
+        observed, _, _, _, infos = env.step(np.array([0, turn]))
+        assert infos["is_legal"] == bool(mask[turn])
+        done = [deed for deed in env.learners.games.result(0).deeds if deed["turn"] == turn + 1]
+        if name.startswith("arrest"):
+            assert [deed["whom"] for deed in done] == [name.split("'")[1]]
+        elif name.startswith("scan") and mask[turn] and turn == 4:
+            assert done[0]["node"] == legal[0]
+        elif turn > 4:
+            assert done == []  # the rule that lets it cool down refuses it, or there is no such node
+
+
+def test_one_agent_does_the_same_in_many_games_whatever_plays_them():
+    def played(game):
+        games = rl.vector_env(game, num_games=3, agent="red_0", seed=2)
+        found, (observed, _) = [], games.reset()
+        for turn in range(8):
+            actions = chosen(observed["action_mask"], games.learners.num_actions, turn)
+            actions[:, 0] = [turn % 2, 1, 2]
+            observed, *_ = games.step(actions)
+            found.append(observed["observation"].tolist())
+        deeds = [games.learners.games.result(number).deeds for number in range(3)]
+        games.close()
+        return found, deeds
+
+    slow = scene().replace(rules=[TAG, COOLDOWN], settings={"deeds": DEEDS, "time_budget": 1000.0})
+    assert played(scene()) == played(slow)
+
+
+def test_checkers_find_no_fault(capsys):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(rl.parallel_env(scene(), team="red"), num_cycles=20)
+        parallel_seed_test(lambda: rl.parallel_env(scene(), team="red"), num_cycles=10)
+        check_env(rl.single_agent_env(scene(), agent="red_1"), skip_render_check=True)
+    assert "Passed" in capsys.readouterr().out
+
+
+def test_deeds_without_an_end_of_choices_are_refused_by_name():
+    with pytest.raises(
+        BadValue, match=r"'amount' of the deed 'pay' is of the kind 'number'.*pay: \{amount: \[1, 2\]\}"
+    ):
+        rl.parallel_env(scene({"pay": {"amount": "number"}}, [TAG]), team="red")
+    with pytest.raises(BadValue, match="With the deed 'mark' there are 10001 choices"):
+        rl.parallel_env(scene({"mark": {"x": list(range(100)), "y": list(range(100))}}, [TAG]), team="red")
+    with pytest.raises(BadValue, match="each a pair of a move and a deed"):
+        rl.vector_env(scene(), num_games=2, team="red").step(np.zeros(4, int))
+
+
+def test_a_saved_policy_moves_and_does_deeds(tmp_path):
+    pytest.importorskip("safetensors")
+    game = scene()
+    with rl.Learners(game, teams=["red"]) as learners:
+        entries, heads = learners.observe().shape[2], learners.num_actions + len(learners.deeds)
+    random = np.random.default_rng(3)
+    rl.save_policy(
+        Sequential(Linear(random.normal(size=(heads, entries)))), tmp_path / "red.safetensors", game, team="red"
+    )
+    for sample in (False, True):
+        red = rl.policy(tmp_path / "red.safetensors", sample=sample)
+        with game.batch(2, seed=5, strategies={"red": red}) as games:
+            games.run()
+            assert games.slow is None
+            alone = game.play(seed=6, strategies={"red": red})
+            assert games.result(1).to_dict()["deeds"] == alone.to_dict()["deeds"] != []
+            assert games.result(1) == alone
+    with pytest.raises(BadValue, match=f"gives {heads - 1} numbers, and {heads} are needed"):
+        wrong = Sequential(Linear(random.normal(size=(heads - 1, entries))))
+        rl.save_policy(wrong, tmp_path / "no.safetensors", game, team="red")
