@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 C = TypeVar("C", bound=IContext)
 Strategies = Mapping[str, Strategy | AerialStrategy | AsyncStrategy]  # agent or team -> its strategy
 
-_OF_PAGES = {"title", "theme", "labels", "trails", "turn"}  # what a page may be given
+_OF_PAGES = {"title", "theme", "labels", "trails", "turn", "audience"}  # what a page may be given
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
 _KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
@@ -328,6 +328,7 @@ class Recording(Opened):
         height: int | None = None,
         *,
         dpi: float = 96.0,
+        audience: str | None = None,
         **options: Unpack[PictureOptions],
     ) -> None:
         """Save a picture of how things were after so many turns, or as `.html` a page that replays all of them.
@@ -341,6 +342,7 @@ class Recording(Opened):
             width: pixels; None: as the map needs.
             height: pixels; likewise.
             dpi: pixels per inch: how large the picture is on paper.
+            audience: of a page: a team, by its text; what it could not know is not in the file. None: all is.
             options: those of `ctx.visual.save`.
 
         Raises:
@@ -352,8 +354,10 @@ class Recording(Opened):
         if Path(path).suffix.lower() == ".html":
             if width is not None or height is not None:
                 raise BadValue("A page is as large as its window; leave width and height out.")
-            self._save_page(path, {"turn": turn or 0, **options})
+            self._save_page(path, {"turn": turn or 0, "audience": audience, **options})
             return
+        if audience is not None:
+            raise BadValue("audience is for pages, .html; `gamms render --fog` draws what a team knows.")
         with self._live(self.turns if turn is None else turn, {}, is_quiet=True) as ctx:
             ctx.visual.save(path, width, height, dpi=dpi, **options)
 
@@ -516,6 +520,10 @@ class Recording(Opened):
     def logs(self, start: int | None = None, stop: int | None = None) -> Iterator[Log]:
         """Yield the log of each turn from `start` on and before `stop`, as docs/recording-format.md describes it."""
         return (self._reader.log(log) for log in range(*self._logs_of(start, stop)))
+
+    def content(self) -> bytes:
+        """Return the bytes of the file, as they are now."""
+        return self._reader.content()
 
     def counts(self) -> dict[str, int]:
         """Return how many events there are of each kind in the format; moves are not among them."""

@@ -14,7 +14,7 @@ Results = Mapping[str, tuple[Any, Any]]  # sensor -> (kind, data), as in a state
 
 # Forms of data: ids of nodes; nodes and edges; agents and nodes; anything else; agents in space, and the nodes below.
 _IDS, _MAP, _AGENTS, _OTHER, _IN_SPACE = range(5)
-_WITH_OTHER = (_OTHER, _IN_SPACE)
+WITH_OTHER = (_OTHER, _IN_SPACE)
 _OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # which see (kind, position) of each
 # Kinds whose ids are those of nodes, and whose names are those of agents; others may mean anything by them.
 _OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL")
@@ -64,7 +64,7 @@ def packed(
         "forms": np.array([look.form for look in looks], np.uint8),
         "sizes": np.array(sizes, np.int64).reshape(-1, 2),
         "ids": np.array(list(chain.from_iterable((*look.first, *look.second) for look in looks)), np.int64),
-        "others": [look.other for look in looks if look.form in _WITH_OTHER],
+        "others": [look.other for look in looks if look.form in WITH_OTHER],
     }
 
 
@@ -79,14 +79,14 @@ def looks_of(data: Mapping[str, Any], agent: int | None = None) -> list[tuple[in
         raise ValueError("its columns have different lengths")
     owners = np.repeat(agents, counts)  # no more than there are looks
     ends = np.cumsum(data["sizes"].reshape(-1)).tolist()
-    others = np.cumsum(np.isin(data["forms"], _WITH_OTHER)).tolist()
+    others = np.cumsum(np.isin(data["forms"], WITH_OTHER)).tolist()
     rows = range(len(owners)) if agent is None else np.flatnonzero(owners == agent).tolist()
     found = []
     for row in rows:
         sensor, kind = data["sensors"][int(data["which"][row])]
         begin, middle, end = ends[2 * row - 1] if row else 0, ends[2 * row], ends[2 * row + 1]
         form = int(data["forms"][row])
-        other = data["others"][others[row] - 1] if form in _WITH_OTHER else None
+        other = data["others"][others[row] - 1] if form in WITH_OTHER else None
         first, second = data["ids"][begin:middle].tolist(), data["ids"][middle:end].tolist()
         found.append((int(owners[row]), Look(sensor, kind, form, first, second, other)))
     return found

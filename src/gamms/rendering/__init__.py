@@ -134,6 +134,7 @@ def _save_page(
             trails=options.trails,
             turn=max((options.first or 1) - 1, 0),
             follow=options.follow,
+            audience=options.fog,
         )
         write_whole(out, content)
         return recording.turns

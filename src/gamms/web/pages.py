@@ -27,11 +27,13 @@ from gamms.recorder import Recording, Writer
 from gamms.recordings import with_map
 from gamms.text import shown
 from gamms.typing.recorder import pages
+from gamms.web.audience import Audience, look_of
 
 __all__ = ["page"]
 
 _PAGE = Path(__file__).parent.parent / "data" / "viewer.html"
-_KEYFRAME_TURNS = 64
+_KEYFRAME_MOVES = 1 << 14  # between two keyframes, which the viewer reads in some milliseconds
+_FEWEST_TURNS, _MOST_TURNS = 8, 64  # between them
 _UNREAD = {  # kinds of events that the viewer does not read
     kinds.GAME_FACTS,
     kinds.GAME_CHANCE,
@@ -57,6 +59,7 @@ def page(
     trails: int = 0,
     turn: int = 0,
     follow: str | None = None,
+    audience: str | None = None,
 ) -> bytes:
     """Return an HTML page that replays a recording: UTF-8, the same bytes for the same recording and keywords.
 
@@ -68,9 +71,11 @@ def page(
         trails: of how many turns the ways of agents are shown, 200 at most.
         turn: after which turn it begins.
         follow: the name of an agent to keep in the middle.
+        audience: a team, by its text: what it could not know is not in the page. None: all is.
 
     Raises:
-        BadValue: there is no such turn or theme.
+        BadValue: there is no such turn or theme, or no agent of the team has a sensor.
+        UnknownName (KeyError): there is no such team.
         RecordingError (ValueError): the recording is damaged, or does not hold its map.
     """
     if not 0 <= as_int(turn, "turn") <= recording.turns:
@@ -80,9 +85,10 @@ def page(
             f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None, which is as the browser."
         )
     title = title or _title_of(recording)
-    look = {"title": title, "theme": theme, "labels": labels, "trails": trails, "turn": turn, "follow": follow}
+    look = {"title": title, "theme": theme, "labels": labels, "trails": trails, "turn": turn}
+    look |= {"follow": follow, "audience": audience}
     given = {name: value for name, value in look.items() if value is not None}
-    data = base64.b64encode(_rewritten(recording)).decode()
+    data = base64.b64encode(_rewritten(recording, audience)).decode()
     parts = {
         "title": escape(title),
         "still": escape(f"{title}: {recording.turns} turns. A browser with JavaScript replays them."),
@@ -122,33 +128,42 @@ def _title_of(recording: Recording) -> str:
 # -- the recording ------------------------------------------------------------------------------------------------
 
 
-def _rewritten(recording: Recording) -> bytes:
+def _rewritten(recording: Recording, team: str | None) -> bytes:
     """Return the recording with what the viewer reads, and with more keyframes, so that any turn comes at once."""
+    source = _Whole(recording) if team is None else Audience(recording, team)
     header = {name: recording.header[name] for name in _HEADER if recording.header.get(name) is not None}
+    if team is not None:  # a seed would play the game again
+        header = {name: value for name, value in header.items() if name in ("format", "package")}
+        header["visuals"] = look_of(recording.header.get("visuals") or {})
+    agents = len(recording.detached(0).agents)
+    every = min(max(_KEYFRAME_MOVES // max(agents, 1), _FEWEST_TURNS), _MOST_TURNS)
     stream = BytesIO()
     writer = Writer(stream, header | {"world": _drawn_map(recording.graph.packed)}, seconds=None)
-    for turn, log in enumerate(_logs(recording)):
-        if turn % _KEYFRAME_TURNS == 0:
-            writer.keyframe(_keyframe(recording, turn))
-        writer.add_turn(log)
+    for turn, log in enumerate(source.logs()):
+        if turn % every == 0:
+            writer.keyframe(_drawn_keyframe(source.keyframe(turn)))
+        writer.add_turn([_drawn_event(entry) for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD])
     if not recording.turns:
-        writer.keyframe(_keyframe(recording, 0))
+        writer.keyframe(_drawn_keyframe(source.keyframe(0)))
     writer.close()
     return stream.getvalue()
 
 
-def _keyframe(recording: Recording, turn: int) -> dict[str, Plain]:
-    state = recording.detached(turn).keyframe(turn)
+class _Whole:
+    """All of a recording, for readers who may know everything."""
+
+    def __init__(self, recording: Recording) -> None:
+        self._recording = recording
+
+    def keyframe(self, turn: int) -> dict[str, Plain]:
+        return self._recording.detached(turn).keyframe(turn)
+
+    def logs(self) -> Iterator[kinds.Log]:
+        return self._recording.logs(1, self._recording.turns + 1)
+
+
+def _drawn_keyframe(state: dict[str, Plain]) -> dict[str, Plain]:
     return {name: value for name, value in state.items() if name not in _UNREAD_STATE}
-
-
-def _logs(recording: Recording) -> Iterator[kinds.Log]:
-    """Yield the log of each whole turn, as far as the viewer reads it."""
-    for log in recording.logs(1, recording.turns + 1):
-        if not any(type(entry) is tuple for entry in log):
-            yield log
-            continue
-        yield [_drawn_event(entry) for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD]
 
 
 def _drawn_event(entry: Any) -> Any:

@@ -64,6 +64,10 @@ class Reader(Opened):
             with at_byte(block.at):
                 self._decoder.allowance.charge(blocks.cost_of(block.turns, block.moves, block.events))
 
+    def content(self) -> bytes:
+        """Return the bytes of the file, as they are now."""
+        return self._input.read(0, self._input.size)
+
     def log(self, turn: int) -> chunks.Log:
         """Return the log of a turn, from 0: `row, node` of a move two by two, and tuples `(kind, data)`."""
         self._check_range(turn, turn + 1)

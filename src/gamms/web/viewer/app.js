@@ -23,7 +23,7 @@ export class App {
     /** @type {import("./scene.js").Look} */
     this.look = {
       theme: options.theme ?? (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light"),
-      fog: null, trails: options.trails ?? 0, labels: options.labels ?? "auto", sensors: false, messages: true, heat: null,
+      fog: options.audience ?? null, trails: options.trails ?? 0, labels: options.labels ?? "auto", sensors: false, messages: true, heat: null,
       selected: null, hovered: null,
     };
     this.position = 0; // turns, with the share of the one that is under way
@@ -207,6 +207,7 @@ export class App {
         if (!scene.paint(this.look, this.turn > replay.turns ? 1 : share, isMoving)) this.needsPaint = true;
       }
       this.paintMs = performance.now() - begun;
+      this.firstPaintMs ??= performance.now(); // since the page was opened
     } else if (isMoving) {
       this.needsPaint = true;
     }

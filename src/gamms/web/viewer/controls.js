@@ -103,7 +103,7 @@ export class Controls {
     const [{ replay, scene }] = app.views;
     const colors = scene.colors(app.look);
     const now = replay.overview.happenings.filter((one) => one.turn <= app.turn && one.turn > app.turn - CAPTION_TURNS && this.#isOpen(one)).slice(-MOST_LINES);
-    refill(this.captions, ...now.reverse().map((one) => {
+    refill(this.captions, ...now.map((one) => {
       const agent = one.agent === null ? undefined : replay.state.byName.get(one.agent);
       const color = colors.get(agent === undefined ? one.agent ?? "" : agent.team ?? agent.name);
       return element("p", { class: one.turn === app.turn ? "now" : "" }, dot(color), element("span", { text: one.words }));

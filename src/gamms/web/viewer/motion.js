@@ -10,12 +10,12 @@ import { World } from "./world.js";
  * @param {World} world @param {Agent} agent @returns {[number, number]}
  */
 export function placeOf(world, agent) {
+  if (!world.rowOf.has(agent.node)) return [NaN, NaN]; // it is out of sight
   if (agent.flies && Number.isFinite(agent.position[0])) return [agent.position[0], agent.position[1]];
   if (agent.share > 0) {
     const from = world.rowOf.get(agent.source), to = world.rowOf.get(agent.target);
     if (from !== undefined && to !== undefined) {
-      const edge = world.edge(from, to);
-      return along(edge === undefined ? straight(world, from, to) : world.pointsOf(edge), agent.share);
+      return along(world.pointsBetween(from, to), agent.share);
     }
   }
   const row = world.rowOf.get(agent.node);
@@ -53,8 +53,7 @@ function wayOf(world, agent, was, moves) {
   for (const node of moves) {
     const to = world.rowOf.get(node);
     if (from !== undefined && to !== undefined && from !== to) {
-      const edge = world.edge(from, to);
-      const shape = edge === undefined ? straight(world, from, to) : world.pointsOf(edge);
+      const shape = world.pointsBetween(from, to);
       for (let i = 2; i < shape.length; i++) points.push(shape[i]);
     }
     from = to;
@@ -96,9 +95,4 @@ function onLine(points, lengths, distance) {
   const share = piece > 0 ? Math.min((distance - lengths[i - 1]) / piece, 1) : 1;
   const a = 2 * (i - 1);
   return [points[a] + share * (points[a + 2] - points[a]), points[a + 1] + share * (points[a + 3] - points[a + 1])];
-}
-
-/** @param {World} world @param {number} from @param {number} to */
-function straight(world, from, to) {
-  return [world.xy[2 * from], world.xy[2 * from + 1], world.xy[2 * to], world.xy[2 * to + 1]];
 }

@@ -1,7 +1,7 @@
 // A recording that is shown: its state at a turn, the ways of agents in it, and what happens over all turns.
 import { captionsOf, endingOf, isMarked } from "./captions.js";
 import { waysOf } from "./motion.js";
-import { FLIGHT, Recording } from "./recording.js";
+import { FLIGHT, Recording, replayTurn } from "./recording.js";
 import { Knowledge, sensedAt, sideOf } from "./sensed.js";
 import { KINDS, State, stateAt, teamText } from "./state.js";
 import { World } from "./world.js";
@@ -81,6 +81,8 @@ export class Replay {
     /** @type {Map<number, import("./state.js").Agent>} */ this.before = new Map();
     /** @type {import("./motion.js").Way[]} */ this.ways = [];
     /** @type {Map<number, import("./sensed.js").Look[]> | null} */ this.sensed = null;
+    this.trailsKey = "";
+    /** @type {Map<number, {turn: number, points: number[]}[]>} */ this.knownTrails = new Map();
     this.#prepare();
   }
 
@@ -131,28 +133,40 @@ export class Replay {
     state.world = last(overview.worlds)?.data().get("world") ?? null;
   }
 
-  /** Return where agents went in the last turns: number of an agent -> turns and nodes, the oldest first. */
-  trails(/** @type {number} */ turns) {
-    /** @type {Map<number, {turn: number, x: number, y: number}[]>} */
+  /**
+   * Return the ways of agents in the last turns, without the one that is shown: number of an agent -> its steps, the
+   * oldest first. An agent that was put elsewhere begins again there.
+   * @param {number} turns
+   * @returns {Map<number, {turn: number, points: number[]}[]>}
+   */
+  trails(turns) {
+    if (this.trailsKey === `${turns} ${this.state.turn}`) return this.knownTrails;
+    const { world } = this;
+    /** @type {Map<number, {turn: number, points: number[]}[]>} */
     const found = new Map();
-    const add = (/** @type {number} */ number, /** @type {number} */ turn, /** @type {number} */ x, /** @type {number} */ y) => {
+    /** @type {Map<number, number>} */
+    const rows = new Map(); // where each agent was last
+    const add = (/** @type {number} */ number, /** @type {number} */ turn, /** @type {number[]} */ points) => {
       const known = found.get(number);
-      if (known === undefined) found.set(number, [{ turn, x, y }]);
-      else known.push({ turn, x, y });
+      if (known === undefined) found.set(number, [{ turn, points }]);
+      else known.push({ turn, points });
     };
-    const { xy, rowOf } = this.world;
     for (let turn = Math.max(this.state.turn - turns - 1, 0); turn < this.state.turn - 1; turn++) {
-      const chunk = this.recording.chunk(turn), i = turn - chunk.first;
-      for (let move = chunk.moveEnds[i]; move < chunk.moveEnds[i + 1]; move++) {
-        const row = rowOf.get(chunk.nodes[move]);
-        if (row !== undefined) add(chunk.rows[move], turn, xy[2 * row], xy[2 * row + 1]);
-      }
-      for (let event = chunk.eventEnds[i]; event < chunk.eventEnds[i + 1]; event++) {
-        if (chunk.kinds[event] !== FLIGHT) continue;
-        const [number, , x, y] = chunk.data(event);
-        add(number, turn, x, y);
-      }
+      replayTurn(this.recording.chunk(turn), turn, (number, node) => {
+        const from = rows.get(number), to = world.rowOf.get(node);
+        if (to === undefined) return;
+        if (from !== undefined && from !== to) add(number, turn + 1, [...world.pointsBetween(from, to)]);
+        rows.set(number, to);
+      }, (kind, data) => {
+        const number = kind === KINDS.CURRENT_NODE ? this.state.byName.get(data.get("agent_name"))?.number : undefined;
+        if (kind === FLIGHT) add(data[0], turn + 1, [data[2], data[3]]);
+        else if (number !== undefined) {
+          rows.delete(number);
+          found.delete(number);
+        }
+      });
     }
+    [this.trailsKey, this.knownTrails] = [`${turns} ${this.state.turn}`, found];
     return found;
   }
 

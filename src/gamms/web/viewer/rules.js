@@ -27,22 +27,19 @@ function entriesOf(value) {
   return value instanceof Map ? [...value].slice(0, MOST) : [];
 }
 
-/** A faint band in the colour of its team along all its streets. @param {Context} to @param {Scene} scene @param {Map<string, string>} colors */
-export function paintTerritories(to, scene, colors) {
-  const { world, camera, replay, map } = scene;
-  for (const [, owned] of entriesOf(replay.state.data.get("territories"))) {
+/**
+ * Return a faint band in the colour of its team along all streets of a territory.
+ * @param {Scene} scene @param {Map<string, string>} colors @returns {import("./map_layer.js").Tint[]}
+ */
+export function territoriesOf(scene, colors) {
+  const found = [];
+  for (const [, owned] of entriesOf(scene.replay.state.data.get("territories"))) {
     for (const [team, text] of entriesOf(owned)) {
-      const known = territory(scene, String(team), String(text));
-      to.save();
-      const scale = camera.scale;
-      to.transform(scale, 0, 0, -scale, camera.width / 2 - (camera.x - map.origin[0]) * scale, camera.height / 2 + (camera.y - map.origin[1]) * scale);
-      to.strokeStyle = faded(colors.get(String(team)) ?? "#888888", TINT);
-      to.lineWidth = BAND * world.unit;
-      to.lineCap = to.lineJoin = "round";
-      to.stroke(known);
-      to.restore();
+      const color = faded(colors.get(String(team)) ?? "#888888", TINT);
+      found.push({ path: territory(scene, String(team), String(text)), color, width: BAND * scene.world.unit });
     }
   }
+  return found;
 }
 
 /** @type {WeakMap<object, Map<string, {text: string, path: Path2D}>>} */

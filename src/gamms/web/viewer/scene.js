@@ -4,7 +4,7 @@ import { commandsOf, paintCommands } from "./draw_commands.js";
 import { MapLayer } from "./map_layer.js";
 import { placeOn } from "./motion.js";
 import { Replay } from "./replay.js";
-import { paintFlags, paintGoals, paintMarks, paintTerritories } from "./rules.js";
+import { paintFlags, paintGoals, paintMarks, territoriesOf } from "./rules.js";
 import { paintMessages } from "./messages.js";
 import { sideOf } from "./sensed.js";
 import { THEMES, faded, isBright, teamColors } from "./themes.js";
@@ -37,6 +37,7 @@ export class Scene {
     this.camera = new Camera(replay.world.box, replay.world.unit);
     this.ratio = 1;
     /** @type {Disc[]} */ this.discs = [];
+    /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
     /** @type {Set<number> | null} */ this.visible = null; // numbers of the agents that the fog leaves
   }
 
@@ -70,11 +71,11 @@ export class Scene {
     }
     this.#place(look, share);
     to.setTransform(ratio, 0, 0, ratio, 0, 0);
-    const isSharp = this.map.show(to, camera, theme, ratio, isMoving);
     const colors = this.colors(look);
-    const hidden = this.#paintFog(look, theme);
-    if (look.fog === null) paintTerritories(to, this, colors);
-    if (look.heat !== null) this.#paintHeat(look.heat);
+    const isSharp = this.map.show(to, camera, theme, ratio, isMoving, look.fog === null ? territoriesOf(this, colors) : []);
+    if (look.fog !== null) this.#cached("fog", `${look.fog} ${replay.state.turn} ${look.theme}`, (into) => this.#paintFog(into, look, theme));
+    const hidden = new Set(this.visible === null ? [] : [...replay.state.agents.values()].filter((agent) => !this.visible?.has(agent.number)).map((agent) => agent.name));
+    if (look.heat !== null) this.#cached("heat", `${look.heat} ${replay.state.turn}`, (into) => this.#paintHeat(into, look.heat ?? ""));
     this.#paintDrawings((layer) => layer < AGENT_LAYER, look, share);
     paintGoals(to, this, colors, theme);
     this.#paintTrails(look);
@@ -87,6 +88,26 @@ export class Scene {
     this.#paintNames(look, theme);
     this.#paintScaleBar(theme);
     return isSharp;
+  }
+
+  /**
+   * Show what is painted again only in another turn, or for another view.
+   * @param {string} name @param {string} key @param {(into: CanvasRenderingContext2D) => void} paint
+   */
+  #cached(name, key, paint) {
+    const { camera, ratio } = this;
+    const whole = `${key} ${camera.x} ${camera.y} ${camera.scale} ${camera.width} ${camera.height} ${ratio}`;
+    const known = this.caches.get(name) ?? { key: "", canvas: document.createElement("canvas") };
+    if (known.key !== whole) {
+      known.key = whole;
+      known.canvas.width = this.canvas.width;
+      known.canvas.height = this.canvas.height;
+      const into = /** @type {CanvasRenderingContext2D} */ (known.canvas.getContext("2d"));
+      into.setTransform(ratio, 0, 0, ratio, 0, 0);
+      paint(into);
+      this.caches.set(name, known);
+    }
+    this.to.drawImage(known.canvas, 0, 0, camera.width, camera.height);
   }
 
   /** Return where an agent is painted; undefined if it is not. @param {string} name */
@@ -107,7 +128,10 @@ export class Scene {
   /** Work out where all agents are painted. @param {Look} look @param {number} share */
   #place(look, share) {
     const { replay, camera } = this;
-    this.sightOfTeam = look.fog === null ? null : replay.knowledge.sight(replay.state, look.fog);
+    const key = `${look.fog} ${replay.state.turn}`;
+    if (look.fog === null) this.sightOfTeam = null;
+    else if (this.sightKey !== key || this.sightOfTeam === null) this.sightOfTeam = replay.knowledge.sight(replay.state, look.fog);
+    this.sightKey = key;
     this.visible = this.sightOfTeam?.agents ?? null;
     const colors = this.colors(look);
     const ways = replay.ways.filter((way) => (way.agent.alive || share < 1) && (this.visible === null || this.visible.has(way.number)));
@@ -123,13 +147,11 @@ export class Scene {
     }).filter((disc) => Number.isFinite(disc.px));
   }
 
-  /** Veil what a team does not see; return the names of the agents that it does not see. @param {Look} look @param {import("./themes.js").Theme} theme */
-  #paintFog(look, theme) {
-    const hidden = new Set();
+  /** Veil what a team does not see. @param {CanvasRenderingContext2D} to @param {Look} look @param {import("./themes.js").Theme} theme */
+  #paintFog(to, look, theme) {
     const sight = this.sightOfTeam;
-    if (look.fog === null || sight === null) return hidden;
-    const { to, camera, replay, world } = this;
-    for (const agent of replay.state.agents.values()) if (!sight.agents.has(agent.number)) hidden.add(agent.name);
+    if (look.fog === null || sight === null || sight === undefined) return;
+    const { camera, replay, world } = this;
     to.fillStyle = faded(theme.background, 0.72);
     to.fillRect(0, 0, camera.width, camera.height);
     const since = replay.knowledge.firstSeen(look.fog);
@@ -146,15 +168,12 @@ export class Scene {
       to.lineCap = "round";
       to.stroke(/** @type {Path2D} */ (paths[shade]));
     });
-    return hidden;
   }
 
-  /** Show how often nodes were visited. @param {string} side "" for all */
-  #paintHeat(side) {
-    const { to, camera, replay, world } = this;
-    const key = `${side} ${replay.state.turn}`;
-    if (this.heatKey !== key) [this.heatKey, this.heat] = [key, replay.visits(side === "" ? null : side)];
-    const counts = /** @type {Float64Array} */ (this.heat);
+  /** Show how often nodes were visited. @param {CanvasRenderingContext2D} to @param {string} side "" for all */
+  #paintHeat(to, side) {
+    const { camera, replay, world } = this;
+    const counts = replay.visits(side === "" ? null : side);
     const most = Math.log1p(counts.reduce((a, b) => Math.max(a, b), 0)) || 1;
     const radius = Math.max(0.5 * world.unit * camera.scale, 2.5);
     const paths = VIRIDIS.map(() => new Path2D());
@@ -192,17 +211,25 @@ export class Scene {
     const trails = replay.trails(look.trails);
     to.lineCap = to.lineJoin = "round";
     for (const { number, way, color, radius, x, y } of this.discs) {
-      const points = [...(trails.get(number) ?? []), { turn: replay.state.turn - 1, x: way.points[0], y: way.points[1] }, { turn: replay.state.turn, x, y }];
       to.lineWidth = Math.max(0.7 * radius, 2);
-      for (let i = 1; i < points.length; i++) {
-        const age = replay.state.turn - points[i].turn;
-        to.strokeStyle = faded(color, Math.max(0.55 * (1 - age / (look.trails + 1)), 0.05));
-        to.beginPath();
-        to.moveTo(...camera.toScreen(points[i - 1].x, points[i - 1].y));
-        to.lineTo(...camera.toScreen(points[i].x, points[i].y));
-        to.stroke();
+      let last = /** @type {[number, number] | null} */ (null);
+      for (const { turn, points } of trails.get(number) ?? []) {
+        to.strokeStyle = faded(color, Math.max(0.55 * (1 - (replay.state.turn - turn) / (look.trails + 1)), 0.05));
+        last = this.#paintWay(points, last);
       }
+      to.strokeStyle = faded(color, 0.55);
+      this.#paintWay([way.points[0], way.points[1], x, y], last);
     }
+  }
+
+  /** Stroke a way, from where the one before it ended; return its end. @returns {[number, number]} */
+  #paintWay(/** @type {ArrayLike<number>} */ points, /** @type {[number, number] | null} */ from) {
+    const { to, camera } = this;
+    to.beginPath();
+    to.moveTo(...camera.toScreen(...(from ?? /** @type {[number, number]} */ ([points[0], points[1]]))));
+    for (let i = 0; i < points.length; i += 2) to.lineTo(...camera.toScreen(points[i], points[i + 1]));
+    to.stroke();
+    return [points[points.length - 2], points[points.length - 1]];
   }
 
   /** Paint what sensors saw: of all agents while they are few, else of those that are looked at. @param {Look} look @param {Map<string, string>} colors */

@@ -11,6 +11,7 @@ export const KINDS = {
 };
 const MOST_AGENTS = 1 << 20;
 const MOST_MESSAGES = 5000; // that are kept: those of the last turns
+const NOWHERE = Object.freeze([NaN, NaN, NaN, NaN]); // of agents that have no such place
 const OLDEST_MESSAGE = 200; // turns
 
 /**
@@ -66,8 +67,10 @@ export class State {
     const names = keyframe.get("names");
     if (!Array.isArray(names) || names.length > MOST_AGENTS) throw new Error("a keyframe is damaged");
     const column = (/** @type {string} */ name) => keyframe.get(name) ?? [];
-    const row = (/** @type {string} */ name, /** @type {number} */ i, /** @type {number} */ width) =>
-      Array.from({ length: width }, (_, k) => column(name)[width * i + k] ?? NaN);
+    const row = (/** @type {string} */ name, /** @type {number} */ i, /** @type {number} */ width) => {
+      const values = column(name);
+      return values.length < width * (i + 1) || Number.isNaN(values[width * i]) ? NOWHERE : Array.from(values.subarray(width * i, width * (i + 1)));
+    };
     this.agents.clear();
     this.byName.clear();
     this.sensors = sensorsIn(column("sensor_kinds"));
@@ -105,7 +108,7 @@ export class State {
   advance(recording) {
     this.log = new TurnLog();
     const now = this.gameTurn;
-    this.messages = this.messages.filter((one) => one.get("turn") > now - OLDEST_MESSAGE).slice(-MOST_MESSAGES);
+    if (this.messages.length) this.messages = this.messages.filter((one) => one.get("turn") > now - OLDEST_MESSAGE).slice(-MOST_MESSAGES);
     replayTurn(recording.chunk(this.turn), this.turn, (number, node) => this.#move(number, node), (kind, data) => this.#apply(kind, data));
     this.turn++;
   }
@@ -181,7 +184,9 @@ const APPLY = new Map([
   [KINDS.SENSOR_REGISTER, (_, data, agent) => agent?.sensors.set(data.get("name"), data.get("sensor_id"))],
   [KINDS.SENSOR_DEREGISTER, (_, data, agent) => agent?.sensors.delete(data.get("name"))],
   [KINDS.ORIENTATION, (_, data, agent) => { if (agent) agent.heading = [...(data.get("orientation") ?? [NaN, NaN])]; }],
-  [KINDS.POSITION, (_, data, agent) => { if (agent) agent.position = [...data.get("position")]; }],
+  [KINDS.POSITION, (_, data, agent) => {
+    if (agent) Object.assign(agent, { position: [...data.get("position")], node: data.get("node") ?? agent.node });
+  }],
   [KINDS.QUATERNION, (_, data, agent) => { if (agent) agent.quat = [...data.get("quat")]; }],
   [KINDS.TEAM, (_, data, agent) => { if (agent) agent.team = teamText(data.get("team")); }],
   [KINDS.ALIVE, (state, data, agent) => {

@@ -78,6 +78,12 @@ export class World {
     return this.edgeBetween.get(from * this.nodeIds.length + to);
   }
 
+  /** Return the points of the way from one node to another, as rows: an edge, or straight. @param {number} from @param {number} to */
+  pointsBetween(from, to) {
+    const edge = this.edge(from, to);
+    return edge === undefined ? [this.xy[2 * from], this.xy[2 * from + 1], this.xy[2 * to], this.xy[2 * to + 1]] : this.pointsOf(edge);
+  }
+
   /** Return what kind of road an edge is. @param {number} edge */
   classOf(edge) {
     return CLASS_OF.get(this.attribute("edge", "highway", edge)) ?? ORDINARY;
@@ -91,13 +97,16 @@ export class World {
 
   /** Return the edges without those that repeat an earlier one in the other direction. */
   #oneWayEach() {
-    const known = new Set();
+    /** @type {Map<number, number[]>} */
+    const known = new Map();
     const found = [];
     for (let edge = 0; edge < this.sources.length; edge++) {
       const low = Math.min(this.sources[edge], this.targets[edge]), high = Math.max(this.sources[edge], this.targets[edge]);
-      const key = `${low} ${high} ${lengthOf(this.pointsOf(edge)).toFixed(3)}`;
-      if (known.has(key)) continue;
-      known.add(key);
+      const key = low * this.nodeIds.length + high, length = lengthOf(this.pointsOf(edge));
+      const others = known.get(key);
+      if (others === undefined) known.set(key, [length]);
+      else if (others.some((one) => Math.abs(one - length) < 1e-3)) continue;
+      else others.push(length);
       found.push(edge);
     }
     return found;

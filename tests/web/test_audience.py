@@ -1,0 +1,116 @@
+"""A page for a team holds what the team knows, which is checked on the recording in it."""
+
+import io
+import random
+
+import numpy as np
+import pytest
+from test_pages import recording_in
+
+import gamms
+from gamms import recorder, web
+from gamms.errors import BadValue, UnknownName
+from gamms.web.audience import NOWHERE
+
+SECRET = "the plan is to wait"
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["sensed", "asked again"])
+def hunt(request):
+    """A recording of two red agents with eyes and two blue ones that have a plan; whether it says what was sensed."""
+    stream = io.BytesIO()
+    with gamms.create_context(seed=3) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(7, 7))
+        for number, (team, node) in enumerate((("red", 0), ("red", 6), ("blue", 42), ("blue", 48))):
+            eyes = ctx.sensor.create_sensor(
+                f"eyes {team} {number}", gamms.sensor.SensorType.AGENT_RANGE, sensor_range=25.0
+            )
+            ctx.agent.create_agent(
+                f"{team}_{number}", start_node_id=node, team=team, sensors={"eyes": eyes.sensor_id}, strategy=wander
+            )
+        ctx.game.data["flags"] = {"bases": {"red": 0, "blue": 48}, "carriers": {"red": "blue_2", "blue": None}}
+        ctx.game.data["hidden"] = SECRET
+        ctx.record.start(stream, sensed=request.param)
+        for _ in range(40):
+            ctx.game.step()
+            node = {agent.name: agent.current_node_id for agent in ctx.agent.create_iter()}
+            graph = ctx.graph.columns()
+            if all(distance(graph, node["blue_2"], node[own]) > 45.0 for own in ("red_0", "red_1")):
+                ctx.game.emit("ambush", agent="blue_2", note=SECRET, node=node["blue_2"])
+        ctx.record.stop()
+    with recorder.open(io.BytesIO(stream.getvalue())) as recording:
+        yield recording
+
+
+def wander(state):
+    random.seed(state["turn"] * 7 + len(state["name"]) + state["curr_pos"])
+    if "blue" in state["name"]:
+        state["memory"]["plan"] = SECRET
+    else:
+        state["memory"]["seen"] = state["turn"]
+    state["action"] = random.choice(state["legal"])
+
+
+def distance(graph, a, b):
+    (x, y), (u, v) = (graph.xy[graph.node_ids.tolist().index(node)] for node in (a, b))
+    return np.hypot(x - u, y - v)
+
+
+def test_others_are_nowhere_while_no_sensor_reports_them(hunt):
+    graph = hunt.graph.columns()
+    counts = [0, 0]
+    with recording_in(web.page(hunt, audience="red")) as cut:
+        assert cut.turns == hunt.turns
+        for turn, (whole, known) in enumerate(zip(hunt, cut, strict=True)):
+            nodes = dict(zip(whole.agents["name"].tolist(), whole.agents["node"].tolist(), strict=True))
+            found = dict(zip(known.agents["name"].tolist(), known.agents["node"].tolist(), strict=True))
+            before = dict(zip(known.agents["name"].tolist(), known.agents["previous"].tolist(), strict=True))
+            assert found.keys() == nodes.keys()
+            for name, node in nodes.items():
+                if name.startswith("red"):
+                    assert found[name] == node
+                    continue
+                is_near = any(distance(graph, node, nodes[own]) <= 25.0 for own in ("red_0", "red_1"))
+                if turn < hunt.turns:  # at the end the last report counts
+                    assert found[name] == (node if is_near else NOWHERE), (turn, name)
+                    counts[is_near] += 1
+                if found[name] == NOWHERE:
+                    assert before[name] == NOWHERE
+    assert min(counts) > 5
+
+
+def test_no_byte_says_what_others_keep_for_themselves(hunt):
+    with recording_in(web.page(hunt)) as whole:
+        assert SECRET in str(list(whole.steps())) + str([state.data for state in whole])
+    with recording_in(web.page(hunt, audience="red")) as cut:
+        said = str(cut.header) + str(list(cut.steps())) + str([(state.data, cut.detached(0).game) for state in cut])
+        for turn in range(cut.turns + 1):
+            said += str(cut.detached(turn).keyframe(turn))
+        assert "SENSED" in cut.counts() or "SENSED" not in hunt.counts()
+        own = [look["data"]["agents"].tolist() for look in cut.steps() if look["event"] == "SENSED"]
+    assert SECRET not in said
+    assert "plan" not in said
+    assert "eyes blue" not in said
+    assert "seen" in said or not own
+    assert all(set(numbers) <= {0, 1} for numbers in own)
+
+
+def test_flags_say_that_one_is_carried_but_not_by_whom_out_of_sight(hunt):
+    with recording_in(web.page(hunt, audience="red")) as cut:
+        for state in cut:
+            where = dict(zip(state.agents["name"].tolist(), state.agents["node"].tolist(), strict=True))
+            assert state.data["flags"]["carriers"]["red"] == ("" if where["blue_2"] == NOWHERE else "blue_2")
+            assert state.data.keys() == {"flags"}
+
+
+def test_seeds_that_would_play_the_game_again_are_left_out(hunt):
+    with recording_in(web.page(hunt, audience="red")) as cut:
+        assert cut.seed is None
+        assert cut.header.keys() <= {"format", "package", "visuals"}
+
+
+def test_a_team_that_is_not_there_or_cannot_see_is_an_error(hunt, tmp_path):
+    with pytest.raises(UnknownName):
+        web.page(hunt, audience="green")
+    with pytest.raises(BadValue, match="audience"):
+        hunt.save(tmp_path / "no.png", audience="red")
