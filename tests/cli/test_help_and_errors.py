@@ -32,7 +32,7 @@ def run(*arguments):
 
 def test_commands_are_in_the_order_of_their_use():
     commands = re.findall(r"^  ([a-z]+)  ", run("--help").stdout.partition("Commands:")[2], re.MULTILINE)
-    assert commands == [*COMMANDS, "scenario", "osm"]
+    assert commands == [*COMMANDS, "scenario", "osm", "experiment"]
 
 
 @pytest.mark.parametrize(

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
 import gamms
-from gamms.cli import play, recordings
+from gamms.cli import experiments, play, recordings
 from gamms.cli.new import new
 from gamms.cli.output import console, echo, guarded, rich_table, warn
 from gamms.text import printable_line
@@ -128,6 +128,17 @@ _ON_SCENARIOS: _Commands = {
     check: ("gamms scenario check match.yaml", "gamms scenario check match.yaml --build"),
     schema: ("gamms scenario schema > schema.json",),
 }
+_EXPERIMENTS: _Commands = {
+    experiments.run: (
+        "gamms experiment hunts.yaml",
+        "gamms experiment hunts.yaml --workers 8 --out results",
+        "gamms experiment hunts.yaml --shard 3/20",
+    ),
+    experiments.merge: (
+        "gamms experiment merge results",
+        "gamms experiment merge results first/shard-1-of-2 second/shard-2-of-2",
+    ),
+}
 _ON_MAPS: _Commands = {report: ("gamms osm report town.osm.pbf --network walk",)}
 
 
@@ -146,9 +157,22 @@ class _Command(TyperCommand):
             raise
 
 
-def _group(about: str, commands: _Commands, examples: tuple[str, ...] = ()) -> typer.Typer:
+class _WithUsual(TyperGroup):
+    """A group whose first command is meant where none is named: `gamms experiment FILE`."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override] # a click.Context
+        usual = next(iter(self.commands))
+        if args and args[0] not in (*self.commands, "--help"):
+            args = [usual, *args]
+        return super().parse_args(ctx, args)
+
+
+def _group(
+    about: str, commands: _Commands, examples: tuple[str, ...] = (), kind: type[TyperGroup] = TyperGroup
+) -> typer.Typer:
     """Return a group of commands; its help is plain text, in which flags are shown as flags."""
     group = typer.Typer(
+        cls=kind,
         help=about,
         epilog=_shown(examples),
         no_args_is_help=True,
@@ -171,6 +195,9 @@ app = _group(about.__doc__ or "", _COMMANDS, ("gamms demo", "gamms new hunt", "g
 app.callback(invoke_without_command=True)(about)
 app.add_typer(_group("Look at scenario files.", _ON_SCENARIOS), name="scenario")
 app.add_typer(_group("Look at maps.", _ON_MAPS), name="osm")
+app.add_typer(
+    _group("Play a scenario and its variants with many seeds.", _EXPERIMENTS, kind=_WithUsual), name="experiment"
+)
 
 
 def main() -> None:

@@ -128,7 +128,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     if max_turns is not None:
         game = game.replace(max_turns=max_turns)
     found = _found_strategies(strategies or [])
-    for line in _foreign_code(game, found):
+    for line in foreign_code(game, found):
         echo(f"imports {printable_line(line)}")
     warn(game)
     if seeds is None:
@@ -195,7 +195,7 @@ def _found_strategies(texts: list[str]) -> many.Strategies:
     return found
 
 
-def _foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
+def foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
     """Yield the code to be imported that is neither GAMMS's nor in the folder of the file or the current one."""
     replaced = [f"teams.{team}.strategy" for team in chosen]
     named = [(found.path, found) for found in game.code() if found.path not in replaced]

@@ -1,0 +1,107 @@
+"""Files of experiments, YAML or JSON: a scenario, seeds, and what is varied. They are data: reading runs no code."""
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+from gamms.arguments import as_path
+from gamms.errors import BadType, BadValue, nearest
+from gamms.experiment.sampling import sample
+from gamms.experiment.variants import Vary
+from gamms.limits import refuse_above
+from gamms.plain import Plain
+from gamms.scenario import Scenario, ScenarioError, load
+from gamms.scenario.code import inside
+from gamms.scenario.documents import at, named, read
+from gamms.text import shown
+
+_KEYS = ("scenario", "seeds", "vary", "sample", "out", "workers")
+_OF_SAMPLE = ("space", "n", "method", "seed")
+_BYTES = 100  # of a seed
+
+
+class Planned(NamedTuple):
+    """What a file says: the arguments of `run`; `out` and `workers` may be None."""
+
+    scenario: Scenario
+    seeds: list[int]
+    vary: Vary | None
+    out: Path | None
+    workers: int | None
+
+
+def read_experiment(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Planned:
+    """Read the file of an experiment; the scenario and the results are in its folder.
+
+    Args:
+        path: the file.
+        allow: see `scenario.load`.
+
+    Raises:
+        ScenarioError: it is none; the message names the place and the nearest valid key.
+        OSError: it cannot be read.
+    """
+    file = as_path(path, "path")
+    folder = file.absolute().parent
+    with named(file):
+        raw = read(file)
+        if not isinstance(raw, Mapping):
+            raise ScenarioError("", f"an experiment is a mapping with scenario and seeds; this is {shown(raw)}.")
+        _check_keys(raw, _KEYS, "")
+        for key in ("scenario", "seeds"):
+            if key not in raw:
+                raise ScenarioError(key, "is missing.")
+        if "vary" in raw and "sample" in raw:
+            raise ScenarioError("sample", "an experiment has vary or sample, not both.")
+        game, out = (None if raw.get(key) is None else _file(raw[key], folder, key) for key in ("scenario", "out"))
+        if game is None:
+            raise ScenarioError("scenario", "is the name of a scenario file beside this one.")
+        with at("sample" if "sample" in raw else "seeds"):
+            vary = _sampled(raw["sample"]) if "sample" in raw else raw.get("vary")
+            seeds = seeds_of(raw["seeds"])
+        workers = raw.get("workers")
+        if workers is not None and (type(workers) is not int or workers < 1):
+            raise ScenarioError("workers", f"is how many processes play, at least 1, not {shown(workers)}.")
+        return Planned(load(game, allow), seeds, vary, out, workers)
+
+
+def seeds_of(given: Plain) -> list[int]:
+    """Return seeds from a list, or from a text: "0:50", which is 0 to 49, or "1,2,5".
+
+    Raises:
+        BadValue, BadType: it is neither.
+    """
+    if isinstance(given, list):
+        return given
+    if not isinstance(given, str):
+        raise BadType(f"seeds are a list of integers, or a text such as 0:50, not {shown(given)}.")
+    first, colon, last = given.partition(":")
+    try:
+        numbers = [int(one) for one in ((first or "0", last) if colon else given.split(","))]
+    except ValueError:
+        raise BadValue(f"seeds are 0:50 or 1,2,5, not {shown(given)}.") from None
+    if not colon:
+        return numbers
+    refuse_above((numbers[1] - numbers[0]) * _BYTES, f"A list of {numbers[1] - numbers[0]:,} seeds")
+    return list(range(*numbers))
+
+
+def _file(given: Plain, folder: Path, key: str) -> Path:
+    if not isinstance(given, str) or not given:
+        raise ScenarioError(key, f"is the name of a file or folder beside this one, not {shown(given)}.")
+    return inside(given, folder, key, "file" if key == "scenario" else "folder")
+
+
+def _sampled(given: Plain) -> Vary:
+    if not isinstance(given, Mapping) or not {"space", "n"} <= set(given):
+        raise BadValue(f"a sample has space and n, not {shown(given)}.")
+    _check_keys(given, _OF_SAMPLE, "sample.")
+    return sample(given["space"], given["n"], given.get("method", "sobol"), seed=given.get("seed", 0))
+
+
+def _check_keys(given: Mapping[Plain, Plain], known: tuple[str, ...], where: str) -> None:
+    for key in given:
+        if key not in known:
+            hint = nearest(key, known) or f" Keys here are: {', '.join(known)}."
+            raise ScenarioError(f"{where}{key}", f"unknown key, with the value {shown(given[key])}.{hint}")
