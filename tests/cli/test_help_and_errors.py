@@ -50,7 +50,7 @@ def test_each_help_has_examples_and_shows_flags_without_a_value(command):
 
 
 def test_every_summary_fits_on_its_line():
-    for group in ([], ["scenario"], ["osm"]):
+    for group in ([], ["scenario"], ["osm"], ["experiment"]):
         assert "..." not in run(*group, "--help").stdout.partition("Commands:")[2]
 
 

@@ -44,7 +44,7 @@ def run(
     ] = None,
     allow: Allow = None,
 ) -> None:
-    """Play each variant of a scenario with each seed; go on where an earlier run was ended."""
+    """Play each variant with each seed, or go on with it."""
     from gamms import experiment
     from gamms.experiment.executors import cores
     from gamms.experiment.files import read_experiment, seeds_of

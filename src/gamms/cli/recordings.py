@@ -228,7 +228,7 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         Path | None, typer.Option("--map", help="The map of a recording of version 2, .gamms.", metavar="FILE")
     ] = None,
 ) -> None:
-    """Make a film of a recording, a picture of one of its turns, or a page that replays it in a browser."""
+    """Make a film, a picture or a page for browsers of a recording."""
     first, last = _parsed_turns(turns)
     with progress() as show:
         from gamms import rendering

@@ -192,6 +192,10 @@ def _on_ray() -> Executor:
         raise MissingExtra('executor="ray"', "ray")
     import ray
 
+    is_own = not ray.is_initialized()
+    if is_own:
+        ray.init(log_to_driver=False, include_dashboard=False)
+
     class OnRay(Executor):
         def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
             asked = ray.remote(max_retries=0)(fn).remote(*args, **kwargs).future()
@@ -199,8 +203,10 @@ def _on_ray() -> Executor:
             asked.add_done_callback(lambda done: _pass_on(done, future, ray.exceptions.WorkerCrashedError))
             return future
 
-    if not ray.is_initialized():
-        ray.init(log_to_driver=False, include_dashboard=False)
+        def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:  # noqa: ARG002 - of the class
+            if is_own:
+                ray.shutdown()
+
     return OnRay()
 
 

@@ -17,6 +17,7 @@ from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.formats.writer import Writer
 from gamms.recorder.recorder import Recorder, RecorderBusy
-from gamms.recorder.recording import Recording, State, open  # noqa: A004 - as `Recording` says: `gamms.recorder.open`
+from gamms.recorder.recording import Recording, open  # noqa: A004 - as `Recording` says: `gamms.recorder.open`
+from gamms.recorder.states import State
 
 __all__ = ["Reader", "Recorder", "RecorderBusy", "Recording", "RecordingError", "State", "Writer", "open"]

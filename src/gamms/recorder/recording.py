@@ -3,9 +3,8 @@
 import os
 from bisect import bisect_right
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from copy import deepcopy
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
@@ -16,15 +15,14 @@ from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path
 from gamms.errors import BadValue, MissingFolder
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
-from gamms.ir.agents import NUMBERS
 from gamms.ir.events import COMPONENTS, Log
-from gamms.ir.graph import FloatArray
 from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
+from gamms.recorder.states import State, frozen, state_of
 from gamms.recorder.streams import Opened, format_of, readable
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
@@ -36,18 +34,14 @@ if TYPE_CHECKING:
     import pandas as pd
 
 C = TypeVar("C", bound=IContext)
-Strategies = Mapping[str, Strategy | AerialStrategy | AsyncStrategy]  # agent or team -> its strategy
+AnyStrategy = Strategy | AerialStrategy | AsyncStrategy
+Strategies = Mapping[str, AnyStrategy]  # agent or team -> its strategy
+Branches = Sequence[AnyStrategy | None] | Mapping[str, AnyStrategy | None]  # that an agent or team may go on with
 
 _OF_PAGES = {"title", "theme", "labels", "trails", "turn", "audience"}  # what a page may be given
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
-_KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
 _LISTS = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}  # columns that seldom change
-_PARTS = {
-    "position": ("x", "y", "z"),
-    "heading": ("heading_x", "heading_y"),
-    "quat": ("quat_w", "quat_x", "quat_y", "quat_z"),
-}
 
 
 def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> "Recording":
@@ -75,45 +69,6 @@ def open(source: str | os.PathLike[str] | BinaryIO, *, graph: object = None) -> 
         if is_owned:
             stream.close()
         raise
-
-
-@dataclass(frozen=True, eq=False)
-class State:
-    """How things were after a turn.
-
-    Attributes:
-        turn: how many turns were over.
-        agents: read-only columns (agents,), one row for each agent in the order of their creation: name, team, kind
-            ("BASIC" or "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of those who fly;
-            heading_x and heading_y, where those on the ground were set to look; quat_w, quat_x, quat_y and
-            quat_z, how those who fly are turned. What an agent does not have is NaN, or None. In games by metres
-            also edge_source, edge_target (nodes), edge (its id) and edge_share, of those on an edge; the share of
-            the others is NaN, and the ids are -1.
-        scores: by whatever the rules keep scores for.
-        data: what rules had kept in `ctx.game.data`, as far as it was plain.
-        over: why the game was over, who had won, whether time was up; None while it went on.
-        components: by name, the fields of each with their values; None where one was not set.
-    """
-
-    turn: int
-    agents: dict[str, np.ndarray[Any, Any]]
-    scores: dict[Any, Any]
-    data: dict[str, Any]
-    over: dict[str, Any] | None
-    components: dict[Any, dict[str, Any]]
-    _map: Callable[[], IPackedGraph] = field(repr=False)
-
-    @property
-    def graph(self) -> IPackedGraph:
-        """The map as it was then, read-only; while the recording is open."""
-        return self._map()
-
-    def xy(self) -> FloatArray:
-        """Return where the agents are, (agents, 2), map units: on nodes, on edges, or in the air; NaN: nowhere."""
-        from gamms.recorder import tracks  # which few need
-
-        places: FloatArray = tracks.Places().of(self.agents, self._map().columns())[:, :2]
-        return places
 
 
 class Recording(Opened):
@@ -190,8 +145,8 @@ class Recording(Opened):
         version = state.agents, state.agents.version
         if self._named[0] != version:
             named = table_of({name: state.agents.columns[key] for name, key in _LISTS.items()})
-            self._named = version, {name: _frozen(column) for name, column in named.items()}
-        return _state_of(state, turn, self._named[1], lambda: self.map_at(turn))
+            self._named = version, {name: frozen(column) for name, column in named.items()}
+        return state_of(state, turn, self._named[1], lambda: self.map_at(turn))
 
     @overload
     def __getitem__(self, turn: int) -> State: ...
@@ -290,6 +245,33 @@ class Recording(Opened):
         given = {} if strategies is None else as_mapping(strategies, "strategies")
         live: HostContext = self._live(turn, given, seed, vis_engine, ctx)
         return live
+
+    def branch(
+        self,
+        turn: int,
+        strategies: Mapping[str, Branches] | None = None,
+        seeds: Iterable[int] | None = None,
+        *,
+        build: Callable[[], HostContext] | None = None,
+        max_turns: int | None = None,
+    ) -> dict[str, "np.ndarray[Any, Any]"]:
+        """Play on from a turn with other strategies and seeds; return the table of what would have happened.
+
+        It has a row for each seed of each combination of strategies: `strategies.<team>`, seed, the columns of
+        `Result.row()`, and error: what the game has raised, else None. See `resume` for what is raised.
+
+        Args:
+            turn: how many turns are over.
+            strategies: by team or agent, a list, in which None is the one that `build` gives; or a dict of names.
+            seeds: of the games that go on; None: that of the recording.
+            build: makes a context in which agents, strategies and rules are already there; None: the scenario in the
+                recording is built again, with code of GAMMS alone (or ScenarioError is raised).
+            max_turns: so many turns from there on; None: as the settings say.
+        """
+        from gamms.recorder import resuming
+
+        made = resuming.builders["gamms"](self) if build is None else build
+        return table_of(list(resuming.branches(partial(self.resume, turn), made, strategies or {}, seeds, max_turns)))
 
     def _live(
         self,
@@ -549,30 +531,3 @@ class Recording(Opened):
             raise BadValue(f"Turns are counted from 1 on; start={start} and stop={stop} are no such range.")
         end = min(max(last - 1, 0), self._reader.turns)
         return min(max(first - 1, 0), end), end
-
-
-def _state_of(
-    state: DetachedState, turn: int, named: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
-) -> State:
-    """Return a state for the caller to keep."""
-    columns = state.agents.columns
-    agents = {name: named[name] for name in ("name", "team")}
-    agents["kind"] = _frozen(_KINDS[(columns["kind"] != 0).astype(np.int64)])
-    agents["alive"] = _frozen(columns["alive"] != 0)
-    agents |= {name: _frozen(columns[name].copy()) for name in ("node", "previous")}
-    agents |= {name: named[name] for name in ("speed", "strategy")}
-    agents |= {name: _frozen(columns[name].copy()) for name in NUMBERS}
-    for key, names in _PARTS.items():
-        agents.update(zip(names, _frozen(columns[key].T.copy()), strict=True))
-    is_on_edge = columns["edge_motion"] != 0
-    if is_on_edge.any():
-        for name, key in {"edge_source": "edge_source", "edge_target": "edge_target", "edge": "edge_id"}.items():
-            agents[name] = _frozen(np.where(is_on_edge, columns[key], -1))
-        agents["edge_share"] = _frozen(np.where(is_on_edge, columns["edge_share"], np.nan))
-    game = deepcopy((state.game.data, state.game.over))
-    return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), map_then)
-
-
-def _frozen(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    column.setflags(write=False)
-    return column

@@ -1,21 +1,23 @@
 """From a turn of a recording on: a live context in which the game stands as it stood then."""
 
 from bisect import bisect_left
-from collections.abc import Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from copy import deepcopy
+from itertools import product
 from logging import CRITICAL, getLogger
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from gamms.arguments import as_int
+from gamms.arguments import as_ids, as_int, as_items, as_mapping
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
+from gamms.plugins import Registry
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import UNFIT, RecordingError, refusing
 from gamms.recorder.replaying import Replayer
-from gamms.text import reason, shown
+from gamms.text import as_code, reason, shown
 from gamms.typing import SensorType
 from gamms.typing.context import HostContext, contexts
 from gamms.typing.recorder import OpCodes
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
 Strategies = Mapping[str, Any]  # agent or team -> its strategy
 _Logged = tuple[int, int, Any]  # the log, the kind and the data of an event
+
+builders: Registry[Callable[[], HostContext]] = Registry("builder of games", "gamms.builders", "gamms.scenario")
+"""What makes a function that builds the game of a recording again: `gamms.scenario`, which is not imported here."""
 
 _SEED_BITS = 63
 _HISTORY = (kinds.SNAPSHOT, *LOGGED, kinds.GAME_FACTS, kinds.GAME_TURN)
@@ -148,6 +153,50 @@ def seed_at(reader: "Reader", turn: int) -> Any:
     """Return the seed of the game after so many turns: that of the recording, unless it was reset to another one."""
     later = [data["seed"] for *_, data in Past(reader).events(turn, (kinds.SNAPSHOT,)) if "seed" in data]
     return [reader.header.get("seed"), *later][-1]
+
+
+def branches(
+    resume: Callable[..., HostContext],
+    build: Callable[[], HostContext],
+    strategies: Mapping[str, Any],
+    seeds: Iterable[int] | None,
+    max_turns: int | None,
+) -> Iterator[dict[str, Any]]:
+    """Yield a row for each seed of each combination of strategies; see `Recording.branch`."""
+    strategies = as_mapping(strategies, "strategies")
+    chosen: list[int | None] = [None] if seeds is None else [*as_ids(seeds, "seeds")]
+    for names, combination in _combinations(strategies):
+        with resume(combination, chosen[0], ctx=build()) as ctx:
+            for seed in chosen:
+                ctx.game.reset(seed)
+                yield {**names, "seed": ctx.seed, **_played(ctx, max_turns)}
+
+
+def _combinations(given: Mapping[str, Any]) -> Iterator[tuple[dict[str, str | None], dict[str, Any]]]:
+    """Yield all combinations of strategies by team or agent, with their names in a table; None stands for none given.
+
+    Raises:
+        BadType: strategies are neither listed nor named.
+    """
+    named: list[list[tuple[str | None, Any]]] = []
+    for of, some in given.items():
+        if isinstance(some, Mapping):
+            named.append(list(some.items()))
+        else:
+            listed = as_items(some, f"strategies[{shown(of)}]", "strategies")
+            named.append([(None if one is None else as_code(one), one) for one in listed])
+    for chosen in product(*named):
+        names = {f"strategies.{of}": name for of, (name, _) in zip(given, chosen, strict=True)}
+        yield names, {of: one for of, (_, one) in zip(given, chosen, strict=True) if one is not None}
+
+
+def _played(ctx: HostContext, max_turns: int | None) -> dict[str, Any]:
+    """Play a game to its end; return the row of its result, or what it has raised."""
+    try:
+        row: dict[str, Any] = ctx.game.run(max_turns).row()
+    except Exception as error:  # noqa: BLE001 - which code of users may raise; the other games go on
+        return {"error": f"{type(error).__name__}: {reason(error)}"}
+    return {**row, "error": None}
 
 
 def as_seed(given: object, recorded: object) -> int:

@@ -1,7 +1,7 @@
 """A game as data: read from a file or made in Python, changed, built and played."""
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
 from types import ModuleType
 from typing import Any
@@ -14,6 +14,7 @@ from gamms.game.batch.libraries import as_library
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Recording
+from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, digests, written_out
 from gamms.scenario.code import Found, Library, Sources, allowed
@@ -339,6 +340,12 @@ def from_recording(
     if not hasattr(recording, "header"):
         raise BadType(f"from_recording takes a recording, as gamms.recorder.open gives it, not {shown(recording)}.")
     return _from_plain(recording.header.get("scenario"), folder, None, allow)
+
+
+@builders.register("gamms")
+def _builder_of(recording: Recording) -> Callable[[], Context]:
+    """Return what builds the game of a recording again, with code of GAMMS alone."""
+    return from_recording(recording).build
 
 
 def _from_plain(

@@ -1,0 +1,87 @@
+"""How things were after a turn of a recording."""
+
+from collections.abc import Callable
+from copy import deepcopy
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from gamms.ir.agents import NUMBERS
+from gamms.ir.graph import FloatArray
+from gamms.recorder.detached import DetachedState
+from gamms.typing.map_storage import IPackedGraph
+
+_KINDS = np.array(["BASIC", "AERIAL"])  # the names of AgentType
+_PARTS = {
+    "position": ("x", "y", "z"),
+    "heading": ("heading_x", "heading_y"),
+    "quat": ("quat_w", "quat_x", "quat_y", "quat_z"),
+}
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """How things were after a turn.
+
+    Attributes:
+        turn: how many turns were over.
+        agents: read-only columns (agents,), one row for each agent in the order of their creation: name, team, kind
+            ("BASIC" or "AERIAL"), alive, node, previous (node), speed, strategy; x, y and z of those who fly;
+            heading_x and heading_y, where those on the ground were set to look; quat_w, quat_x, quat_y and
+            quat_z, how those who fly are turned. What an agent does not have is NaN, or None. In games by metres
+            also edge_source, edge_target (nodes), edge (its id) and edge_share, of those on an edge; the share of
+            the others is NaN, and the ids are -1.
+        scores: by whatever the rules keep scores for.
+        data: what rules had kept in `ctx.game.data`, as far as it was plain.
+        over: why the game was over, who had won, whether time was up; None while it went on.
+        components: by name, the fields of each with their values; None where one was not set.
+    """
+
+    turn: int
+    agents: dict[str, np.ndarray[Any, Any]]
+    scores: dict[Any, Any]
+    data: dict[str, Any]
+    over: dict[str, Any] | None
+    components: dict[Any, dict[str, Any]]
+    _map: Callable[[], IPackedGraph] = field(repr=False)
+
+    @property
+    def graph(self) -> IPackedGraph:
+        """The map as it was then, read-only; while the recording is open."""
+        return self._map()
+
+    def xy(self) -> FloatArray:
+        """Return where the agents are, (agents, 2), map units: on nodes, on edges, or in the air; NaN: nowhere."""
+        from gamms.recorder import tracks  # which few need
+
+        places: FloatArray = tracks.Places().of(self.agents, self._map().columns())[:, :2]
+        return places
+
+
+def state_of(
+    state: DetachedState, turn: int, named: dict[str, np.ndarray[Any, Any]], map_then: Callable[[], IPackedGraph]
+) -> State:
+    """Return a state for the caller to keep."""
+    columns = state.agents.columns
+    agents = {name: named[name] for name in ("name", "team")}
+    agents["kind"] = frozen(_KINDS[(columns["kind"] != 0).astype(np.int64)])
+    agents["alive"] = frozen(columns["alive"] != 0)
+    agents |= {name: frozen(columns[name].copy()) for name in ("node", "previous")}
+    agents |= {name: named[name] for name in ("speed", "strategy")}
+    agents |= {name: frozen(columns[name].copy()) for name in NUMBERS}
+    for key, names in _PARTS.items():
+        agents.update(zip(names, frozen(columns[key].T.copy()), strict=True))
+    is_on_edge = columns["edge_motion"] != 0
+    if is_on_edge.any():
+        for name, key in {"edge_source": "edge_source", "edge_target": "edge_target", "edge": "edge_id"}.items():
+            agents[name] = frozen(np.where(is_on_edge, columns[key], -1))
+        agents["edge_share"] = frozen(np.where(is_on_edge, columns["edge_share"], np.nan))
+    game = deepcopy((state.game.data, state.game.over))
+    return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), map_then)
+
+
+def frozen(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+    """Return a column that can only be read."""
+    column.setflags(write=False)
+    return column
