@@ -74,7 +74,7 @@ def test_first_numbers_of_streams_are_those_of_their_generators(seeds, n, copies
     names = [(seed, "place", number) for seed in seeds for number in range(copies)]
     keys = [kernels.stream_key(*name) for name in names]
     expected = [int(kernels.stream(*name).integers(n)) for name in names]
-    assert kernels.stream_below(keys, np.full(len(keys), n)).tolist() == expected
+    assert kernels.below_of_words(kernels.stream_words(keys), np.full(len(keys), n)).tolist() == expected
 
 
 def test_a_number_that_would_be_unfair_is_drawn_again():
@@ -82,5 +82,6 @@ def test_a_number_that_would_be_unfair_is_drawn_again():
     names = [(seed, "place") for seed in range(100)]
     keys = [kernels.stream_key(*name) for name in names]
     expected = [int(kernels.stream(*name).integers(n)) for name in names]
-    assert kernels.stream_below(keys, np.full(100, n)).tolist() == expected
-    assert [int(kernels.stream_below([key], np.array([n]))[0]) for key in keys] == expected
+    assert kernels.below_of_words(kernels.stream_words(keys), np.full(100, n)).tolist() == expected
+    few = [kernels.below_of_words(kernels.stream_words([key]), np.array([n])) for key in keys]
+    assert np.concatenate(few).tolist() == expected

@@ -27,6 +27,7 @@ from gamms.kernels.draws import (
     as_signed,
     below,
     below_many,
+    below_of_words,
     below_signed,
     bits_at,
     bits_at_rows,
@@ -49,8 +50,8 @@ from gamms.kernels.draws import (
     poisson,
     purpose_key,
     stream,
-    stream_below,
     stream_key,
+    stream_words,
 )
 from gamms.kernels.fields_of_view import (
     Quaternion,

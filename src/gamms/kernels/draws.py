@@ -26,7 +26,11 @@ _GAMMA = 0x9E3779B97F4A7C15
 _FACTORS = (0xBF58476D1CE4E5B9, 0x94D049BB133111EB)
 _PHILOX, _WEYL = (0xD2E7470EE14C6C93, 0xCA5A826395121157), (0x9E3779B97F4A7C15, 0xBB67AE8584CAA73B)
 _LOW = np.uint64(0xFFFFFFFF)
-_FEW_STREAMS = 64  # for which plain integers are faster than arrays
+_WEYLS = np.array(_WEYL, np.uint64)[:, None]
+_FACTORS_OF_PHILOX = np.array([[one & 0xFFFFFFFF for one in _PHILOX], [one >> 32 for one in _PHILOX]], np.uint64)[
+    ..., None
+]
+_FEW_STREAMS = 32  # for which plain integers are faster than arrays
 
 
 @lru_cache(maxsize=1 << 12)
@@ -240,30 +244,31 @@ def stream_key(seed: int, *names: str | int) -> int:
     return int.from_bytes(blake2b(repr((seed, *names)).encode(), digest_size=16).digest(), "little")
 
 
-def stream_below(keys: Sequence[int], n: IntArray) -> IntArray:
-    """Return the first `integers(n)` of the generators of streams, (streams,), without making them.
+def stream_words(keys: Sequence[int]) -> BitArray:
+    """Return the first eight numbers of 32 bits of streams, (streams, 8), without making their generators.
 
     Args:
         keys: (streams,) each a `stream_key`.
+    """
+    few = len(keys) < _FEW_STREAMS
+    words = np.array([_philox(key) for key in keys], np.uint64).reshape(-1, 4) if few else _philox_many(keys)
+    return np.stack((words & _LOW, words >> np.uint64(32)), axis=2).reshape(len(keys), 8)
+
+
+def below_of_words(words: BitArray, n: IntArray) -> IntArray:
+    """Return the first `integers(n)` of the generators of streams, (streams,), by Lemire's method.
+
+    That is of "Fast random integer generation in an interval" (TOMACS 2019).
+
+    Args:
+        words: of the streams; see `stream_words`.
         n: (streams,) from 1 to 2 ** 28.
     """
-    if len(keys) < _FEW_STREAMS:
-        return np.array([_below_of(key, size) for key, size in zip(keys, n.tolist(), strict=True)], np.int64)
-    words = np.stack(_philox_many(keys), axis=1)  # (streams, 4)
-    halves = np.stack((words & _LOW, words >> np.uint64(32)), axis=2).reshape(
-        len(keys), -1
-    )  # in the order of their use
     sizes = n.astype(np.uint64)[:, None]
-    found = halves * sizes
+    found = words * sizes
     is_fair = (found & _LOW) >= np.uint64(1 << 32) % sizes
-    chosen: IntArray = found[np.arange(len(keys)), is_fair.argmax(axis=1)] >> np.uint64(32)
-    return chosen.astype(np.int64)
-
-
-def _below_of(key: int, n: int) -> int:
-    """Return a number below `n` by Lemire's method ("Fast random integer generation in an interval", TOMACS 2019)."""
-    halves = (half for word in _philox(key) for half in (word & 0xFFFFFFFF, word >> 32))
-    return next(half * n >> 32 for half in halves if half * n & 0xFFFFFFFF >= (1 << 32) % n)
+    chosen: IntArray = (found[np.arange(len(words)), is_fair.argmax(axis=1)] >> np.uint64(32)).astype(np.int64)
+    return chosen
 
 
 def _philox(key: int) -> tuple[int, int, int, int]:
@@ -277,21 +282,22 @@ def _philox(key: int) -> tuple[int, int, int, int]:
     return a, b, c, d
 
 
-def _philox_many(keys: Sequence[int]) -> tuple[BitArray, BitArray, BitArray, BitArray]:
-    """Return what `_philox` returns of each key, (keys,) each."""
-    first, second = (np.array([key >> shift & _MASK for key in keys], np.uint64) for shift in (0, 64))
-    a, (b, c, d) = np.ones_like(first), np.zeros((3, len(keys)), np.uint64)
+def _philox_many(keys: Sequence[int]) -> BitArray:
+    """Return what `_philox` returns of each key, (keys, 4)."""
+    key = np.array([[one & _MASK for one in keys], [one >> 64 for one in keys]], np.uint64)
+    even, odd = np.zeros((2, *key.shape), np.uint64)  # the first and the third word, and the second and the fourth
+    even[0] = 1
     for _ in range(10):
-        (high, low), (other_high, other_low) = _product(a, _PHILOX[0]), _product(c, _PHILOX[1])
-        a, b, c, d = other_high ^ b ^ first, other_low, high ^ d ^ second, low
-        first, second = first + np.uint64(_WEYL[0]), second + np.uint64(_WEYL[1])
-    return a, b, c, d
+        high, low = _products(even)
+        even, odd = high[::-1] ^ odd ^ key, low[::-1]
+        key += _WEYLS
+    return np.stack((even[0], odd[0], even[1], odd[1]), axis=1)
 
 
-def _product(bits: BitArray, factor: int) -> tuple[BitArray, BitArray]:
-    """Return the upper and the lower 64 bits of products, from those of their halves."""
-    half, low, high = np.uint64(32), np.uint64(factor & 0xFFFFFFFF), np.uint64(factor >> 32)
+def _products(bits: BitArray) -> tuple[BitArray, BitArray]:
+    """Return the upper and the lower 64 bits of the products with the two factors, from those of their halves."""
+    half, (low, high) = np.uint64(32), _FACTORS_OF_PHILOX
     below, above = bits & _LOW, bits >> half
     middle = above * low + (below * low >> half)
     crossed = below * high + (middle & _LOW)
-    return above * high + (middle >> half) + (crossed >> half), bits * np.uint64(factor)
+    return above * high + (middle >> half) + (crossed >> half), bits * (high << half | low)

@@ -10,7 +10,7 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from gamms.rl.learners import ActionArray, Array, Learners
+from gamms.rl.learners import ActionArray, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
 from gamms.rl.spaces import action_masks, action_space, are_legal, moves_and_deeds, observation_space, observed
 from gamms.scenario import Scenario
@@ -116,11 +116,12 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         has_ended = self.learners.is_over
         found, infos = observed(self.learners), {}
         if has_ended.any():
-            which = np.repeat(has_ended, self.num_agents)
-            infos = {"final_obs": self._flat(found), "_final_obs": which}
-            self.learners.begin_again(np.flatnonzero(has_ended))
-            new = observed(self.learners)
-            found = {key: np.where(_wide(has_ended, new[key]), new[key], column) for key, column in found.items()}
+            ended = np.flatnonzero(has_ended)
+            infos = {"final_obs": self._flat(found), "_final_obs": np.repeat(has_ended, self.num_agents)}
+            self.learners.begin_again(ended)
+            found = {key: column.copy() for key, column in found.items()}
+            for key, column in observed(self.learners, ended).items():
+                found[key][ended] = column
         terminated = played.terminated | (has_ended[:, None] & ~played.truncated)
         infos |= {**self._infos(), "valid": was_alive.ravel()}
         return self._flat(found), played.rewards.ravel(), terminated.ravel(), played.truncated.ravel(), infos
@@ -138,10 +139,6 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
 
     def _flat(self, found: Observed) -> Observed:
         return {key: column.reshape(self.num_envs, *column.shape[2:]) for key, column in found.items()}
-
-
-def _wide(which: Array, column: Array) -> Array:
-    return which.reshape(-1, *[1] * (column.ndim - 1))
 
 
 def spec_of(make: Callable[..., Any], scenario: Scenario, options: dict[str, Any]) -> EnvSpec:

@@ -204,10 +204,17 @@ class Learners:
 
     # -- playing ------------------------------------------------------------------------------------------------
 
-    def observe(self) -> Any:
-        """Return what all agents observe, (games, agents, …)."""
-        values = [self._checked(self.observation(view), view, "observation") for view in self._now]
-        return joined(self._xp, values)
+    def observe(self, which: IntArray | None = None) -> Any:
+        """Return what all agents observe, (games, agents, …); of some games, by their numbers, or of all."""
+        if which is None:
+            return joined(self._xp, [self._observed(view) for view in self._now])
+        are_alike = all(type(view) is ArrayView for view in self._now)  # on one map, in arrays of NumPy
+        if not are_alike or not getattr(self.observation, "of_each", False):  # it may need all games
+            return self.observe()[which]
+        return joined(self._xp, [self._observed(view.in_games(which)) for view in self._now])
+
+    def _observed(self, view: ArrayView) -> Any:
+        return self._checked(self.observation(view), view, "observation")
 
     def step(self, actions: ActionArray, deeds: ActionArray | None = None) -> Played:
         """Play one turn of the games that are not over.
@@ -376,7 +383,7 @@ class Learners:
 
     def _checked(self, given: Array, view: ArrayView, what: str) -> Any:
         """Return what a function of the caller gave, if it fits, as an array of the library of the games."""
-        games, agents, library = len(self.games), len(view.agents), self.games.library
+        games, agents, library = len(view.games), len(view.agents), self.games.library
         found = np.asarray(given) if library is None else library.own(given, f"What {what} gives")
         shape = tuple(found.shape)
         is_number = (

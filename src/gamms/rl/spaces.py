@@ -6,7 +6,8 @@ import numpy as np
 from gymnasium import spaces
 
 from gamms.errors import BadValue
-from gamms.rl.learners import ActionArray, Learners, are_in
+from gamms.ir.graph import IntArray
+from gamms.rl.learners import ActionArray, Learners, are_in, joined
 from gamms.text import shown
 
 
@@ -42,14 +43,20 @@ def observation_space(learners: Learners) -> spaces.Dict:
 def action_masks(learners: Learners) -> np.ndarray[Any, np.dtype[np.bool_]]:
     """Return which actions are legal, (games, agents, actions): moves, and behind them deeds where there are any."""
     parts = [learners.masks] if learners.deeds is None else [learners.masks, learners.deed_masks]
-    return np.concatenate(parts, axis=2)
+    found: np.ndarray[Any, np.dtype[np.bool_]] = joined(np, parts, axis=2)
+    return found
 
 
-def observed(learners: Learners) -> dict[str, Any]:
-    """Return what all agents observe, as in `observation_space`; arrays begin with the games and the agents."""
-    values = np.asarray(learners.observe())
+def observed(learners: Learners, which: IntArray | None = None) -> dict[str, Any]:
+    """Return what all agents observe, as in `observation_space`; arrays begin with the games and the agents.
+
+    Args:
+        learners: the agents.
+        which: the numbers of games; None: all.
+    """
+    values, masks = np.asarray(learners.observe(which)), action_masks(learners)
     values = values.astype(np.int8) if values.dtype == np.bool_ else values
-    return {"observation": values, "action_mask": action_masks(learners).astype(np.int8)}
+    return {"observation": values, "action_mask": (masks if which is None else masks[which]).astype(np.int8)}
 
 
 def moves_and_deeds(learners: Learners, actions: Any) -> tuple[ActionArray, ActionArray | None]:

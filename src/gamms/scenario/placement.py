@@ -12,6 +12,7 @@ from gamms.context import Context
 from gamms.errors import UnknownName
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
 from gamms.limits import refuse_above
 from gamms.scenario.documents import ScenarioError, at, joined
 from gamms.scenario.spec import Agent, From, LatLon, Place, Spec, Team
@@ -140,7 +141,7 @@ class Places:
     def far_from(self, rows: IntArray, metres: float) -> WordArray:
         """Return which nodes are at least so far from each of these, in a straight line, (rows, words)."""
         keys = [(row, metres) for row in rows.tolist()]
-        if len({*self._far, *keys}) * len(self.ids) // 8 > _MOST_BYTES:
+        if (len(self._far) + len(keys)) * len(self.ids) // 8 > _MOST_BYTES:
             self._far.clear()
         for key in keys:
             if key not in self._far:
@@ -205,15 +206,16 @@ class _Team:
         drawn, at = np.full((len(seeds), len(free)), -1), np.arange(len(seeds))
         for row in self.fixed.values():
             self._close(allowed, np.full(len(seeds), row))
-        for column, number in enumerate(free):
+        names = [("scenario", "place", self.name, self.members[number].name, attempt) for number in free]
+        words = kernels.stream_words([kernels.stream_key(seed, *name) for seed in seeds for name in names])
+        words = words.reshape(len(seeds), len(free), -1)
+        for column in range(len(free)):
             counts = _COUNTS[allowed]
             is_left = counts.any(axis=1)
             at, allowed, counts = at[is_left], allowed[is_left], counts[is_left]
             if not len(at):
                 break
-            names = "scenario", "place", self.name, self.members[number].name, attempt
-            keys = [kernels.stream_key(seeds[game], *names) for game in at.tolist()]
-            drawn[at, column] = rows = _drawn(keys, allowed, counts)
+            drawn[at, column] = rows = _drawn(words[at, column], allowed, counts)
             self._close(allowed, rows)
         return drawn
 
@@ -251,16 +253,16 @@ class _Team:
 _COUNTS = np.unpackbits(np.arange(1 << 16, dtype=np.uint16).view(np.uint8)).reshape(-1, 16).sum(axis=1, dtype=np.uint8)
 
 
-def _drawn(keys: Sequence[int], sets: WordArray, counts: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> IntArray:
+def _drawn(words: BitArray, sets: WordArray, counts: np.ndarray[tuple[int, ...], np.dtype[np.uint8]]) -> IntArray:
     """Return a row that is drawn from each set of nodes, (sets,).
 
     Args:
-        keys: of the streams that draw.
+        words: (sets, 8) of the streams that draw.
         sets: (sets, words)
         counts: (sets, words) how many nodes are in each word.
     """
     ends, at = counts.cumsum(axis=1, dtype=np.int64), np.arange(len(sets))
-    number = kernels.stream_below(keys, ends[:, -1])[:, None]
+    number = kernels.below_of_words(words, ends[:, -1])[:, None]
     word = (ends <= number).sum(axis=1)
     before = ends[at, word] - counts[at, word]
     bits = sets[at, word][:, None] >> _BITS & np.uint16(1)

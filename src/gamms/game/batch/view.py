@@ -209,6 +209,10 @@ class ArrayView(Mapping[str, Any]):
         """Return the view of other agents in the same games, by their numbers in the roster, ascending."""
         return ArrayView(self._state, self.games, agents)
 
+    def in_games(self, which: IntArray) -> "ArrayView":
+        """Return the view of the same agents in some of its games, by their places, ascending."""
+        return ArrayView(self._state, self.games[which], self.agents)
+
     @property
     def xp(self) -> Any:
         """The functions of the array library of the view, as the array API names them: NumPy's."""
