@@ -2,7 +2,6 @@
 
 import os
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -187,16 +186,11 @@ def launchers(tmp_path_factory):
     with stays("").build(seed=1) as ctx:
         ctx.graph.save(folder / "map.gamms")
     allowed = Allowed(move_s=10.0, memory_bytes=256 << 20, cpu_s=20)
-    made = {one.name: Launcher(one, allowed, folder / "map.gamms", {}) for one in entries}
+    (folder / "scratch").mkdir()
+    made = {one.name: Launcher(one, allowed, folder / "map.gamms", {}, folder / "scratch") for one in entries}
     yield made
     for launcher in made.values():
         launcher.close()
-
-
-@pytest.fixture(autouse=True)
-def scratch(tmp_path, monkeypatch):
-    """A folder for temporary files that no other test has."""
-    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
 
 def descendants():
@@ -214,7 +208,7 @@ def played(launchers, deed, entry, move_s=10.0):
     launchers[entry].allowed = launchers[entry].allowed._replace(move_s=move_s)
     row, logs = play(stays(deed), Fixture("id", {"red": entry, "blue": "python"}, 1, 1), launchers)
     assert len(descendants()) == len(launchers)
-    assert not list(Path(tempfile.gettempdir()).iterdir())
+    assert not list(launchers[entry].scratch.iterdir())
     return row, logs
 
 

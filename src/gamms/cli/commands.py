@@ -14,6 +14,7 @@ import gamms
 from gamms.cli import experiments, play, recordings
 from gamms.cli.new import new
 from gamms.cli.output import console, echo, guarded, rich_table, warn
+from gamms.cli.tournaments import tournament
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
@@ -109,6 +110,7 @@ _COMMANDS: _Commands = {
         "gamms run match.yaml --seed 7 --film match.mp4",
         "gamms run match.yaml --set teams.red.count=8 --strategy red=mine.py:strategy --out results",
     ),
+    tournament: ("gamms tournament cup.yaml", "gamms tournament cup.yaml --out cup --workers 4"),
     recordings.replay: ("gamms replay game.ggr", "gamms replay game.ggr --window --seconds 0.2"),
     recordings.render: (
         "gamms render game.ggr game.mp4 --turns 100:200 --follow red_0",

@@ -4,13 +4,14 @@
                                  seeds=range(50), out="cup")
 
 `games.py` plays one game: what each entry is asked, and the row that comes of it; read it first. `running.py` has who
-plays whom, `table.py` what follows from the rows, `entries.py` finds entries. `players.py` asks a process and says by
-which fault it loses; `launcher.py` starts such processes, `confinement.py` bounds what they may do, and `host.py` plays
-a Python function in one. A client of scenarios and experiments: May import: `experiment` and below.
+plays whom, `workers.py` what a process that plays keeps, `table.py` what follows from the rows, `page.py` the page of
+results, `entries.py` finds entries. `players.py` asks a process and says by which fault it loses; `launcher.py` starts
+such processes, `confinement.py` bounds what they may do, and `host.py` plays a Python function in one.
+A client of scenarios and experiments: May import: `experiment` and below.
 """
 
 from gamms.tournament.players import FAULTS
 from gamms.tournament.running import run
-from gamms.tournament.table import Standing, Table
+from gamms.tournament.table import Cycle, Payoff, Rating, Standing, Table
 
-__all__ = ["FAULTS", "Standing", "Table", "run"]
+__all__ = ["FAULTS", "Cycle", "Payoff", "Rating", "Standing", "Table", "run"]

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple, TypedDict
 
 from gamms.bridge.lines import line_of
 from gamms.context import Context
+from gamms.experiment.games import without_address
 from gamms.plain import as_json, plain_subset, to_plain
 from gamms.scenario import Scenario
 from gamms.text import shown
@@ -187,7 +188,9 @@ def play(
         turns=result.turns,
         scores={team: float(result.scores.get(team, 0)) for team in fixture.entries},
         faults={team: fault.kind for team, fault in faults.items()},
-        details={team: fault.detail for team, fault in faults.items()},
+        details={
+            team: without_address(fault.detail.replace(players[team].scratch, "~")) for team, fault in faults.items()
+        },
     )
     return row, {team: player.log for team, player in players.items()}
 

@@ -128,10 +128,11 @@ class Launcher:
         allowed: what it may take.
         map: the file of the map.
         settings: of the game, as plain values.
+        scratch: the folder in which each of its processes gets a folder of its own.
     """
 
-    def __init__(self, entry: Entry, allowed: Allowed, map: Path, settings: Mapping[str, Any]) -> None:
-        self.entry, self.allowed = entry, allowed
+    def __init__(self, entry: Entry, allowed: Allowed, map: Path, settings: Mapping[str, Any], scratch: Path) -> None:
+        self.entry, self.allowed, self.scratch = entry, allowed, scratch
         ours, theirs = socket.socketpair()
         is_python = not entry.command
         python = python_folders() if is_python else []
@@ -175,7 +176,7 @@ class Launcher:
 
     def missing(self) -> list[str]:
         """Return what this system cannot enforce."""
-        with tempfile.TemporaryDirectory(prefix="gamms-") as scratch:
+        with tempfile.TemporaryDirectory(dir=self.scratch) as scratch:
             found: list[str] = self.asked({"probe": scratch})["missing"]
         return found
 
@@ -193,12 +194,13 @@ class Player:
 
     Attributes:
         launcher: of the entry.
+        scratch: the folder of the process.
         log: the beginning of what it has written besides its answers.
     """
 
     def __init__(self, launcher: Launcher) -> None:
         self.launcher, self._allowed = launcher, launcher.allowed
-        self._scratch = tempfile.mkdtemp(prefix="gamms-")
+        self.scratch = tempfile.mkdtemp(dir=launcher.scratch)
         self._waiting, self.log, self._logged = b"", b"", 0
         self._pipes: dict[str, int] = {}
         self._is_over = False
@@ -206,13 +208,13 @@ class Player:
             given, self._pipes["in"] = os.pipe()
             self._pipes["out"], taken = os.pipe()
             self._pipes["log"], log = os.pipe()
-            self._id: int = launcher.asked({"start": self._scratch}, (given, taken, log))["id"]
+            self._id: int = launcher.asked({"start": self.scratch}, (given, taken, log))["id"]
             for file in (given, taken, log):
                 os.close(file)
             for file in self._pipes.values():
                 os.set_blocking(file, False)
         except BaseException:
-            _remove(self._scratch)
+            _remove(self.scratch)
             raise
 
     def begin(self, message: bytes) -> None:
@@ -260,7 +262,7 @@ class Player:
         finally:
             for file in self._pipes.values():
                 os.close(file)
-            _remove(self._scratch)
+            _remove(self.scratch)
 
     def _answer(self, message: bytes, seconds: float) -> object:
         try:
@@ -326,7 +328,7 @@ class Player:
             if pages * os.sysconf("SC_PAGE_SIZE") > self._allowed.memory_bytes:
                 raise Faulty("memory")
         size = 0
-        for folder, _, names in os.walk(self._scratch):
+        for folder, _, names in os.walk(self.scratch):
             for name in names:
                 with suppress(OSError):
                     size += Path(folder, name).lstat().st_size

@@ -1,29 +1,42 @@
-"""Runs a tournament: who plays whom, and where, until all games are played."""
+"""Runs a tournament: who plays whom, and where, until all games are played; none is played twice."""
 
-import hashlib
 import json
 import os
-from collections.abc import Iterable, Mapping, Sequence
+import shutil
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_float, as_int, as_items, as_path
-from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.arguments import as_bool, as_count, as_float, as_int, as_items, as_path
+from gamms.errors import BadType, BadValue, GammsError, UnknownName, WriteConflict
+from gamms.experiment.executors import Here, WorkerPool, cores, executor_for
+from gamms.experiment.folders import Journal, locked
+from gamms.experiment.variants import digest_of, row_id
+from gamms.folders import write_whole
+from gamms.limits import max_memory
 from gamms.progress import progress
 from gamms.scenario import Scenario
-from gamms.scenario.spec import to_plain
 from gamms.text import shown
 from gamms.tournament.entries import Entry, Given, found_entries
-from gamms.tournament.games import MOST_TURNS, Fixture, play
-from gamms.tournament.players import Allowed, Launcher
+from gamms.tournament.games import MOST_TURNS, Fixture, Row
+from gamms.tournament.page import write_page
+from gamms.tournament.players import Allowed
 from gamms.tournament.table import Table
+from gamms.tournament.workers import Settings, Task, close_launchers, not_enforced, pickled, play
+from gamms.versions import versions
 
+MANIFEST = "tournament.json"
+_FORMAT = "gamms tournament 1"
 _LEAST_MB = 64
-_MAP = "map.gamms"
+_MAP, _SCRATCH = "map.gamms", "scratch"
+_GAMES_OF_A_TASK = 10
+_ATTEMPTS = 3  # at a task whose process dies
+_Pair = tuple[Entry, Entry]
 
 
-def run(
+def run(  # noqa: PLR0913 - each option is independent of the others
     scenario: Scenario,
     *,
     entries: Mapping[str, Given],
@@ -32,8 +45,15 @@ def run(
     move_seconds: float = 1.0,
     memory_mb: int = 512,
     sides: Sequence[str] | None = None,
+    rounds: int | None = None,
+    workers: int | None = None,
+    executor: Executor | str | None = None,
+    record: bool = True,
+    folder: str | os.PathLike[str] | None = None,
 ) -> Table:
-    """Let all entries play each other on both sides with the same seeds, and return the table.
+    """Let entries play each other on both sides with the same seeds, and return the table.
+
+    A tournament that was interrupted, however, goes on where it was when it is run again with the same `out`.
 
     Args:
         scenario: the game.
@@ -43,40 +63,58 @@ def run(
         move_seconds: how long an entry may take for a move, by the clock on the wall.
         memory_mb: how much memory the process of an entry may use, MiB.
         sides: the two teams that entries play; None: the scenario has no others.
+        rounds: of a Swiss tournament; None: all play all.
+        workers: how many games at once, each in a process of its own; None: one after the other, in this process.
+        executor: plays instead: any executor of `concurrent.futures` on this machine, or "ray".
+        record: keep a recording of each game, in `out/games`.
+        folder: where relative paths of entries begin; None: the current folder.
 
     Raises:
         BadType, BadValue: there are too few entries, sides or seeds, or a limit is too low.
         UnknownName (KeyError): the scenario has no such team.
         ScenarioError (ValueError): an entry has no such function, or the scenario cannot be built.
+        WriteConflict (RuntimeError): another tournament was or is played in this folder.
         GammsError: the system is Windows, where processes cannot be confined so.
     """
     if not hasattr(os, "fork"):
         raise GammsError("Tournaments run on Linux and macOS: Windows has no way to bound the processes of entries.")
     if not isinstance(scenario, Scenario):
         raise BadType(f"scenario must be a Scenario, as gamms.scenario.load gives it, not {shown(scenario)}.")
-    folder = as_path(out, "out")
-    folder.mkdir(parents=True, exist_ok=True)
-    teams = _sides(scenario, sides)
-    private = [one for one in (scenario.file, scenario.folder) if one is not None]
-    found = found_entries(entries, Path.cwd(), folder, private)
+    where = as_path(out, "out").absolute()
+    teams, numbers = _sides(scenario, sides), _seeds(seeds)
+    base = Path.cwd() if folder is None else as_path(folder, "folder").absolute()
     allowed = _allowed(scenario, move_seconds, memory_mb)
-    numbers = [as_int(seed, "a seed") for seed in as_items(seeds, "seeds", "integers")]
-    fixtures = _round_robin(found, teams, numbers)
-    with scenario.build(seed=numbers[0]) as ctx:
-        ctx.graph.save(folder / _MAP)
-    rows = []
-    settings = to_plain(scenario.spec.settings)
-    launchers = {entry.name: Launcher(entry, allowed, folder / _MAP, settings) for entry in found}
-    try:
-        with progress() as show:
-            for fixture in fixtures:
-                row, _ = play(scenario, fixture, launchers)
-                rows.append(row)
-                show(f"{len(rows)} of {len(fixtures)} games")
-    finally:
-        for launcher in launchers.values():
-            launcher.close()
-    return Table(rows, [entry.name for entry in found])
+    number = None if rounds is None else as_count(rounds, "rounds", 1)
+    chosen, is_own = executor_for(executor, workers)
+    with locked(where):
+        private = [one for one in (scenario.file, scenario.folder) if one is not None]
+        found = found_entries(entries, base, where, private)
+        with scenario.build(seed=numbers[0]) as ctx:
+            ctx.graph.save(where / _MAP)
+        (where / _SCRATCH).mkdir(exist_ok=True)
+        games = where / "games" if as_bool(record, "record") else None
+        settings = Settings(scenario, where / _MAP, where / _SCRATCH, allowed, games, where / "logs", max_memory())
+        game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
+        manifest = {"scenario": digest_of(scenario), **game}
+        missing = not_enforced(found[0], settings)
+        plan = {"entries": {one.name: one.digest for one in found}, "seeds": numbers, "rounds": number}
+        _write_manifest(where, manifest, {**plan, "not_enforced": missing})
+        runner = _Runner(settings, chosen, workers, Journal(where), manifest)
+        try:
+            table = runner.play(found, teams, numbers, number)
+            table.not_enforced = missing
+        finally:
+            runner.close(is_own=is_own)
+            shutil.rmtree(where / _SCRATCH, ignore_errors=True)
+        write_page(table, where, scenario.spec.name or "Tournament")
+    return table
+
+
+def _seeds(given: Iterable[int]) -> list[int]:
+    numbers = list(dict.fromkeys(as_int(seed, "a seed") for seed in as_items(given, "seeds", "integers")))
+    if not numbers:
+        raise BadValue("A tournament needs one seed at least.")
+    return numbers
 
 
 def _sides(scenario: Scenario, given: Sequence[str] | None) -> tuple[str, str]:
@@ -102,16 +140,122 @@ def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> Allowed
     return Allowed(seconds, megabytes << 20, int(seconds * (turns + 10)) + 1)
 
 
-def _round_robin(entries: Sequence[Entry], sides: tuple[str, str], seeds: Sequence[int]) -> list[Fixture]:
-    return [
-        _fixture(pair, sides, seed, 1)
-        for first, second in combinations(entries, 2)
-        for seed in seeds
-        for pair in ((first, second), (second, first))
-    ]
+def _write_manifest(where: Path, game: Mapping[str, Any], plan: Mapping[str, Any]) -> None:
+    """Write what was played with what, by digests.
+
+    Raises:
+        WriteConflict: the folder has that of another game; further entries, seeds and rounds are none.
+    """
+    file = where / MANIFEST
+    if file.exists():
+        before = json.loads(file.read_bytes())
+        changed = [key for key, value in {"format": _FORMAT, **game}.items() if before.get(key) != value]
+        if changed:
+            raise WriteConflict(f"{str(where)!r} has a tournament with another {changed[0]}. Choose another folder.")
+    write_whole(file, (json.dumps({"format": _FORMAT, **game, **plan}, indent=1) + "\n").encode())
 
 
-def _fixture(pair: tuple[Entry, Entry], sides: tuple[str, str], seed: int, number: int) -> Fixture:
-    entries = {side: entry.name for side, entry in zip(sides, pair, strict=True)}
-    whole: list[Any] = [entries, [entry.digest for entry in pair], seed, number]
-    return Fixture(hashlib.sha256(json.dumps(whole).encode()).hexdigest()[:16], entries, seed, number)
+class _Runner:
+    """Hands out games, round by round, and collects rows."""
+
+    def __init__(
+        self,
+        settings: Settings,
+        executor: Executor,
+        workers: int | None,
+        journal: Journal,
+        game: Mapping[str, Any],
+    ) -> None:
+        self._settings, self._executor, self._journal, self._game = pickled(settings), executor, journal, dict(game)
+        self._slots = 1 if isinstance(executor, Here) else 2 * (workers or cores())
+        self._spare: WorkerPool | None = None
+        self._workers = workers or cores()
+
+    def play(self, entries: list[Entry], sides: tuple[str, str], seeds: list[int], rounds: int | None) -> Table:
+        """Play all rounds, and return the table."""
+        names, rows = [entry.name for entry in entries], list[Row]()
+        met: set[frozenset[str]] = set()
+        with progress() as show:
+            for number in range(1, (rounds or 1) + 1):
+                pairs = list(combinations(entries, 2)) if rounds is None else _swiss(entries, Table(rows, names), met)
+                met |= {frozenset((first.name, second.name)) for first, second in pairs}
+                fixtures = {
+                    pair: [
+                        self._fixture(way, sides, seed, number) for seed in seeds for way in (pair, (pair[1], pair[0]))
+                    ]
+                    for pair in pairs
+                }
+                for done, total in self._play(fixtures):
+                    show(f"{done:,} of {total:,} games" + (f" of round {number}" if rounds else ""))
+                known: Mapping[str, Any] = self._journal.rows
+                some = [one for fixtures_of in fixtures.values() for one in fixtures_of]
+                rows += [Row(**{**known[one.id], "round": one.round}) for one in some]  # type: ignore[typeddict-item] # as written
+        return Table(rows, names)
+
+    def _fixture(self, pair: _Pair, sides: tuple[str, str], seed: int, number: int) -> Fixture:
+        by_side = dict(zip(sides, pair, strict=True))
+        digests = {side: [one.name, one.digest] for side, one in by_side.items()}
+        id = row_id(self._game["scenario"], {**self._game, "entries": digests}, (), seed)
+        return Fixture(id, {side: one.name for side, one in by_side.items()}, seed, number)
+
+    def _play(self, fixtures: Mapping[_Pair, list[Fixture]]) -> Iterator[tuple[int, int]]:
+        """Play the games that have no row yet; yield how many are done."""
+        total, waiting = sum(map(len, fixtures.values())), dict[Future[list[Row]], tuple[Task, int]]()
+        tasks = iter(self._tasks(fixtures))
+        done = total - sum(one.id not in self._journal.rows for some in fixtures.values() for one in some)
+        while True:
+            while len(waiting) < self._slots and (task := next(tasks, None)) is not None:
+                waiting[self._asked(task)] = task, 1
+            if not waiting:
+                return
+            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+                task, attempts = waiting.pop(future)
+                try:
+                    rows = future.result()
+                except BrokenExecutor:  # the process was killed: its games follow from their seeds alone
+                    if attempts == _ATTEMPTS:
+                        raise
+                    waiting[self._asked(task)] = task, attempts + 1
+                else:
+                    self._journal.add(dict(row) for row in rows)
+                    done += len(rows)
+                    yield done, total
+
+    def _tasks(self, fixtures: Mapping[_Pair, list[Fixture]]) -> Iterator[Task]:
+        for pair, some in fixtures.items():
+            new = [one for one in some if one.id not in self._journal.rows]
+            for first in range(0, len(new), _GAMES_OF_A_TASK):
+                yield Task(self._settings, pair, tuple(new[first : first + _GAMES_OF_A_TASK]))
+
+    def _asked(self, task: Task) -> Future[list[Row]]:
+        try:
+            return self._executor.submit(play, task)
+        except BrokenExecutor:  # one of the caller's, whose workers have died
+            self._spare = self._spare or WorkerPool(self._workers)
+            self._executor = self._spare
+            return self._executor.submit(play, task)
+
+    def close(self, *, is_own: bool) -> None:
+        """End what plays, and close the journal."""
+        close_launchers()
+        if is_own:
+            self._executor.shutdown(cancel_futures=True)
+        if self._spare is not None:
+            self._spare.shutdown(cancel_futures=True)
+        self._journal.close()
+
+
+def _swiss(entries: Sequence[Entry], table: Table, met: set[frozenset[str]]) -> list[_Pair]:
+    """Return who plays whom in the next round: neighbours in the table who have not met yet, from above.
+
+    With an odd number, or where all that are left have met, some do not play.
+    """
+    known = {entry.name: entry for entry in entries}
+    waiting, pairs = [known[one.entry] for one in table.standings()], []
+    while waiting:
+        first = waiting.pop(0)
+        second = next((one for one in waiting if frozenset((first.name, one.name)) not in met), None)
+        if second is not None:
+            waiting.remove(second)
+            pairs.append((first, second))
+    return pairs

@@ -1,0 +1,54 @@
+"""`gamms tournament`: a tournament as a file says, its table on the terminal and its page in a folder."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from gamms.cli.many import parsed_seeds
+from gamms.cli.output import echo
+from gamms.errors import BadValue, nearest
+from gamms.text import shown
+
+_REQUIRED = ("scenario", "entries", "seeds")
+_KEYS = (*_REQUIRED, "move_seconds", "memory_mb", "sides", "rounds", "record", "allow")
+
+
+def tournament(
+    file: Annotated[Path, typer.Argument(help="A tournament file: YAML or JSON.", metavar="FILE", show_default=False)],
+    out: Annotated[
+        Path, typer.Option(help="The folder for games, logs, the table and its page.", metavar="FOLDER")
+    ] = Path("gamms-tournament"),
+    workers: Annotated[
+        int | None,
+        typer.Option(
+            min=1, help="How many games at once. By default as many as cores.", metavar="N", show_default=False
+        ),
+    ] = None,
+) -> None:
+    """Let entries play each other; run it again to go on after an interruption."""
+    from gamms import scenario, tournament
+    from gamms.experiment.executors import cores
+    from gamms.scenario import documents
+
+    values: Any = documents.read(file)
+    _check(file, values)
+    folder = file.absolute().parent
+    game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
+    seeds = values.pop("seeds")
+    seeds = range(seeds) if isinstance(seeds, int) else parsed_seeds(seeds) if isinstance(seeds, str) else seeds
+    table = tournament.run(game, seeds=seeds, out=out, workers=workers or cores(), folder=folder, **values)
+    echo(str(table))
+    echo(f"\nWrote {out / 'index.html'} (all results), {out / 'games'} (recordings; gamms replay, gamms render).")
+
+
+def _check(file: Path, values: object) -> None:
+    """Refuse what is no tournament file."""
+    if not isinstance(values, dict):
+        raise BadValue(f"{file}: a tournament is a mapping with the keys {', '.join(_REQUIRED)}, not {shown(values)}.")
+    for key in values:
+        if key not in _KEYS:
+            raise BadValue(f"{file}: unknown key {shown(key)}.{nearest(key, _KEYS)} Keys are {', '.join(_KEYS)}.")
+    for key in _REQUIRED:
+        if key not in values:
+            raise BadValue(f"{file}: {key} is missing.")

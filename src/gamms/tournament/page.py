@@ -1,0 +1,169 @@
+"""The page of results: one HTML file without scripts, in which all that entries have chosen is escaped."""
+
+from collections.abc import Iterable
+from html import escape
+from pathlib import Path
+
+from gamms.errors import MissingExtra
+from gamms.folders import write_whole
+from gamms.tournament.games import Row
+from gamms.tournament.players import FAULTS
+from gamms.tournament.table import Table, points_of
+
+PAGE = "index.html"
+_MOST_FAULTS = 1_000  # games that are listed with their fault
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 75em; padding: 0 1em; color: #1b1b1b; }
+table { border-collapse: collapse; margin: 1em 0; } th, td { padding: .25em .7em; border-bottom: 1px solid #ddd; }
+th { text-align: left; } td.n { text-align: right; font-variant-numeric: tabular-nums; } .s { overflow-x: auto; }
+a { text-decoration: none; } .w { color: #006d2c; } .d { color: #666; } .l { color: #a50f15; } small { color: #555; }
+"""
+
+
+def write_page(table: Table, folder: Path, title: str) -> None:
+    """Write the page of a tournament into its folder."""
+    sections = [
+        _standings(table),
+        _payoffs(table),
+        _mixture(table),
+        _cycles(table),
+        _faults(table, folder),
+        _games(table, folder),
+    ]
+    head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{escape(title)}</title><style>{_STYLE}</style>"
+    policy = "<meta http-equiv=Content-Security-Policy content=\"default-src 'none'; style-src 'unsafe-inline'\">"
+    missing = f"<p>Not enforced on this system: {escape('; '.join(table.not_enforced))}.</p>"
+    body = f"<h1>{escape(title)}</h1>{missing if table.not_enforced else ''}{''.join(sections)}"
+    write_whole(folder / PAGE, f"{head}{policy}<body>{body}</body></html>\n".encode())
+
+
+def _rows(header: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """Return a table of cells; those that begin with a digit, a sign or nothing stand on the right."""
+    head = "".join(f"<th>{escape(one)}</th>" for one in header)
+    body = "".join(
+        "<tr>"
+        + "".join(f"<td{' class=n' if not cell or cell[0] in '+-0123456789' else ''}>{cell}</td>" for cell in row)
+        for row in rows
+    )
+    return f"<div class=s><table><tr>{head}</tr>{body}</table></div>"
+
+
+def _standings(table: Table) -> str:
+    try:
+        ratings = {one.entry: f"{one.mu:.1f} ± {one.sigma:.1f}" for one in table.ratings()}
+    except MissingExtra:
+        ratings = {}
+    rows = []
+    for rank, one in enumerate(table.standings(), 1):
+        faults = ", ".join(f"{count} {kind}" for kind, count in one.faults.items())
+        numbers = (f"{one.points:g}", one.games, one.wins, one.draws, one.losses)
+        rows.append([str(rank), _text(one.entry), *map(str, numbers), ratings.get(one.entry, "-"), _text(faults)])
+    header = ("", "entry", "points", "games", "won", "drawn", "lost", "rating", "lost by faults")
+    note = "A win counts 1 point, a draw 1/2. Ratings are those of the Plackett-Luce model, mean ± standard deviation."
+    return f"<h2>Standings</h2>{_rows(header, rows)}<p><small>{note}</small></p>"
+
+
+def _payoffs(table: Table) -> str:
+    try:
+        payoffs = table.payoffs()
+    except MissingExtra as error:
+        return f"<h2>Pay-offs</h2><p>{escape(str(error))}</p>"
+    names = [one.entry for one in table.standings()]
+    rows = []
+    for first in names:
+        cells = [f"<b>{escape(first)}</b>"]
+        for second in names:
+            one = payoffs.get((first, second))
+            if one is None:
+                cells.append("")
+                continue
+            points, score = one.points, one.score
+            title = f"score {score.value:+.2f} ({score.low:+.2f} to {score.high:+.2f}), {one.games} games"
+            between = f"<small>{points.low:.2f}-{points.high:.2f}</small>"
+            cells.append(f"{points.value:.2f} <span title={_quoted(title)}>{between}</span>")
+        rows.append(cells)
+    note = (
+        "Points per game of the entry on the left against the one above, with 95 % bootstrap intervals over the seeds."
+    )
+    return f"<h2>Pay-offs</h2>{_rows(['', *names], rows)}<p><small>{note}</small></p>"
+
+
+def _mixture(table: Table) -> str:
+    try:
+        mixture = table.nash_mixture()
+    except MissingExtra:
+        return ""
+    if mixture is None:
+        return ""
+    chosen = sorted(
+        ((share, name) for name, share in mixture.items() if share > 1e-9), key=lambda one: (-one[0], one[1])
+    )
+    note = "A Nash equilibrium of the symmetrised pay-offs: no choice of an entry does better against this mixture."
+    return (
+        f"<h2>Nash mixture</h2>{_rows(('entry', 'probability'), [[_text(name), f'{one:.3f}'] for one, name in chosen])}"
+        f"<p><small>{note}</small></p>"
+    )
+
+
+def _cycles(table: Table) -> str:
+    try:
+        cycles = table.cycles()
+    except MissingExtra:
+        return ""
+    if not cycles:
+        return "<h2>Cycles</h2><p>There are no three entries of which each beats the next.</p>"
+    rows = [
+        [_text(" beats ".join([*one.entries, one.entries[0]])), "yes" if one.is_certain else "no"] for one in cycles
+    ]
+    return f"<h2>Cycles</h2>{_rows(('each beats the next', 'all intervals above 1/2'), rows)}"
+
+
+def _faults(table: Table, folder: Path) -> str:
+    rows: list[list[str]] = []
+    for row in table.rows:
+        for number, team in enumerate(row["entries"]):
+            if team in row["faults"] and len(rows) < _MOST_FAULTS:
+                log = Path("logs", f"{row['id']}.{number}.txt")
+                link = f"<a href={_quoted(log.as_posix())}>log</a>" if (folder / log).exists() else "-"
+                kind, detail = row["faults"][team], row["details"][team]
+                other = next(name for side, name in row["entries"].items() if side != team)
+                rows.append([*map(_text, (row["entries"][team], kind, detail, other)), str(row["seed"]), link])
+    if not rows:
+        return "<h2>Faults</h2><p>There were none.</p>"
+    meanings = "".join(f"<li><b>{kind}</b>: {escape(meaning)}</li>" for kind, meaning in FAULTS.items())
+    header = ("entry", "fault", "what", "against", "seed", "")
+    return (
+        f"<h2>Faults</h2><details><summary>What they mean</summary><ul>{meanings}</ul></details>{_rows(header, rows)}"
+    )
+
+
+def _games(table: Table, folder: Path) -> str:
+    pairs: dict[tuple[str, str], list[str]] = {}
+    for row in table.rows:
+        first, second = row["entries"].values()
+        pairs.setdefault((first, second), []).append(_game(row, first, folder))
+    teams = list(table.rows[0]["entries"]) if table.rows else ["", ""]
+    rows = [[_text(first), _text(second), " ".join(some)] for (first, second), some in pairs.items()]
+    note = (
+        "Won, drawn and lost games of the entry that plays the first team, in the order of the seeds. Each is a "
+        "recording, of which <code>gamms render games/ID.ggr game.html</code> makes a page that replays it."
+    )
+    return f"<h2>Games</h2><p><small>{note}</small></p>{_rows([*teams, 'games'], rows)}"
+
+
+def _game(row: Row, first: str, folder: Path) -> str:
+    points = points_of(row)[first]
+    letter = "w" if points == 1.0 else "d" if points else "l"
+    title = f"seed {row['seed']}: {row['reason']}, {row['turns']} turns"
+    file = Path("games", f"{row['id']}.ggr")
+    link = f" href={_quoted(file.as_posix())}" if (folder / file).exists() else ""
+    return f"<a class={letter} title={_quoted(title)}{link}>{letter.upper()}</a>"
+
+
+def _text(text: str) -> str:
+    """Return a cell that stands on the left, whatever it begins with."""
+    return f"<span>{escape(text)}</span>"
+
+
+def _quoted(text: str) -> str:
+    return f'"{escape(text)}"'

@@ -1,0 +1,238 @@
+"""A tournament gives the same table however it is played, and what follows from its rows is right."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from gamms.cli import app
+from gamms.errors import BadValue, UnknownName, WriteConflict
+from gamms.scenario import Scenario
+from gamms.tournament import Table, run
+from gamms.tournament.page import write_page
+
+GAME = {
+    "max_turns": 6,
+    "map": {"grid": {"width": 4, "height": 4}},
+    "sensors": {"eyes": {"type": "AGENT_RANGE", "sensor_range": 100}},
+    "teams": {"red": {"count": 1, "sensors": ["eyes"]}, "blue": {"count": 1, "sensors": ["eyes"]}},
+    "rules": [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}, "last_team"],
+}
+ENTRIES = """
+from gamms.strategies import chase, flee, random_walk
+
+def hunt(ctx):
+    return chase(ctx)
+
+def run_away(ctx):
+    return flee(ctx)
+
+def walk(state):
+    random_walk(state)
+
+def fail(state):
+    raise ValueError(str(object()))
+"""
+NAMES = ("hunt", "run_away", "walk", "fail")
+GIVEN = {name: f"entries.py:{name}" for name in NAMES}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "entries.py").write_text(ENTRIES)
+    (tmp_path / "game.yaml").write_text(json.dumps(GAME))
+    return tmp_path
+
+
+def played(out="out", seeds=(1, 2), entries=GIVEN, **options):
+    return run(Scenario(**GAME), entries=entries, seeds=seeds, out=out, move_seconds=20.0, **options)
+
+
+def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
+    table = played(entries={name: GIVEN[name] for name in ("hunt", "walk", "fail")})
+    ways = [(row["entries"]["red"], row["entries"]["blue"], row["seed"]) for row in table.rows]
+    pairs = [("fail", "hunt"), ("fail", "walk"), ("hunt", "walk")]
+    assert ways == [way for a, b in pairs for seed in (1, 2) for way in ((a, b, seed), (b, a, seed))]
+    assert table.standings()[-1][:3] == ("fail", 0.0, 8)
+    assert table.standings()[-1].faults == {"error": 8}
+    assert {row["details"].get("red", "") for row in table.rows} == {"", "ValueError: <object object>"}
+    assert {file.name for file in folder.joinpath("out").iterdir()} == {
+        *("entries", "games", "logs", "lock", "journal.jsonl", "map.gamms", "index.html", "tournament.json"),
+    }
+    assert {file.stem for file in folder.glob("out/games/*.ggr")} == {row["id"] for row in table.rows}
+    manifest = json.loads(folder.joinpath("out/tournament.json").read_text())
+    assert sorted(manifest["entries"]) == ["fail", "hunt", "walk"]
+    again = played(entries={name: GIVEN[name] for name in ("hunt", "walk", "fail")}, seeds=(1, 2, 3))
+    assert again.rows[:4] == table.rows[:4]
+    with pytest.raises(WriteConflict, match="another memory_mb"):
+        played(memory_mb=300)
+
+
+KILLED = """
+from gamms.scenario import Scenario
+from gamms.tournament import run
+import json, sys
+if __name__ == "__main__":
+    given = json.loads(sys.argv[1])
+    game, entries = Scenario(**given["game"]), given["entries"]
+    run(game, entries=entries, seeds=range(12), out="killed", move_seconds=20.0, workers=2)
+"""
+
+
+def children(of):
+    try:
+        tasks = list(Path(f"/proc/{of}/task").iterdir())
+        below = [int(one) for task in tasks for one in (task / "children").read_text().split()]
+    except OSError:
+        return []
+    return below + [one for child in below for one in children(child)]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_two_workers_and_a_killed_runner_give_the_same_table(folder):
+    entries = {name: GIVEN[name] for name in ("hunt", "run_away")}
+    (folder / "killed.py").write_text(KILLED)
+    words = [sys.executable, "killed.py", json.dumps({"game": GAME, "entries": entries})]
+    process = subprocess.Popen(words, env={**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)})
+    journal = folder / "killed" / "journal.jsonl"
+    while not (journal.exists() and journal.stat().st_size):
+        assert process.poll() is None
+        time.sleep(0.02)
+    below = children(process.pid)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    until = time.monotonic() + 20.0
+    while any(Path(f"/proc/{one}").exists() for one in below) and time.monotonic() < until:
+        time.sleep(0.02)
+    assert not any(Path(f"/proc/{one}").exists() for one in below)
+    done = len(journal.read_text().splitlines())
+    assert 0 < done < 24
+    resumed = played("killed", seeds=range(12), entries=entries, workers=2)
+    assert len(journal.read_text().splitlines()) == 24
+    assert not (folder / "killed" / "scratch").exists()
+    assert resumed.rows[-4:] == played("alone", seeds=range(10, 12), entries=entries).rows
+
+
+def test_a_swiss_tournament_pairs_neighbours_who_have_not_met(folder):
+    table = played(seeds=[1], rounds=2, record=False)
+    rounds = {}
+    for row in table.rows:
+        rounds.setdefault(row["round"], set()).add(frozenset(row["entries"].values()))
+    assert {number: len(pairs) for number, pairs in rounds.items()} == {1: 2, 2: 2}
+    assert not rounds[1] & rounds[2]
+    assert not (folder / "out" / "games").exists()
+    assert table.nash_mixture() is None
+
+
+def test_a_file_says_what_is_played(folder):
+    (folder / "cup.yaml").write_text(
+        "scenario: game.yaml\nentries: {hunt: entries.py:hunt, fail: entries.py:fail}\nseeds: 0:2\nmove_seconds: 20\n"
+    )
+    done = CliRunner().invoke(app, ["tournament", "cup.yaml", "--out", "cup", "--workers", "1"])
+    assert done.exit_code == 0, done.output
+    assert re.search(r"1 +hunt +4 +4 +4 +0 +0\n2 +fail +0 +4 +0 +0 +4 +4 error", done.output)
+    (folder / "cup.yaml").write_text("scenario: game.yaml\nentrys: {}\nseeds: 2\n")
+    done = CliRunner().invoke(app, ["tournament", "cup.yaml"])
+    assert done.exit_code == 1
+    assert "unknown key 'entrys'. Did you mean 'entries'?" in done.output
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "message"),
+    [
+        ({"seeds": []}, BadValue, "one seed at least"),
+        ({"sides": ("red", "green")}, UnknownName, "green"),
+        ({"sides": ("red",)}, BadValue, "two teams"),
+        ({"entries": {"a": "entries.py:hunt"}}, BadValue, "two entries"),
+        ({"memory_mb": 8}, BadValue, "memory_mb must be at least 64"),
+    ],
+)
+def test_what_cannot_be_played_is_refused(folder, options, error, message):
+    with pytest.raises(error, match=message):
+        played(**options)
+
+
+# -- what follows from rows ---------------------------------------------------------------------------------------
+
+
+def row(red, blue, winner, seed=0, faults=(), scores=(0.0, 0.0)):
+    return {
+        "id": f"{red}-{blue}-{seed}",
+        "round": 1,
+        "seed": seed,
+        "entries": {"red": red, "blue": blue},
+        "winner": winner,
+        "reason": "over",
+        "truncated": False,
+        "turns": 3,
+        "scores": dict(zip(("red", "blue"), scores, strict=True)),
+        "faults": dict.fromkeys(faults, "time"),
+        "details": dict.fromkeys(faults, "it took longer"),
+    }
+
+
+def rock_paper_scissors():
+    wins = [("paper", "rock"), ("scissors", "paper"), ("rock", "scissors")]
+    rows = [row(a, b, "red", seed, scores=(2.0, 1.0)) for a, b in wins for seed in range(5)]
+    rows += [row(b, a, "blue", seed, scores=(0.0, 3.0)) for a, b in wins for seed in range(5)]
+    rows += [row(one, "dull", "red", seed) for one in ("rock", "paper", "scissors") for seed in range(5)]
+    return Table(rows, ["dull", "paper", "rock", "scissors"])
+
+
+def test_payoffs_cycles_and_the_nash_mixture_of_rock_paper_scissors():
+    table = rock_paper_scissors()
+    paper = table.payoffs()["paper", "rock"]
+    assert paper.points == (1.0, 1.0, 1.0)
+    assert (paper.score.value, paper.games) == (2.0, 10)
+    assert table.payoffs()["rock", "paper"].score.value == -2.0
+    assert [(one.entries, one.is_certain) for one in table.cycles()] == [(("paper", "rock", "scissors"), True)]
+    assert table.nash_mixture() == pytest.approx({"dull": 0.0, "paper": 1 / 3, "rock": 1 / 3, "scissors": 1 / 3})
+
+
+def test_a_mixture_cannot_be_beaten():
+    rng = np.random.default_rng(3)
+    names = [f"e{number}" for number in range(6)]
+    winners = ("red", "blue", None)
+    rows = [row(a, b, winners[rng.integers(3)], seed) for a in names for b in names if a != b for seed in range(3)]
+    table = Table(rows, names)
+    mixture, payoffs = table.nash_mixture(), table.payoffs()
+    assert sum(mixture.values()) == pytest.approx(1.0)
+    for one in names:
+        gain = sum(
+            share * (payoffs[one, other].points.value - payoffs[other, one].points.value)
+            for other, share in mixture.items()
+            if other != one
+        )
+        assert gain <= 1e-9
+
+
+def test_ratings_follow_the_results_and_grow_certain():
+    rows = [
+        row(a, b, "red", seed) for seed in range(20) for a, b in (("good", "fair"), ("fair", "bad"), ("good", "bad"))
+    ]
+    few, many = Table(rows[:3], ["bad", "fair", "good"]), Table(rows, ["bad", "fair", "good"])
+    assert [one.entry for one in many.ratings()] == ["good", "fair", "bad"]
+    assert max(one.sigma for one in many.ratings()) < min(one.sigma for one in few.ratings())
+    both = Table([row("a", "b", None, faults=("red", "blue"))], ["a", "b"])
+    assert [(one.mu, one.sigma) for one in both.ratings()] == [pytest.approx((25.0, 25.0 / 3.0))] * 2
+    assert [one.points for one in both.standings()] == [0.0, 0.0]
+
+
+def test_the_page_escapes_what_entries_have_chosen(tmp_path):
+    evil = "<script>alert(1)</script>"
+    rows = [{**row(evil, "b", "blue", faults=("red",)), "details": {"red": f"'\"><img src=x onerror={evil}>"}}]
+    write_page(Table(rows, [evil, "b"]), tmp_path, evil)
+    page = (tmp_path / "index.html").read_text()
+    assert "<script" not in page
+    assert "<img" not in page
+    assert "&lt;script&gt;alert(1)" in page
+    assert "default-src 'none'" in page
