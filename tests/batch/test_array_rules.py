@@ -213,8 +213,12 @@ def test_what_it_cannot_do_alone_is_refused():
         gamms.array_rule(3)
     with scene().build(seed=1) as ctx:
         ctx.game.add(publishes)
-        with pytest.raises(BadValue, match=r"turn\.publish of 'storm' is for games in batches"):
+        with pytest.raises(BadValue, match=r"turn\.publish of 'storm' is for forms"):
             ctx.game.step()
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(publishes)
+        with ctx.game.batch(2) as games, pytest.raises(BadValue, match=r"turn\.publish of 'storm' is for forms"):
+            games.step()
     with scene().build(seed=1) as ctx:
         ctx.game.speed_unit = "metres"
         ctx.game.add(tolls())

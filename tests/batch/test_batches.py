@@ -40,8 +40,9 @@ def test_games_without_an_array_form_are_played_one_by_one_with_the_same_results
     with scenario.batch(4, seed=1) as fast, scenario.build(seed=1) as ctx:
         fast.run()
         ctx.game.add(leave)
+        ctx.game.time_budget = 60.0
         with ctx.game.batch(seeds=[1, 2]) as slow:
-            assert slow.slow == "the rule 'leave'"
+            assert slow.slow == "a time budget"
             assert "one by one" in repr(slow)
             slow.run()
             assert [slow.result(number).reason for number in (0, 1)] == ["left", "left"]

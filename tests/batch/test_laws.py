@@ -124,6 +124,7 @@ conflicts = st.builds(
     allow_swaps=st.booleans(),
     resolve=st.sampled_from([at_random(), nobody(), by_priority(["blue", None, "red", "green"])]),
 )
+phases = st.sampled_from(["before", "deeds", "after"])
 orders = st.one_of(
     st.none(),
     st.permutations(TEAMS).flatmap(
@@ -195,7 +196,79 @@ def strike_in_arrays(turn):
 strike.array_form = strike_in_arrays
 
 
-def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None):
+def look(ctx):
+    """Note all that a rule sees of agents and how they move."""
+    game, seen = ctx.game, []
+    for agent, track in zip(game.agents, game.tracks(game.agents), strict=True):
+        place = [
+            agent.current_node_id,
+            agent.prev_node_id,
+            agent.edge,
+            agent.offset_m,
+            *agent.xy,
+            game.start_node(agent),
+        ]
+        seen.append([agent.name, place, list(track.path), list(track.times), [list(leg) for leg in track.legs]])
+    moves = [[name, move.start, move.end, list(move.path)] for name, move in game.moves.items()]
+    done = [[deed.agent, deed.kind, deed.at, dict(deed.values)] for deed in game.performed()]
+    game.emit("seen", agents=seen, moves=moves, deeds=done)
+
+
+def push(ctx):
+    """Put agents elsewhere, out of the game, or back where they are, by lots."""
+    draw = ctx.stream("push", ctx.game.turn)
+    for agent in ctx.game.agents:
+        lot = draw.random()
+        if lot < 0.04:
+            ctx.game.eliminate(agent)
+        elif lot < 0.2:
+            ctx.game.respawn(agent)
+        elif lot < 0.3:
+            agent.current_node_id = NODES[int(draw.integers(14))] if lot < 0.25 else agent.current_node_id
+
+
+def recruit(ctx):
+    """Let agents come, others in games of other seeds, and move those that have come."""
+    named, turn = "bzy"[ctx.seed % 2 :], ctx.game.turn
+    for name in named:
+        if f"{name}9" not in ctx.agent.agents and (turn + ord(name)) % 4 == ctx.seed % 3:
+            like = ctx.agent.get_agent(min(ctx.agent.agents))
+            given = {"team": like.team, "strategy": like.strategy, "speed": like.speed, "sensors": dict(like.sensors)}
+            given |= {"start_node_id": NODES[(turn + ctx.seed) % 14], "rank": turn}
+            given = {key: value for key, value in given.items() if value is not None}
+            ctx.agent.create_agent(f"{name}9", **given)
+            break
+    ctx.game.scores["ranks"] = sum(getattr(agent, "rank", 0) for agent in ctx.game.agents)
+
+
+def refuse(ctx):
+    """Refuse moves and deeds by lots."""
+    draw = ctx.stream("refuse", ctx.game.turn)
+    for name in ctx.game.moves:
+        lot = draw.random()
+        if lot < 0.2:
+            ctx.game.refuse(name, "a lot", None if lot < 0.1 or not ctx.game.deeds else "scan")
+
+
+def refuses(_):
+    """Do nothing but what the check does."""
+
+
+refuses.check = refuse
+
+
+class FirstOnly:
+    """A conflict resolver: of those that come to the same node, only the one that is last by name may move there."""
+
+    def resolve(self, moves, ctx):
+        last = {move.end: name for name, move in moves.items()}
+        return {name for name, move in moves.items() if last[move.end] != name} if ctx.game.turn % 3 else set()
+
+
+CALLED = {"look": look, "push": push, "recruit": recruit, "refuses": refuses}
+
+
+def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None, called=()):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     ctx.game.deeds = {} if deeds is None else DEEDS
     for number, node in enumerate(NODES):
@@ -235,6 +308,8 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
     if deeds is not None and "speed_unit" not in (motion or {}):  # what is used up by edges has no form by metres
         prices = {"rest": 0.4, "mark": 0.7, "scan": 1}
         ctx.game.add(resource("power", 3, per_deed=prices, per_edge=0.2, recharge=dict.fromkeys(NODES[::3], 2)))
+    for name, phase in called:
+        ctx.game.add(CALLED[name], phase=phase)
     ctx.game.conflicts, ctx.game.order = conflicts, order
     return ctx
 
@@ -280,30 +355,32 @@ motions = st.one_of(
     streets=maps(),
     places=st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=2, max_size=9),
     rules=rules,
-    conflicts=st.one_of(st.none(), conflicts),
+    conflicts=st.one_of(st.none(), conflicts, st.just(FirstOnly())),
     seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
     restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
     early=st.sets(st.integers(0, 9), max_size=2),
     order=orders,
     motion=motions,
-    deeds=st.one_of(st.none(), st.lists(st.sampled_from(["before", "deeds", "after"]), max_size=2)),
+    deeds=st.one_of(st.none(), st.lists(phases, max_size=2)),
+    called=st.one_of(st.just([]), st.lists(st.tuples(st.sampled_from(sorted(CALLED)), phases), max_size=3)),
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds
+    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called
 ):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
     if motion is not None and "speed_unit" in motion:
         order = None
         rules = [rule for rule in rules if not getattr(rule, "array_form_by_edges", False)]
     with (
-        open_game(streets, agents, rules, conflicts, early, order, motion, deeds) as ctx,
-        ctx.game.batch(seeds=seeds) as games,
+        open_game(streets, agents, rules, conflicts, early, order, motion, deeds, called) as ctx,
+        ctx.game.batch(seeds=seeds, most_agents={agents[min(agents)][0]: ["b9", "y9", "z9"]}) as games,
     ):
-        assert games.slow is None, games.slow
+        assert games.slow is None or "game by game" in games.slow, games.slow
         for _ in range(restart[0]):
             games.step()
         games.reset([restart[1] % len(seeds)])
         games.run()
+        assert not games.detached
         with ctx.game.fork(0).ctx as alone:
             for number, seed in enumerate(seeds):
                 alone.game.reset(seed=seed)

@@ -29,6 +29,7 @@ from gamms.versions import versions
 
 if TYPE_CHECKING:
     from gamms.game.batch import Batch
+    from gamms.game.batch.games import MostAgents
 
 
 class Game(RuleVerbs):
@@ -458,6 +459,7 @@ class Game(RuleVerbs):
         record: bool = False,
         xp: ModuleType | None = None,
         device: object = None,
+        most_agents: "MostAgents | None" = None,
     ) -> "Batch":
         """Return many games that go on from here, each with another seed: game i is that of `reset(seed=seeds[i])`.
 
@@ -470,6 +472,8 @@ class Game(RuleVerbs):
             record: keep the actions that are given to `step`.
             xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
             device: where it keeps them, such as "cuda"; None: its default.
+            most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
+                that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
 
         Raises:
             BadType, BadValue: there is no game, a seed is no integer, or no such library or device is there.
@@ -480,7 +484,9 @@ class Game(RuleVerbs):
         from gamms.game.batch.libraries import as_library
 
         chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
-        return Batch(BatchSource(self.fork(0), None, None, None), chosen, record=record, library=library)
+        return Batch(
+            BatchSource(self.fork(0), None, None, None), chosen, record=record, library=library, most_agents=most_agents
+        )
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -177,7 +177,7 @@ def respawn(
         kept = turn.keep(
             ("respawn", key), lambda n: {"out": np.full((n, *shape), -1), "times": np.zeros((n, *shape), np.int64)}
         )
-        is_out = ~turn.alive & turn.roster.plays_for(those)
+        is_out = turn.is_out & turn.roster.plays_for(those)
         out = np.where(is_out, kept["out"][turn.games], -1)
         out = np.where(is_out & (out < 0), turn.turn[:, None], out)
         is_back = is_out & (out + wait <= turn.turn[:, None])

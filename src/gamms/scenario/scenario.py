@@ -9,7 +9,7 @@ from typing import Any
 from gamms.arguments import as_bool, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
-from gamms.game.batch.games import Batch, BatchSource, as_seeds
+from gamms.game.batch.games import Batch, BatchSource, MostAgents, as_seeds
 from gamms.game.batch.libraries import as_library
 from gamms.game.result import Result
 from gamms.ir.graph import GraphColumns
@@ -252,6 +252,7 @@ class Scenario:
         vis_engine: Engine | None = None,
         xp: ModuleType | None = None,
         device: object = None,
+        most_agents: MostAgents | None = None,
     ) -> Batch:
         """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
 
@@ -268,6 +269,8 @@ class Scenario:
             vis_engine: shows the games in turn, one by one; see `build`.
             xp: the array library of actions, observations and scores, such as `torch`; None: NumPy.
             device: where it keeps them, such as "cuda"; None: its default.
+            most_agents: how many agents each team may come to have, or team -> number: rows are reserved for those
+                that rules create, named `red_3`, `red_4`, … where `red` begins with three; or team -> their names.
 
         Raises:
             ScenarioError: something cannot be done as it is written.
@@ -286,7 +289,7 @@ class Scenario:
             source = BatchSource(
                 ctx.game, Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None, reason, build
             )
-            return Batch(source, chosen, record=record, library=library)
+            return Batch(source, chosen, record=record, library=library, most_agents=most_agents)
         except BaseException:
             ctx.terminate()
             raise

@@ -19,7 +19,7 @@ from gamms.game.batch.sight import SHOWING_AGENTS, Seen
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.travel import movement_of
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, Visits
+from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, Visits
 from gamms.game.batch.view import ArrayStrategy, ArrayView, ViewDraws
 from gamms.game.deeds import checked_value
 from gamms.game.moves import TurnMoves
@@ -119,6 +119,7 @@ def array_rule(form: ArrayRule | None = None, /, *, of: Callable[..., object] | 
         as_context(ctx, name)
         form(_TurnOfOne(cast("HostContext", ctx)))
 
+    rule.__dict__[IN_ARRAYS_ALONE] = True
     made: Any = update_wrapper(rule, form)
     del made.__wrapped__  # it takes a context, not a turn
     form_declared(rule, name)(form)
@@ -181,7 +182,7 @@ class _ViewOfOne(ArrayView):
         game = host.game
         key = "movement", game.legal, game.speed_unit, game.turn_seconds, tuple(one.speed for one in roster.agents)
         if key not in shared:
-            shared[key] = movement_of(game)
+            shared[key] = movement_of(game, Roster.of(game.agents))
         movement: Movement = shared[key]
         return movement if movement.is_plain or isinstance(movement, Anywhere) else Noted(movement)
 
@@ -266,6 +267,8 @@ class _TurnOfOne(ArrayTurn):
     Raises:
         BadValue: agents fly.
     """
+
+    has_scalar_form = False
 
     def __init__(self, ctx: HostContext) -> None:
         if ctx.agent.block.flyers:
@@ -422,18 +425,6 @@ class _TurnOfOne(ArrayTurn):
         """Return what a rule remembers of the game, at first what `make(1)` gives."""
         self._state.kept = self._game.data.setdefault(_OF_RULES, {})
         return super().keep(key, make)
-
-    def publish(self, name: str, value: object) -> None:  # noqa: ARG002 - as in batches
-        """Refuse to publish a fact, whose form in a game alone only a form with a context can say.
-
-        Raises:
-            BadValue: always.
-        """
-        raise BadValue(
-            f"turn.publish of {shown(name)} is for games in batches: a rule that is written in arrays alone publishes "
-            "nothing. Write it with ctx, where it calls ctx.game.publish, and declare this form beside it: "
-            "@gamms.array_rule(of=rule)."
-        )
 
 
 def _world(ctx: HostContext) -> tuple[Movement, dict[Any, Any]]:

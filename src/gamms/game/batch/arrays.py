@@ -14,13 +14,14 @@ from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
-from gamms.game.batch.grounds import Ground, ViewOfGrounds, decider_of, is_other_by_roads
+from gamms.game.batch.grounds import Ground, ViewOfGrounds, decider_of, is_other_by_roads, key_of
 from gamms.game.batch.movement import Anywhere, Movement
-from gamms.game.batch.scalar_rules import OwnState, RuleContext, why_not_called
+from gamms.game.batch.rule_fork import OwnState
+from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
 from gamms.game.batch.sight import DELAYS, sees_all_nodes, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import movement_of, why_not_moved
-from gamms.game.batch.turn import ArrayRule, ArrayTurn, TurnPart
+from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
 from gamms.game.batch.view import FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
 from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
@@ -44,17 +45,17 @@ class ArrayEngine:
         game: at its start, whose agents, rules and settings all games have.
         seeds: of the games.
         start: (games, agents) ids of the nodes where agents begin, in the order of their names.
+        roster: its agents, and names of those that may come.
 
     Attributes:
         state: of all games.
     """
 
-    def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray) -> None:
-        self._game = game
-        roster, movement = Roster.of(game.agents), movement_of(game)
+    def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster) -> None:
+        self._game, movement = game, movement_of(game, roster)
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
-        self._has_scalar_rules = any(form_of(one.rule) is None for one in game.rules)
+        self._has_scalar_rules = bool(called_one_by_one(game))
         if self._has_scalar_rules or any(map(turns_with_its_agent, roster.agents)):
             self.state.headings = self._headings_of(roster)
         self.state.shared[DELAYS] = DelayedLooks(self.state)
@@ -72,19 +73,22 @@ class ArrayEngine:
             self.state.radio = self._made_radio(settings["channels"])
         self._outboxes: list[Outbox] = []  # of this turn
         self._own: list[OwnState | None] = [None] * len(seeds)
+        self._kinds: dict[str, Any] = {}  # agent that has come -> what it is and carries
         self._here = self._made_ground(game, lambda: game.fork(0), roster, movement)
         self._here.shared, self._here.now = self.state.shared, self.state.now
         self._grounds = [self._here]  # the maps of games, that of the start first
         self._numbers: dict[Hashable, int] = {}  # what is open and closed -> the number of the ground
         self._changed_roads: dict[tuple[int, tuple[int, ...], bool], int] = {}  # the number of the ground that follows
-        if len(self._parts) == 1 and type(movement) in (Movement, Anywhere):
+        self._can_close_roads = len(self._parts) == 1 and type(movement) in (Movement, Anywhere)
+        if self._can_close_roads:
             self.state.change_roads = self._change_roads
         self._publish_facts(game.facts)
 
     def _headings_of(self, roster: Roster) -> Headings:
         block, streets = self._game.ctx.agent.block, self.state.streets
-        rows = [block.row_of(name) for name in roster.names]
-        fixed = [(np.nan, np.nan) if block.heading[row] is None else block.heading[row] for row in rows]
+        rows = [block.row_of(agent.name) for agent in roster.agents]
+        turned = [block.heading[row] if is_first else None for row, is_first in zip(rows, roster.is_first, strict=True)]
+        fixed = [(np.nan, np.nan) if heading is None else heading for heading in turned]
         nodes = [(block.previous[row], block.node[row]) for row in rows]
         before = [-1 if node == here else int(streets.rows(node)) for node, here in nodes]
         return Headings(streets, np.array(fixed, np.float64).reshape(-1, 2), np.array(before), self.state.start)
@@ -92,10 +96,36 @@ class ArrayEngine:
     def _made_ground(
         self, game: PlayedGame, start: Callable[[], PlayedGame], roster: Roster, movement: Movement
     ) -> Ground:
-        return Ground(game, RuleContext(start, self.state, self._own, self._close), roster, movement)
+        context = RuleContext(start, self.state, self._own, self._close, self._admit)
+        return Ground(game, context, roster, movement)
+
+    def _admit(self, agent: IAgent, sensors: Sequence[Any]) -> str | None:
+        """Have an agent that has come, with its sensors as they are described; or return why that is not possible."""
+        roster, settings, game = self.state.roster, self._game.settings(), self._game
+        like, decider = roster.agents[roster.names.index(agent.name)], decider_of(agent, settings["plans"])
+        named, kind = shown(agent.name), (agent.type, agent.team, agent.speed, key_of(form_of(decider)), sensors)
+        if kind[:3] != (like.type, like.team, like.speed):
+            return f"agent {named} comes with another team, kind or speed than the first of its team has"
+        if len(self._grounds) > 1:
+            return f"agent {named} comes in a batch in which roads are closed"
+        if agent.name not in self._kinds:
+            why = next(why_not_decided(game, [agent]), None)
+            if why is not None:
+                return f"agent {named} comes with {why}"
+            if turns_with_its_agent(agent) and self.state.headings is None:
+                return f"agent {named} comes with a sensor that turns with it"
+            self._kinds[agent.name], roster.agents[roster.names.index(agent.name)] = kind, agent
+            self._here.gather()
+            for key in [key for key in self._here.shared if key != DELAYS]:
+                del self._here.shared[key]
+        return None if self._kinds[agent.name] == kind else f"agent {named} comes otherwise than in another game"
 
     def _close(self, game: int, map_now: Any) -> str | None:
         """Put a game on the ground of a map, on which roads are closed; return why that is not possible."""
+        if not self._can_close_roads:
+            return "it changes roads, where agents have speeds or an order of play"
+        if self._kinds:
+            return "it changes roads in a batch in which agents have come"
         columns = map_now.columns
         key = columns.edge_ids.tobytes(), tuple(map_now.closed)
         known = self._grounds[self._numbers.get(key, 0)].movement.streets.columns
@@ -105,7 +135,9 @@ class ArrayEngine:
             self._numbers[key] = len(self._grounds)
             closed = self._grounds[0].context.start().fork(0)
             closed.ctx.graph.storage.copy_from(map_now)
-            ground = self._made_ground(closed, lambda: closed, Roster.of(closed.agents), movement_of(closed))
+            reserved = self.state.roster.reserved
+            roster = Roster.of(closed.agents, reserved)
+            ground = self._made_ground(closed, lambda: closed, roster, movement_of(closed, roster))
             ground.shared[DELAYS] = self._grounds[0].shared[DELAYS]
             self._grounds.append(ground)
         self.state.ground[game] = self._numbers[key]
@@ -300,9 +332,10 @@ class ArrayEngine:
             for named, form in self._here.rules["deeds"]:
                 self._call(named, form, turn)
             moves = turn.left_of(moves)
-        if self._here.conflicts is not None:
+        if self._here.has_conflicts:
             turn.places, ends = self.state.movement.ends(moves)
-            in_conflict = self._here.conflicts(turn, ends) & moves.goes
+            form, context = self._here.conflicts, self._here.context
+            in_conflict = (context.resolve(turn, moves) if form is None else form(turn, ends)) & moves.goes
             self.state.counts["blocked"][turn.games] += in_conflict
         turn.move(moves.without(in_conflict), in_conflict, part)
 
@@ -356,6 +389,7 @@ class ArrayEngine:
         return actions, [one for one in deeds if len(one.at)]
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
+        turn.has_scalar_form = not getattr(named.rule, IN_ARRAYS_ALONE, False)
         try:
             form(turn)
         except Exception as error:
@@ -395,6 +429,7 @@ class ArrayEngine:
                 **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
             }
             for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
+            if state.is_there[game, number]
         }
         over = self.over(game) or {"reason": "unfinished", "winner": None, "truncated": True}
         return Result(
@@ -415,10 +450,7 @@ class ArrayEngine:
 def why_not_in_arrays(game: PlayedGame) -> str | None:
     """Return the first part of a game that has no array form, in words; None: it can be played in arrays."""
     settings = game.settings()
-    conflicts, motion = settings["conflicts"], why_not_moved(game)
-    speeds = SPEEDS[any(agent.speed is not None for agent in game.agents)]
-    by_metres = settings["speed_unit"] != "edges"
-    speeds = SPEEDS[-1] if by_metres else speeds
+    motion, by_metres = why_not_moved(game), settings["speed_unit"] != "edges"
     reasons = [
         (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
@@ -431,38 +463,39 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (game.turn > 0 or bool(game.scores), "a game that has begun"),
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
-    deciders = [(agent, decider_of(agent, settings["plans"])) for agent in game.agents]
-    reasons += [
-        (one is not None and form_of(one) is None, f"the {_kind_of(agent, settings['plans'])} {as_code(one)}")
-        for agent, one in deciders
-    ]
-    reasons += [
-        (getattr(form_of(one), MAY_SKIP, False), f"{as_code(one)}, which may set no action") for _, one in deciders
-    ]
-    reasons += [(not _fits(one, speeds), f"{as_code(one)}, with speeds in {speeds}") for _, one in deciders]
-    reasons += [
-        (why is not None, why or "")
-        for agent, one in deciders
-        if one is not None and not getattr(form_of(one), IS_BLIND, False)
-        for why in (why_not_seen(agent, name) for name in getattr(agent, "sensors", ()))
-    ]
-    reasons += [
-        (by_metres and not sees_all_nodes(sensor, agent), f"the sensor {name!r} of agent {agent.name!r}, from edges")
-        for agent, one in deciders
-        if one is not None and not getattr(form_of(one), IS_BLIND, False)
-        for name, sensor in getattr(agent, "sensors", {}).items()
-    ]
-    needs = [why_not_called(game, one) for one in game.rules]
-    reasons += [(why is not None, why or "") for why in needs]
+    reasons += [(True, why) for why in why_not_decided(game, game.agents)]
+    scalar = called_one_by_one(game)
+    reasons.append(
+        (bool(scalar) and why_not_called(game) is not None, f"{scalar[:1] and scalar[0]}, with {why_not_called(game)}")
+    )
     needs = [one.rule.why_not_in_arrays(game.agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
     reasons += [(why is not None, why or "") for why in needs]
     reasons += [
         (by_metres and getattr(one.rule, _BY_EDGES, False), f"the rule {one.name!r}, in a game by metres")
         for one in game.rules
     ]
-    if conflicts is not None:
-        reasons.append((form_of(conflicts) is None, f"the conflicts {as_code(conflicts)}"))
     return next((reason for is_there, reason in reasons if is_there), None)
+
+
+def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]:
+    """Yield what of the strategies and sensors of agents has no array form, in words."""
+    settings = game.settings()
+    by_metres, plans = settings["speed_unit"] != "edges", settings["plans"]
+    speeds = SPEEDS[-1] if by_metres else SPEEDS[any(agent.speed is not None for agent in game.agents)]
+    deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
+    for agent, one in deciders:
+        if form_of(one) is None:
+            yield f"the {_kind_of(agent, plans)} {as_code(one)}"
+        if getattr(form_of(one), MAY_SKIP, False):
+            yield f"{as_code(one)}, which may set no action"
+        if not _fits(one, speeds):
+            yield f"{as_code(one)}, with speeds in {speeds}"
+        for name, sensor in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}).items():
+            why = why_not_seen(agent, name)
+            if why is not None:
+                yield why
+            if by_metres and not sees_all_nodes(sensor, agent):
+                yield f"the sensor {name!r} of agent {agent.name!r}, from edges"
 
 
 def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) -> list[ArrayDeeds]:

@@ -9,6 +9,7 @@ from gamms import kernels
 from gamms.game.batch.movement import AIMS, Movement, Moves, Paths
 from gamms.game.order import SLACK, edges_within
 from gamms.game.streets import Streets
+from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 
@@ -240,6 +241,16 @@ class ByEdges(Movement):
             return
         for column, values in zip((self.begun, self.covered), moves.progress, strict=True):
             column[np.ix_(games, agents)] = values[:, agents]
+
+    def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
+        """Return what agents have covered of edges."""
+        found, begun, ids = super().progress(node, games), self.begun[games], self.streets.ids
+        on = np.nonzero(begun)
+        targets = self.streets.step(node[on], begun[on])
+        columns = (*on, ids(node[on]), ids(targets), self.covered[games][on])
+        for at, agent, source, target, share in zip(*(column.tolist() for column in columns), strict=True):
+            found[at][agent] = Progress(source, target, share)
+        return found
 
 
 class _Way:

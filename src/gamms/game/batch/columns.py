@@ -1,7 +1,7 @@
 """What a batch consists of: the game that it is made from, the agents of each of its games, and their logs."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Hashable, Iterable, Mapping
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
@@ -120,24 +120,40 @@ class Roster(NamedTuple):
         teams: the teams that agents play for, in the order of their first agents.
         team_of: (agents,) the number of the team of each.
         keys: (agents,) the hashes of the names, for keyed draws.
-        agents: of the context that the batch was made from: what does not change, such as their sensors.
+        agents: of the context that the batch was made from: what does not change, such as their sensors. Of a name
+            under which none has come yet it is the first agent of its team.
+        is_first: (agents,) which are there at the start; the others are names of agents that may come.
     """
 
     names: tuple[str, ...]
     teams: tuple[Hashable, ...]
     team_of: IntArray
     keys: BitArray
-    agents: tuple[IAgent, ...]
+    agents: list[IAgent]
+    is_first: BoolArray
 
     @classmethod
-    def of(cls, agents: Iterable[IAgent]) -> "Roster":
-        """Return the roster of some agents."""
-        ordered = sorted(agents, key=lambda agent: agent.name)
+    def of(cls, agents: Iterable[IAgent], reserved: Mapping[Hashable, Sequence[str]] | None = None) -> "Roster":
+        """Return the roster of some agents, and of names that are reserved for others, by team."""
+        first = sorted(agents, key=lambda agent: agent.name)
+        named = {agent.name: agent for agent in first}
+        for team, names in (reserved or {}).items():
+            named |= dict.fromkeys(names, next(agent for agent in first if agent.team == team))
+        ordered = [named[name] for name in sorted(named)]
         teams = tuple(dict.fromkeys(agent.team for agent in ordered))
         number = {team: i for i, team in enumerate(teams)}
-        names = tuple(agent.name for agent in ordered)
         team_of = np.array([number[agent.team] for agent in ordered], np.int64)
-        return cls(names, teams, team_of, kernels.name_keys(names), tuple(ordered))
+        is_first = np.array([one.name == name for one, name in zip(ordered, sorted(named), strict=True)], np.bool_)
+        return cls(tuple(sorted(named)), teams, team_of, kernels.name_keys(sorted(named)), ordered, is_first)
+
+    @property
+    def reserved(self) -> dict[Hashable, list[str]]:
+        """The names of agents that may come, by team."""
+        numbers = np.flatnonzero(~self.is_first).tolist()
+        found: dict[Hashable, list[str]] = {self.teams[self.team_of[number]]: [] for number in numbers}
+        for number in numbers:
+            found[self.teams[self.team_of[number]]].append(self.names[number])
+        return found
 
     def members(self, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team, ascending.

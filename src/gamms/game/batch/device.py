@@ -239,9 +239,11 @@ class DeviceEngine(ArrayEngine):
 
     state: DeviceGames
 
-    def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, library: ArrayLibrary) -> None:
+    def __init__(
+        self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster, library: ArrayLibrary
+    ) -> None:
         self.library = library
-        super().__init__(game, seeds, start)
+        super().__init__(game, seeds, start, roster)
         self._resolver = game.settings()["conflicts"]
         self._orders: dict[tuple[bytes, ...], Tensor] = {}
 
@@ -367,14 +369,14 @@ def in_all_games(_: DeviceTurn) -> None:
 
 
 def engine_for(
-    library: ArrayLibrary, game: PlayedGame, seeds: Sequence[int], start: IntArray
+    library: ArrayLibrary, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster
 ) -> tuple[ArrayEngine, str | None]:
     """Return what plays a game in arrays of a library, and what is slow there, in words; None: nothing."""
-    why = _why_not_on_device(game)
+    why = _why_not_on_device(game) if roster.is_first.all() else "rows of agents that may come"
     if why is None:
-        return DeviceEngine(game, seeds, start, library), _read_in_each_turn(game, library)
+        return DeviceEngine(game, seeds, start, roster, library), _read_in_each_turn(game, library)
     slow = None if library.on_host else f"{why}, which NumPy plays: {library} gets copies"
-    return ArrayEngine(game, seeds, start), slow
+    return ArrayEngine(game, seeds, start, roster), slow
 
 
 def _why_not_on_device(game: PlayedGame) -> str | None:

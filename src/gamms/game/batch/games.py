@@ -3,20 +3,21 @@
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from itertools import chain, count, islice
 from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_choice, as_count, as_int, as_items, as_mapping, as_path
+from gamms.arguments import as_bool, as_choice, as_count, as_int, as_items, as_mapping, as_name, as_path
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
-from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given, acting, as_given
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.one_by_one import OneByOneEngine
+from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.state import Columns
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import refusing_changes
@@ -28,6 +29,8 @@ from gamms.progress import progress as progress_line
 from gamms.text import shown
 
 T = TypeVar("T")
+MostAgents = int | Mapping[Any, int | Sequence[str]]
+"""How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
 _BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
 _BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
 _BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
@@ -63,23 +66,31 @@ class Batch:
     """
 
     def __init__(
-        self, source: BatchSource, seeds: Sequence[int], *, record: bool = False, library: ArrayLibrary | None = None
+        self,
+        source: BatchSource,
+        seeds: Sequence[int],
+        *,
+        record: bool = False,
+        library: ArrayLibrary | None = None,
+        most_agents: MostAgents | None = None,
     ) -> None:
         self._source, self.seeds, self.library = source, seeds, library
         self.slow = source.follows_seed or why_not_in_arrays(source.game)
         self._roster = Roster.of(source.game.agents)
+        if most_agents is not None:
+            self._roster = Roster.of(source.game.agents, _reserved(self._roster, most_agents))
         self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
         self.seeds = tuple(seeds)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is not None:
             self._engine = OneByOneEngine(source.game, self._roster, seeds)
         elif library is None:
-            self._engine = ArrayEngine(source.game, seeds, self._starts(seeds))
+            self._engine = ArrayEngine(source.game, seeds, self._starts(seeds), self._roster)
         else:
-            self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds))
-        scalar = [one.name for one in source.game.rules if form_of(one.rule) is None]
+            self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds), self._roster)
+        scalar = called_one_by_one(source.game)
         if scalar and not self._is_one_by_one:
-            self.slow = f"the rule {scalar[0]!r}, which is called game by game"
+            self.slow = f"{scalar[0]}, which is called game by game"
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
         is_kept = as_bool(record, "record") or (scalar and not self._is_one_by_one)
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
@@ -454,7 +465,36 @@ class Batch:
         if starts is None:
             return np.tile([agent.current_node_id for agent in self._roster.agents], (len(seeds), 1))
         nodes = starts(seeds)
-        return np.stack([nodes[name] for name in self._roster.names], axis=1)
+        named = [agent.name for agent in self._roster.agents]  # of names that are reserved, any node will do
+        return np.stack([nodes[name] for name in named], axis=1)
+
+
+def _reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
+    """Return the names of agents that may come, by team.
+
+    Raises:
+        UnknownName (KeyError): no agent plays for a team.
+        BadType, BadValue: a team has more agents, or a name is taken.
+    """
+    found: dict[Hashable, list[str]] = {}
+    given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.teams, most_agents)
+    for team, most in given.items():
+        there = len(roster.members(team))
+        if isinstance(most, Iterable):
+            names = [as_name(name, "an agent") for name in as_items(most, f"most_agents[{team!r}]", "names")]
+        else:
+            number = as_count(most, f"most_agents[{team!r}]")
+            if number < there:
+                raise BadValue(f"most_agents[{team!r}] is {number}, and team {shown(team)} has {there} agents.")
+            free = (name for i in count() if (name := f"{team}_{i}") not in roster.names)
+            names = list(islice(free, number - there))
+        taken = [name for name in names if name in (*roster.names, *chain.from_iterable(found.values()))]
+        if taken or len({*names}) < len(names):
+            raise BadValue(
+                f"most_agents[{team!r}]: each name is that of one agent, and {shown(taken or names)} is not."
+            )
+        found[team] = names
+    return found
 
 
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:

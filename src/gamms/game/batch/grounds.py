@@ -45,7 +45,8 @@ class Ground:
         game, context, roster, movement: as given.
         groups: the strategies and plans of agents, each with all agents that have the same.
         rules: phase -> its rules in their order, each with its form; those without follow each other as one.
-        conflicts: the form of the conflict resolver; None: there is none.
+        conflicts: the form of the conflict resolver; None: it has none, or there is none.
+        has_conflicts: whether there is one.
         checks: the forms of the checks of rules.
         shared, now: what was worked out for this map, and of how its games are now; see `GameArrays`.
     """
@@ -53,12 +54,17 @@ class Ground:
     def __init__(self, game: PlayedGame, context: RuleContext, roster: Roster, movement: Movement) -> None:
         settings = game.settings()
         self.game, self.context, self.roster, self.movement = game, context, roster, movement
-        self.groups = _groups(self.roster, settings["plans"])
         self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
-        self.conflicts = form_of(settings["conflicts"])
-        self.checks = [form_of(one.rule.check) for one in game.rules if hasattr(one.rule, "check")]
+        self.conflicts, self.has_conflicts = form_of(settings["conflicts"]), settings["conflicts"] is not None
+        checks = [(one, getattr(one.rule, "check", None)) for one in game.rules]
+        self.checks = [form_of(check) or partial(context.check, one) for one, check in checks if check is not None]
+        self.gather()
         self.shared: dict[Hashable, Any] = {}
         self.now: dict[Hashable, Any] = {}
+
+    def gather(self) -> None:
+        """Take the strategies and plans of agents."""
+        self.groups = _groups(self.roster, self.game.settings()["plans"])
 
     def _forms_of(self, phase: str) -> list[tuple[NamedRule, ArrayRule]]:
         found: list[tuple[NamedRule, ArrayRule]] = []
@@ -82,7 +88,8 @@ class Ground:
         """The array forms, and the rules that have none."""
         rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
         rules += self.context.functions([one for one in self.game.rules if form_of(one.rule) is None])
-        return [*(group.form for group in self.groups), *rules, *self.checks, *filter(None, [self.conflicts])]
+        others = [form for form in (*self.checks, self.conflicts) if form is not None]
+        return [*(group.form for group in self.groups), *rules, *others]
 
 
 class ViewOfGrounds(ArrayView):
@@ -192,7 +199,7 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
         if decider is not None:
-            found.setdefault(_key_of(form_of(decider)), []).append(number)
+            found.setdefault(key_of(form_of(decider)), []).append(number)
     groups = []
     for numbers in found.values():
         decider = decider_of(roster.agents[numbers[0]], plans)
@@ -200,13 +207,13 @@ def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
     return groups
 
 
-def _key_of(form: Any) -> Hashable:
+def key_of(form: Any) -> Hashable:
     """Return a key that is equal for forms that do the same."""
     if isinstance(form, partial):
         key = (
             form.func,
-            tuple(map(_key_of, form.args)),
-            tuple((k, _key_of(v)) for k, v in sorted(form.keywords.items())),
+            tuple(map(key_of, form.args)),
+            tuple((k, key_of(v)) for k, v in sorted(form.keywords.items())),
         )
     else:
         key = form

@@ -9,8 +9,10 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.streets import Streets
+from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.typing.game import Leg
 
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
@@ -326,6 +328,14 @@ class Movement:
 
     def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:
         """Note what is left of moves for the next turn, of some agents; None: of all."""
+
+    def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
+        """Return what agents on these nodes have covered of edges, as blocks hold it: of each game agent -> it."""
+        return [{} for _ in games]
+
+    def legs(self, paths: Paths) -> dict[tuple[int, int], tuple[list[Leg], Progress | None]]:
+        """Return what agents cover of edges in a turn, and where they end: (game, agent) -> of those by metres."""
+        return {}
 
 
 class Anywhere(Movement):

@@ -120,12 +120,13 @@ class OneByOneEngine:
         """Let arrays say what has become of a game."""
         seen, over = self._observed, self._over[number]
         state.turn[number], state.node[number] = self._turns[number], seen.node[number]
-        state.alive[number], state.over[number], state.is_going[number] = seen.alive[number], over, over is None
+        state.alive[number], state.is_there[number] = seen.alive[number], seen.is_there[number]
+        state.over[number], state.is_going[number] = over, over is None
         state.set_scores(number, self._scores[number])
         state.now.clear()
 
     def _nothing_observed(self) -> GameArrays:
-        movement, shape = movement_of(self._game), (len(self.seeds), len(self._roster.names))
+        movement, shape = movement_of(self._game, self._roster), (len(self.seeds), len(self._roster.names))
         self._are_plain = movement.is_plain and not any(agent.type is AgentType.AERIAL for agent in self._roster.agents)
         self._revision = self._game.ctx.graph.graph.revision
         self._legal = None if isinstance(movement, Anywhere) else Noted(movement)
@@ -135,10 +136,13 @@ class OneByOneEngine:
 
     def _observe(self, number: int) -> None:
         """Note where the agents of the game that the context has are."""
-        state, ctx, agents = self._observed, self._game.ctx, self._roster.agents
+        state, ctx, known = self._observed, self._game.ctx, self._game.ctx.agent.agents
+        # One that has not come is not there; one that was deleted stays where it was.
+        agents = [known.get(name, one) for name, one in zip(self._roster.names, self._roster.agents, strict=True)]
+        state.is_there[number] = [name in known for name in self._roster.names] | self._roster.is_first
         nodes = state.streets.rows([agent.current_node_id for agent in agents])
         state.turn[number], state.node[number] = self._game.turn, nodes
-        state.alive[number] = [agent.alive for agent in agents]
+        state.alive[number] = state.is_there[number] & [agent.alive for agent in agents]
         self._is_observed[number] = True
         state.now.clear()
         if self._legal is not None:

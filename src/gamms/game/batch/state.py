@@ -169,6 +169,7 @@ class GameArrays:
         seeds: of the games.
         node, start: (games, agents) rows of nodes: where agents are, and where they began.
         alive: (games, agents)
+        is_there: (games, agents) which agents are in the game, dead or alive; the others may come.
         last_moves, last_paths, last_deeds: of the last turn, where rules of the phase "before" need them; deeds are of
             games by their numbers in the batch.
         turn: (games,) how many turns were played.
@@ -204,7 +205,8 @@ class GameArrays:
         self.apart: dict[int, str] = {}
         self.ground = np.zeros(games, np.int64)
         self.change_roads: Callable[[IntArray, tuple[int, ...], bool], None] | None = None
-        self.alive: BoolArray = np.ones(shape, np.bool_)
+        self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
+        self.is_there = self.alive.copy()
         self.last_moves = LastMoves(start.copy(), start.copy(), np.zeros(shape, np.bool_), np.zeros(shape, np.bool_))
         self.last_paths: Paths | None = None
         self.last_deeds: list[ArrayDeeds] = []
@@ -241,7 +243,8 @@ class GameArrays:
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
             self.apart.pop(game, None)
         self.start[games] = self.node[games] = start
-        self.alive[games], self.is_going[games], self.turn[games], self.stops[games] = True, True, 0, 0
+        self.alive[games] = self.is_there[games] = self.roster.is_first
+        self.is_going[games], self.turn[games], self.stops[games] = True, 0, 0
         self.blocked[games], self.ground[games] = False, 0
         self.movement.clear(games)
         if self.headings is not None:
@@ -275,7 +278,7 @@ class GameArrays:
         That is where agents are and what rules and strategies remember, and not the turn, scores, seeds and logs, deeds
         and messages, and how agents moved in the last turn.
         """
-        found: Columns = {"node": self.node, "start": self.start, "alive": self.alive}
+        found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were

@@ -16,9 +16,11 @@ from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.movement import AIMS, STOP, Anywhere, Illegal, Legs, Movement, Moves, Paths, Places
 from gamms.game.streets import Streets
 from gamms.game.travel import ROUNDED, SLACK, one_way
+from gamms.ir.agents import Motion, Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import AgentType
+from gamms.typing.game import Leg
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import point_along
 
@@ -54,6 +56,7 @@ class ByMetres(Movement):
     Attributes:
         edge: (games, agents) the rows of the edges that agents are on; -1: they are on their nodes.
         share: (games, agents) of the edge that is behind them.
+        motion: (games, agents) how they move there, see `ir.agents.Motion`.
         sources: of the entries of `streets.targets`.
         back: (edges,) the row of the edge by which one turns round on each; -1: none.
         street: (edges,) a number that an edge and the one back have in common.
@@ -103,7 +106,7 @@ class ByMetres(Movement):
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
-        self.edge, self.share = np.full(shape, -1), np.zeros(shape)
+        self.edge, self.share, self.motion = np.full(shape, -1), np.zeros(shape), np.zeros(shape, np.int64)
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents be on their nodes."""
@@ -115,6 +118,39 @@ class ByMetres(Movement):
     def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:  # noqa: ARG002 - all move
         """Note where on edges agents are."""
         self.edge[games], self.share[games] = moves.progress
+        if moves.paths is not None and moves.paths.legs is not None:
+            self.motion[games] = _motion(moves.paths.legs)
+
+    def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
+        """Return where on edges agents are."""
+        found = super().progress(node, games)
+        edge, share, motion = (column[games] for column in (self.edge, self.share, self.motion))
+        for at, agent in np.argwhere(edge >= 0).tolist():
+            found[at][agent] = self._place(int(edge[at, agent]), share[at, agent].item(), motion[at, agent].item())
+        return found
+
+    def legs(self, paths: Paths) -> dict[tuple[int, int], tuple[list[Leg], Progress | None]]:
+        """Return what agents cover of edges in a turn, and where they end."""
+        found: dict[tuple[int, int], tuple[list[Leg], Progress | None]] = {}
+        if paths.legs is None or paths.edge is None:
+            return found
+        motion, columns = _motion(paths.legs).tolist(), self.streets.columns
+        ids, backs = columns.edge_ids.tolist(), self.back.tolist()
+        rows = paths.legs.edge
+        for at, agent, number in np.argwhere(rows >= 0).tolist():
+            row = int(rows[at, agent, number])
+            begin, end, since, until = (column[at, agent, number].item() for column in paths.legs[1:])
+            source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
+            back = None if backs[row] < 0 else ids[backs[row]]
+            leg = Leg(source, target, ids[row], begin, end, since, until, back)
+            ended = self._place(row, end, motion[at][agent]) if paths.edge[at, agent] >= 0 else None
+            found[at, agent] = [*found.get((at, agent), ([],))[0], leg], ended
+        return found
+
+    def _place(self, row: int, share: float, motion: int) -> Progress:
+        columns = self.streets.columns
+        source, target = columns.node_ids[[columns.sources[row], columns.targets[row]]].tolist()
+        return Progress(source, target, share, int(columns.edge_ids[row]), Motion(motion))
 
     def ends(self, moves: Moves) -> tuple[IntArray | None, IntArray]:
         """Return the places where moves begin and end: nodes, and behind them edges."""
@@ -488,12 +524,20 @@ class _Trip:
         return Moves(starts, ends, goes, paths, after, before, tuple(self.illegal))
 
 
-def movement_of(game: PlayedGame) -> Movement:
+def _motion(legs: Legs) -> IntArray:
+    """Return how agents move on the last of their legs, (games, agents)."""
+    last = np.maximum((legs.edge >= 0).sum(axis=-1) - 1, 0)[..., None]
+    if not legs.edge.shape[-1]:
+        return np.full(last.shape[:-1], Motion.STOPPED)
+    way = np.take_along_axis(legs.end - legs.begin, last, axis=-1)[..., 0]
+    return np.where(way > 0.0, Motion.FORWARD, np.where(way < 0.0, Motion.BACK, Motion.STOPPED))
+
+
+def movement_of(game: PlayedGame, roster: Roster) -> Movement:
     """Return how the agents of a game go."""
     settings, graph = game.settings(), game.ctx.graph
     streets = Streets(graph.columns(), graph.routes)
-    agents = Roster.of(game.agents).agents
-    speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in agents]
+    speeds = [None if agent.type is AgentType.AERIAL else agent.speed for agent in roster.agents]
     if settings["legal"] == "any":
         return Anywhere(streets)
     unit, weight = settings["speed_unit"], settings["weight"]

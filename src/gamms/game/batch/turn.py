@@ -16,10 +16,14 @@ from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
+from gamms.text import shown
 
 T = TypeVar("T")
 ArrayRule = Callable[["ArrayTurn"], None]
 """The array form of a rule; `gamms.array_rule` declares it."""
+
+
+IN_ARRAYS_ALONE = "is_in_arrays_alone"  # an attribute of rules whose scalar form is made of the array form
 
 
 class TurnPart(NamedTuple):
@@ -298,6 +302,11 @@ class MovesOfTurn:
         """Which agents are in the game, or were when the turn began, (games, agents)."""
         return np.asarray(self.alive | self.took_part | self._dropped)
 
+    @property
+    def is_out(self) -> BoolArray:
+        """Which agents are out of the game, (games, agents); those that may come are not in it yet."""
+        return self._state.is_there[self.games] & ~self.alive
+
     def performed(self, kind: str) -> ArrayDeeds:
         """Return what agents do in this turn besides moving.
 
@@ -313,7 +322,12 @@ class ArrayTurn(MovesOfTurn):
     """One turn of all games that are being played, with the verbs of rules: what the array form of a rule gets.
 
     Its attributes are those of `MovesOfTurn`.
+
+    Attributes:
+        has_scalar_form: whether the rule that has it has one, too.
     """
+
+    has_scalar_form = True
 
     def emit(
         self,
@@ -403,7 +417,8 @@ class ArrayTurn(MovesOfTurn):
     def respawn(self, at: IntArray, agents: IntArray) -> None:
         """Put agents, dead or alive, where they began, each with an event."""
         if len(at):
-            self.node[at, agents] = self._state.start[self.games[at], agents]
+            is_first = self.roster.is_first[agents]  # those that have come since began where they are
+            self.node[at, agents] = np.where(is_first, self._state.start[self.games[at], agents], self.node[at, agents])
             self.alive[at, agents] = True
             self._state.movement.clear(self.games[at], agents)
             if self._state.headings is not None:
@@ -414,6 +429,11 @@ class ArrayTurn(MovesOfTurn):
         """Refuse these deeds, each for a reason; for the array form of a rule's check."""
         for at, agent, reason in zip(deeds.at.tolist(), deeds.agents.tolist(), why, strict=True):
             self._refused.setdefault((at, agent, deeds.kind), set()).add(reason)
+
+    def note_refusals(self, at: int, agent: int, deeds: Mapping[str, set[str]]) -> None:
+        """Refuse deeds of an agent in one game: deed -> why."""
+        for kind, why in deeds.items():
+            self._refused.setdefault((at, agent, kind), set()).update(why)
 
     def close_roads(self, at: IntArray, edges: Sequence[int]) -> None:
         """Close the same roads, ids of edges, in each of these games, as `ctx.graph.close_roads` does in one.
@@ -440,7 +460,9 @@ class ArrayTurn(MovesOfTurn):
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""
-        return self._state.start[np.ix_(self.games, agents)]
+        return np.where(
+            self.roster.is_first[agents], self._state.start[np.ix_(self.games, agents)], self.node[:, agents]
+        )
 
     def stops(self, at: IntArray, agents: IntArray) -> IntArray:
         """Return how often agents were tagged, put back or eliminated so far."""
@@ -471,7 +493,17 @@ class ArrayTurn(MovesOfTurn):
         return self._state.facts
 
     def publish(self, name: str, value: object) -> None:
-        """Publish a fact of all games of the batch, which strategies find in `view["facts"]`."""
+        """Publish a fact of all games of the batch, which strategies find in `view["facts"]`.
+
+        Raises:
+            BadValue: the rule is written in arrays alone, where only a form with a context says what it is in one game.
+        """
+        if not self.has_scalar_form:
+            raise BadValue(
+                f"turn.publish of {shown(name)} is for forms of rules that publish it with a context, too: a rule that "
+                "is written in arrays alone publishes nothing. Write it with ctx, where it calls ctx.game.publish, and "
+                "declare this form beside it: @gamms.array_rule(of=rule)."
+            )
         self._state.facts[name] = value
 
     def draw_bits(self, at: IntArray, names: BitArray, *purpose: str | int) -> BitArray:

@@ -1,0 +1,485 @@
+"""A context that is made to have one game of a batch after the other, for rules that have no array form."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, NoReturn
+
+import numpy as np
+
+from gamms.deciding import phase_of
+from gamms.errors import BadValue, GammsError
+from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.forms import form_of
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.turn import ArrayTurn
+from gamms.game.moves import Refusals, TurnMoves
+from gamms.game.order import ResolvedAction, TurnOrder
+from gamms.game.settings import NamedRule
+from gamms.game.snapshots import SnapshotTaker, Start, copied
+from gamms.ir.agents import Progress
+from gamms.ir.columns import Selection
+from gamms.ir.game_state import GameState
+from gamms.plain import why_not_plain
+from gamms.text import shown
+from gamms.typing import IAgent
+
+_MOST_EXACT = 1 << 53  # scores in arrays are floats
+Admit = Callable[[IAgent, Sequence[Any]], str | None]
+"""Lets arrays have an agent that has come, with its sensors as they are described; or returns why they cannot."""
+
+
+class NeedsTurnEngine(GammsError):
+    """A rule uses what games that are played in arrays do not have, or changes more than one game."""
+
+
+class LeavesArrays(GammsError):
+    """A rule has made of a game what arrays cannot have."""
+
+
+class NoRow(BadValue):
+    """An agent has come for which no row was reserved."""
+
+
+class OwnState(NamedTuple):
+    """What one game has beside the arrays, between two calls of its rules.
+
+    Attributes:
+        data: `ctx.game.data`.
+        attributes: those of agents, in the order of the rows; None: those at the beginning of that cast.
+        rng: the state of `ctx.rng`; None: nothing was drawn from it.
+        came: the names of the agents that have come since the start, in their order.
+    """
+
+    data: dict[str, Any]
+    attributes: list[dict[str, Any]] | None
+    rng: Any
+    came: tuple[str, ...] = ()
+
+
+class GameColumns(NamedTuple):
+    """Some games of a turn as lists: of each game the values of its agents."""
+
+    turns: list[int]
+    node: list[list[int]]  # in the order of the rows, as the next three
+    previous: list[list[int]]
+    alive: list[list[bool]]
+    took_part: list[list[bool]]
+    names_took_part: list[list[bool]]  # in the order of the names, as what follows
+    starts: list[list[int]]
+    ends: list[list[int]]
+    began: list[list[int]]
+    progress: list[dict[int, Progress]]  # by row
+    actions: list[dict[int, ResolvedAction]]  # of agents that go otherwise than along one edge, or do something
+
+
+class _Cast(NamedTuple):
+    """Who plays in a game: the agents of the start, and some that have come.
+
+    Attributes:
+        agents, sensors: as they were when the last of them came.
+        attributes: of the agents then, in the order of the rows.
+    """
+
+    agents: Any  # the agent engine's own class
+    sensors: Any  # likewise
+    attributes: list[dict[str, Any]]
+
+
+class RuleFork:
+    """A fork of the game of a batch, and how it is made to have another game.
+
+    Args:
+        game: of which it is a fork.
+        state: of all games.
+        admit: see `RuleContext`.
+
+    Attributes:
+        functions: the rules, by name.
+        number: agent -> its number in the roster.
+        rows: (agents,) of each row of the block, the number of its agent in the roster.
+        came: the names of the agents that have come, of the cast that it has.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays, admit: Admit) -> None:
+        fork = game.fork(0)
+        self._state, self._admit, self._game, self._ctx = state, admit, fork, fork.ctx
+        self._parts: SnapshotTaker = fork.internals.parts
+        self._values: GameState = self._parts.state
+        self.functions = {one.name: one.rule for one in fork.rules}
+        self.number = {name: i for i, name in enumerate(state.roster.names)}
+        self._could_draw = game.ctx.rng_state() is None
+        self._phase, self._notes = phase_of(self._ctx), list[str]()
+        self._begin(game)
+        self._gather(())
+        self._first_attributes = [copied(own) for own in self._attributes]
+        self._casts: dict[tuple[str, ...], _Cast] = {(): self._cast()}
+        self._first_map = self._ctx.graph.storage.snapshot()
+        self._map = self._map_as_it_is()
+        self._loaded: tuple[Any, ...] = ()
+        self._at: tuple[int, int, GameColumns] = 0, 0, GameColumns([], [], [], [], [], [], [], [], [], [], [])
+
+    def _begin(self, game: PlayedGame) -> None:
+        """Let the game be in the middle of a turn, and note what rules look at that arrays do not have."""
+        values, ctx = self._values, self._ctx
+        values.start = Start(self._game.snapshot(), ctx.rng_state(), (ctx.seed, ctx.rng_state()))
+        values.has_begun, values.last_turn = True, self._game.settings()["max_turns"]
+        self._parts.turns.is_playing = True
+        self._game.internals.after_reset.append(lambda: self._notes.append("it resets the game"))
+        in_arrays = [one.rule for one in self._game.rules if form_of(one.rule) is not None]
+        keys = [key for rule in in_arrays if (key := getattr(rule, "key", None)) is not None]
+        self._first_data = {
+            key: self._unknown(f"ctx.game.data[{key!r}] of a rule in arrays") if _is_of(keys, key, value) else value
+            for key, value in values.data.items()
+        } | {key: self._unknown(f"ctx.game.data[{key!r}] of a rule in arrays") for key in keys}
+        self._facts_at_start = dict(game.facts)
+        values.counts = _OfSlots(self._notes, "ctx.game.counts")
+        values.memories = _OfSlots(self._notes, "ctx.game.memories")
+        values.team_memories = self._unknown("ctx.game.team_memories, or what an agent observes,")
+        if values.team_facts:
+            values.team_facts = _OfSome(self._notes, "what is published to teams")
+        if values.agent_facts:
+            values.agent_facts = _OfSome(self._notes, "what is published to agents")
+        self._looks = self._unknown("what agents have sensed")
+
+    def _gather(self, came: tuple[str, ...]) -> None:
+        """Take the agents that there are."""
+        self.came, self._block = came, self._ctx.agent.block
+        self._agents = [self._ctx.agent.agents[name] for name in self._block.names]
+        self.rows = np.array([self.number[name] for name in self._block.names], np.int64)
+        self._attributes = [vars(agent) for agent in self._agents]
+        self._are_plain = not any(why_not_plain(own) for own in self._attributes)  # so that they can be compared
+        self._last_attributes: list[dict[str, Any]] | None = None
+        access = [self._ctx.agent.storage.turn_access(agent) for agent in self._agents]
+        self._held = [one.last for one in access] + [result for one in access for *_, result in one.carried]
+        self._heading, self._all = list(self._block.heading), Selection(list(range(len(self.rows))))
+        self._order: TurnOrder | None = None
+        self._equipped, self._sensors = self._equipment(), self._ctx.sensor.storage.described()
+        self._fixed, self._counted = self._what_is_fixed(), self._what_is_counted()
+
+    def _cast(self) -> _Cast:
+        attributes = [copied(vars(agent)) for agent in self._ctx.agent.agents.values()]
+        return _Cast(self._ctx.agent.storage.snapshot(), self._ctx.sensor.storage.snapshot(), attributes)
+
+    def stand(self, came: tuple[str, ...]) -> None:
+        """Have the agents of the start, and these that have come."""
+        if came != self.came:
+            cast = self._casts[came]
+            self._ctx.agent.storage.restore(cast.agents)
+            self._ctx.sensor.storage.restore(cast.sensors, forget=True)
+            self._gather(came)
+            self._first_attributes = cast.attributes
+
+    def has_recovered(self) -> bool:
+        """Have agents, sensors and the map again as they were before an error; return whether all else is so, too."""
+        came, known = self.came, (self._fixed, self._sensors, self._heading)
+        self.came = ("",)  # none has this name: all is restored
+        self._ctx.graph.storage.restore(self._first_map)
+        self._map = self._map_as_it_is()
+        self.stand(came)
+        return not self._notes and known == (self._fixed, self._sensors, self._heading)
+
+    def _unknown(self, what: str) -> "_Unknown":
+        return _Unknown(self._notes, what)
+
+    def first_state(self) -> OwnState:
+        """Return what a game has beside the arrays at its start."""
+        data = {key: one if isinstance(one, _Unknown) else copied(one) for key, one in self._first_data.items()}
+        attributes = self._casts[()].attributes
+        return OwnState(data, None if self._are_plain else [copied(one) for one in attributes], None)
+
+    # -- from arrays and back ---------------------------------------------------------------------------------------
+
+    def load(self, at: int, game: int, own: OwnState, columns: GameColumns, phase: str) -> None:
+        """Have a game as it is now: the one at this place in the columns."""
+        state, values, block, turns = self._state, self._values, self._block, self._parts.turns
+        self._at = at, game, columns
+        turns.is_moving, turns.refusals = phase not in ("before", "after"), None
+        values.turn = columns.turns[at]
+        self._ctx.reseed(state.seeds[game], own.rng)
+        self._set_alive(columns.took_part[at])
+        values.moves = None if phase == "before" and not values.turn else self._moves(at, columns)
+        self._set_alive(columns.alive[at])
+        block.move_all(self._all, columns.previous[at])
+        block.move_all(self._all, columns.node[at])
+        progress = columns.progress[at]
+        for row in {*progress, *[row for row, one in enumerate(block.progress) if one is not None]}:
+            block.set_progress(row, progress.get(row))
+        is_first = state.roster.is_first.tolist()  # those that came later began where they are
+        began = zip(state.roster.names, columns.began[at], is_first, strict=True)
+        values.began = {name: node for name, node, is_one in began if is_one}
+        values.events, values.errors = state.events.of(game), state.errors[game]
+        values.deeds = state.deeds.of(game)
+        values.messages = [] if state.radio is None else state.radio.of(game)
+        values.over, values.data, scores = state.over[game], own.data, state.scores_of(game)
+        values.scores.clear()
+        values.scores.update(scores)
+        self._know_facts()
+        self._set_attributes(own.attributes)
+        for held in self._held:
+            if held[0] is not self._looks:
+                held[0] = self._looks
+        self._loaded = columns.node[at], columns.previous[at], columns.alive[at], len(values.events), scores
+        self._structure = block.structure_version
+
+    def _set_alive(self, alive: list[bool]) -> None:
+        block = self._block
+        if block.alive != alive:
+            for row, (is_now, was) in enumerate(zip(alive, block.alive.copy(), strict=True)):
+                if is_now != was:
+                    block.set(row, "alive", is_now)
+
+    def _moves(self, at: int, columns: GameColumns) -> TurnMoves:
+        """Return the moves of a turn."""
+        took_part, starts, ends = columns.names_took_part[at], columns.starts[at], columns.ends[at]
+        members = [number for number, is_there in enumerate(took_part) if is_there]
+        if len(members) < len(took_part):
+            starts, ends = [starts[number] for number in members], [ends[number] for number in members]
+        known = columns.actions[at]
+        actions = {i: known[number] for i, number in enumerate(members) if number in known} if known else {}
+        if self._order is None or self._order.structure_version != self._block.structure_version:
+            self._order = self._parts.turns.order()
+        return TurnMoves(self._order, starts, ends, actions)
+
+    def _know_facts(self) -> None:
+        """Have the facts of the start; those that array forms publish are not known."""
+        facts, first = self._values.facts, self._facts_at_start
+        facts.clear()
+        for name, value in self._state.facts.items():
+            is_same = name in first and first[name] is value
+            facts[name] = value if is_same else self._unknown(f"the fact {name!r} of a rule in arrays")
+        self._facts = dict(facts)
+
+    def _set_attributes(self, attributes: list[dict[str, Any]] | None) -> None:
+        """Give the agents their attributes; None: those at the beginning of the cast."""
+        if attributes is not None or self._last_attributes is not None:
+            new = [copied(one) for one in self._first_attributes] if attributes is None else attributes
+            for own, values in zip(self._attributes, new, strict=True):
+                own.clear()
+                own.update(values)
+            self._last_attributes = attributes
+
+    def _attributes_now(self) -> list[dict[str, Any]] | None:
+        """Return the attributes of the agents; None: those at the beginning of the cast."""
+        if self._are_plain and self._attributes == self._first_attributes:
+            return None
+        self._last_attributes = [own.copy() for own in self._attributes]
+        return self._last_attributes
+
+    # -- what is called -----------------------------------------------------------------------------------------------
+
+    def call(self, rules: Sequence[NamedRule]) -> None:
+        """Call rules in the game that was loaded."""
+        for named in rules:
+            if named.phase != "before" or self._values.over is None:
+                self.functions[named.name](self._ctx)
+
+    def refusals(self, named: NamedRule) -> Refusals:
+        """Return what the check of a rule refuses."""
+        refusals = self._parts.turns.refusals = Refusals(self._values.moves)
+        self.functions[named.name].check(self._ctx)
+        self._parts.turns.refusals = None
+        return refusals
+
+    def losers(self) -> list[str]:
+        """Return the agents that the conflict resolver stops."""
+        moves, conflicts = self._values.moves, self._game.settings()["conflicts"]
+        involved = getattr(conflicts, "involved", None)
+        few = list(range(len(moves.slots))) if involved is None else involved(*moves.places())
+        names = conflicts.resolve(moves.named(few), self._ctx) if few else ()
+        block = self._block
+        if (block.node, block.previous, block.alive) != self._loaded[:3]:
+            raise LeavesArrays("it moves agents")
+        return [name for name in (moves.slots[i].name for i in few) if name in names]
+
+    def taken(self, at: int, turn: ArrayTurn) -> OwnState:
+        """Write what was called has changed into a turn, and return what else the game has.
+
+        Raises:
+            NeedsTurnEngine: a rule does what no game in arrays can.
+            LeavesArrays: it has made of this game what arrays cannot have.
+            NoRow: an agent has come for which there is none.
+        """
+        values, came = self._values, self._newcomers()
+        self._refuse_changes(has_come=bool(came))
+        for name in came:
+            self._refuse_newcomer(self._ctx.agent.agents[name])
+        self._write(at, turn, came)
+        if not came:
+            return OwnState(values.data, self._attributes_now(), self._ctx.rng_state(), self.came)
+        key = self.came + came
+        if key not in self._casts:
+            self._casts[key] = self._cast()
+        own = OwnState(values.data, self._cast().attributes, self._ctx.rng_state(), key)
+        known, self.came = self.came, key
+        self.stand(known)
+        return own
+
+    def _write(self, at: int, turn: ArrayTurn, came: tuple[str, ...]) -> None:
+        """Write what has changed into the arrays."""
+        state, values, block, (i, game, columns) = self._state, self._values, self._ctx.agent.block, self._at
+        node, previous, alive, num_events, scores = self._loaded
+        headings = state.headings
+        assert headings is not None  # noqa: S101 - there are such rules
+        new = [self.number[name] for name in came]
+        rows = np.append(self.rows, np.array(new, np.int64))
+        state.is_there[game, new] = True
+        for before, now, column in (
+            (node, block.node, turn.node[at]),
+            (previous, block.previous, headings.previous[game]),
+        ):
+            if now != before:
+                column[rows] = turn.streets.rows(now)
+        if block.alive != alive:
+            turn.alive[at, rows] = block.alive
+        left = [row for row in columns.progress[i] if block.progress[row] is None]
+        if left:
+            state.movement.clear(game, self.rows[left])
+        if len(values.events) > num_events:
+            state.note_events(game, values.events[num_events:])
+        if values.over is not state.over[game]:
+            state.over[game] = values.over
+            state.is_going[game] = values.over is None
+        if values.scores != scores:
+            state.set_scores(game, values.scores)
+
+    # -- what arrays do not have ------------------------------------------------------------------------------------
+
+    def _newcomers(self) -> tuple[str, ...]:
+        """Return the names of the agents that have come since the game was loaded."""
+        if self._block.structure_version == self._structure and self._ctx.agent.block is self._block:
+            return ()
+        return tuple(self._ctx.agent.block.names[len(self.rows) :])
+
+    def _refuse_newcomer(self, agent: IAgent) -> None:
+        """Refuse an agent for which there is no row, or that arrays cannot have."""
+        number = self.number.get(agent.name)
+        if number is None or self._state.roster.is_first[number]:
+            roster, team = self._state.roster, agent.team
+            listed = [name for name, is_one in zip(roster.names, roster.is_first, strict=True) if not is_one]
+            size = len(roster.members(team)) if team in roster.teams else 0
+            raise NoRow(
+                f"Agent {shown(agent.name)} of team {shown(team)} has come, for which no row is reserved: "
+                f"{'only for ' + ', '.join(listed) if listed else 'there is none'}. Make the batch with "
+                f"most_agents={{{team!r}: {size + 1}}} and name the agent {team}_{size}, or with its name: "
+                f"most_agents={{{team!r}: [{agent.name!r}]}}."
+            )
+        described = {one["id"]: one for one in self._ctx.sensor.storage.described()}
+        sensors = [(name, described.get(one.sensor_id)) for name, one in agent.sensors.items()]
+        why = self._admit(agent, sensors)
+        if self._block.heading[self._block.row_of(agent.name)] is not None:
+            why = f"agent {agent.name!r} comes turned"
+        if why is not None:
+            raise LeavesArrays(why)
+
+    def _what_is_fixed(self) -> tuple[Any, ...]:
+        """Return what only the turn engine can change, as numbers and objects."""
+        parts = self._parts
+        return parts.settings.changes, parts.rules.rules, parts.collectors.tables(), self._ctx.is_terminated()
+
+    def _what_is_counted(self) -> tuple[int, int, int]:
+        """Return how often sensors and strategies were changed, which agents that come change, too."""
+        return self._phase.sensor_changes, self._phase.owner_changes, self._phase.strategy_changes
+
+    def _equipment(self) -> list[Any]:
+        """Return what agents are and carry."""
+        block = self._ctx.agent.block
+        columns = zip(block.names, block.teams, block.speed, self._ctx.agent.agents.values(), strict=True)
+        return [(*values, agent.strategy, list(agent.sensors.items())) for *values, agent in columns]
+
+    def _map_as_it_is(self) -> tuple[int, int]:
+        graph = self._ctx.graph
+        return graph.graph.revision, graph.obstacle_revision
+
+    def taken_map(self) -> Any:
+        """Return the map that rules have changed, and have the own one again; None: they have not."""
+        if self._map_as_it_is() == self._map:
+            return None
+        storage = self._ctx.graph.storage
+        changed = storage.snapshot()
+        storage.restore(self._first_map)
+        self._map = self._map_as_it_is()
+        return changed
+
+    def _refuse_changes(self, *, has_come: bool) -> None:
+        """Refuse what cannot be written into arrays."""
+        values, block, (i, _, columns) = self._values, self._ctx.agent.block, self._at
+        facts, known, scores, num_events = values.facts, self._facts, self._loaded[4], self._loaded[3]
+        if self._notes:
+            raise NeedsTurnEngine("; ".join(self._notes))
+        self._refuse_what_detaches()
+        sensors = self._ctx.sensor.storage.described()[: len(self._sensors)] if has_come else self._sensors
+        is_same = sensors == self._sensors if has_come else self._what_is_counted() == self._counted
+        if self._what_is_fixed() != self._fixed or not is_same:
+            raise NeedsTurnEngine("it changes settings, rules, sensors, strategies or collectors")
+        if values.turn != columns.turns[i] or len(values.events) < num_events:
+            raise NeedsTurnEngine("it changes what has happened")
+        are_known = facts.keys() == known.keys() and all(one is known[key] for key, one in facts.items())
+        private = values.agent_facts, values.team_facts
+        if not are_known or any(one and not isinstance(one, _Unknown) for one in private):
+            raise NeedsTurnEngine("it publishes facts")
+        if block.heading[: len(self._heading)] != self._heading:
+            raise NeedsTurnEngine("it turns agents")
+        if self._ctx.graph.storage.has_placed or (not self._could_draw and self._ctx.rng_state() is not None):
+            raise NeedsTurnEngine("it draws from ctx.graph.place or from ctx.rng, which was drawn from before the game")
+        if values.scores != scores and not all(map(_fits_float, values.scores.values())):
+            raise NeedsTurnEngine("it sets scores that are no numbers")
+        if any(isinstance(one, _Unknown) for event in values.events[num_events:] for one in event.values()):
+            raise NeedsTurnEngine("it passes on what it does not know")
+        moved = {row: one for row, one in enumerate(block.progress) if one is not None}
+        if not moved.items() <= columns.progress[i].items():
+            raise LeavesArrays("it puts agents on edges")
+
+    def _refuse_what_detaches(self) -> None:
+        """Refuse what lets this game leave the arrays."""
+        if self._ctx.graph.obstacle_revision != self._map[1]:
+            raise LeavesArrays("it changes the obstacles")
+        block = self._ctx.agent.block
+        is_same = block is self._block and block.structure_version == self._structure and not block.has_arrays
+        if not is_same and self._equipment()[: len(self._equipped)] != self._equipped:
+            raise LeavesArrays("agents go, or get other teams, speeds or sensors")
+
+
+class _Unknown(dict[Any, Any]):
+    """What arrays do not have: a rule that looks at it needs the turn engine.
+
+    Args:
+        notes: gets what was looked at.
+        what: it is, for messages.
+    """
+
+    def __init__(self, notes: list[str], what: str) -> None:
+        super().__init__()
+        self._notes, self._what = notes, what
+
+    def _refuse(self, *_: object, **__: object) -> NoReturn:
+        self._notes.append(f"it needs {self._what}")
+        raise NeedsTurnEngine(self._notes[-1])
+
+    __bool__ = __contains__ = __delitem__ = __eq__ = __getitem__ = __iter__ = __len__ = __ne__ = __or__ = __ror__ = (
+        __setitem__
+    ) = _refuse
+    clear = copy = get = items = keys = pop = popitem = setdefault = update = values = _refuse
+
+
+class _OfSome(_Unknown):
+    """What agents or teams have, such as facts; that there is some is known."""
+
+    def __bool__(self) -> bool:  # type: ignore[override] # alone of all that refuse
+        """Whether there is any: slots ask for it."""
+        return True
+
+
+class _OfSlots(_OfSome):
+    """What slots of the turn engine have a part of: how often agents moved, what they remember and learn."""
+
+    def setdefault(self, _: object, default: object = None) -> Any:  # type: ignore[override] # likewise
+        """Return what a slot is to have."""
+        return default
+
+
+def _is_of(keys: Sequence[str], key: object, value: object) -> bool:
+    """Whether an entry of `ctx.game.data` is that of rules of these keys: by its own, or with theirs in it."""
+    return key in keys or (isinstance(value, dict) and any(one in value for one in keys))
+
+
+def _fits_float(score: object) -> bool:
+    return isinstance(score, float) or (isinstance(score, int) and abs(score) <= _MOST_EXACT)

@@ -1,0 +1,155 @@
+"""Agents that rules create in games that are played in arrays: they take rows that were reserved for them."""
+
+import numpy as np
+import pytest
+from batch_scenes import plain, scene
+
+from gamms.errors import BadValue, UnknownName
+from gamms.rules import last_team
+from gamms.scenario import Scenario
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+
+
+def reinforce(ctx):
+    """Let agents of a team come, in an order that is not that of their names, like the first of it."""
+    turn = ctx.game.turn
+    name = ("blue_4", "blue_3", "blue_5")[min(turn // 3, 2)]
+    if (turn + ctx.seed) % 3 == 0 and name not in ctx.agent.agents:
+        like = ctx.agent.get_agent("blue_0")
+        ctx.agent.create_agent(
+            name, start_node_id=turn, team="blue", strategy=like.strategy, sensors=dict(like.sensors), since=turn
+        )
+
+
+def follow(ctx):
+    """Look at those that have come, and let them count."""
+    for agent in ctx.agent.create_iter():
+        since = getattr(agent, "since", None)
+        if since is not None:
+            ctx.game.emit("joined", agent=agent.name, since=since, at=agent.current_node_id, alive=agent.alive)
+            agent.since = since + 1
+    for name in [name for name in ctx.game.moves if name in ("blue_3", "blue_4")]:
+        ctx.game.scores[name] += 1
+
+
+def made(**options):
+    red = {"count": 2, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
+    blue = {"count": 3, "strategy": "gamms.strategies:flee", "sensors": ["near"]}
+    return scene([TAG], max_turns=14, teams={"red": red, "blue": blue}, sensors=NEAR, **options)
+
+
+@pytest.mark.parametrize("phase", ["before", "deeds", "after"])
+@pytest.mark.parametrize("order", [None, [["red"], ["blue"]]])
+def test_agents_that_come_take_rows_of_their_team(phase, order):
+    with made().build(seed=1) as ctx:
+        ctx.game.order = order
+        for rule in (reinforce, follow, last_team()):
+            ctx.game.add(rule, phase="after" if rule is follow else phase)
+        with ctx.game.batch(6, most_agents={"blue": 6}) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert not games.detached
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+            assert len(games.result(0).agents) > 5
+
+
+def test_rows_that_are_not_taken_are_not_there_and_those_that_are_act():
+    with made().build(seed=1) as ctx:
+        ctx.game.add(reinforce)
+        with ctx.game.batch(seeds=[1, 2, 3], most_agents={"blue": 6}) as games:
+            assert games.observe("blue")["name"] == tuple(f"blue_{number}" for number in range(6))
+            assert (games.observe("blue").mask.sum(axis=1) == 3).all()
+            assert "blue_3" not in games.result(0).agents
+            for _ in range(4):
+                games.step({"blue": games.observe("blue").counts - 1})
+            view = games.observe("blue")
+            assert view.mask.tolist()[2] == [True, True, True, True, False, False]
+            assert games.result(2).agents["blue_3"]["node"] == view["curr_pos"][2, 3]
+            games.reset([2])
+            assert games.observe("blue").mask.tolist()[2] == [True] * 3 + [False] * 3
+
+
+def test_recordings_of_games_in_which_agents_come_are_those_of_games_alone(tmp_path):
+    (tmp_path / "coming.py").write_text(
+        "def come(ctx):\n"
+        "    if ctx.game.turn == 2 + ctx.seed % 2:\n"
+        "        strategy = ctx.agent.get_agent('red_0').strategy\n"
+        "        ctx.agent.create_agent('red_3', start_node_id=7, team='red', strategy=strategy)\n"
+    )
+    plain_scene = scene([TAG, {"rule": "coming.py:come"}], max_turns=8).to_dict()
+    scenario = Scenario(**plain_scene, folder=tmp_path)
+    with scenario.batch(2, most_agents=4) as games:
+        games.run()
+        assert not games.detached
+        games.record(1, tmp_path / "batch.ggr")
+        assert games.result(1) == scenario.play(seed=1, record=tmp_path / "alone.ggr")
+    assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
+
+
+def test_an_agent_for_which_no_row_is_reserved_is_an_error_that_says_what_to_do():
+    with made().build(seed=1) as ctx:
+        ctx.game.add(reinforce)
+        with ctx.game.batch(3) as games, pytest.raises(BadValue, match=r"most_agents=\{'blue': 4\}") as caught:
+            games.run()
+    assert "the rule 'reinforce'" in " ".join(caught.value.__notes__)
+    assert "In game 2 of a batch" in " ".join(caught.value.__notes__)
+
+
+def test_a_game_in_which_an_agent_comes_otherwise_than_rows_are_leaves_the_arrays():
+    def differ(ctx):
+        if ctx.game.turn == 2 and ctx.seed % 2:
+            ctx.agent.create_agent("blue_3", start_node_id=0, team="blue", strategy=lambda _: None)
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(differ)
+        with ctx.game.batch(4, most_agents={"blue": 4}) as games:
+            games.run()
+            assert sorted(games.detached) == [1, 3]
+            assert "blue_3" in games.result(1).agents
+
+
+def test_sensors_of_agents_that_come_are_those_that_rules_have_made():
+    def scout(ctx):
+        if ctx.game.turn == 2 + ctx.seed % 2:
+            eye = ctx.sensor.create_sensor("eye of blue_3", "AGENT_RANGE", sensor_range=8.0)
+            strategy = ctx.agent.get_agent("red_0").strategy
+            ctx.agent.create_agent("blue_3", start_node_id=12, team="blue", strategy=strategy, sensors=[eye.sensor_id])
+
+    with made().build(seed=1) as ctx:
+        ctx.game.add(scout)
+        with ctx.game.batch(6, most_agents={"blue": ["blue_3"]}) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert not games.detached
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+@pytest.mark.parametrize(
+    ("most", "error", "message"),
+    [
+        ({"blue": 2}, BadValue, "has 3 agents"),
+        ({"green": 2}, UnknownName, "green"),
+        ({"blue": ["red_0"]}, BadValue, "red_0"),
+        ({"blue": ["x", "x"]}, BadValue, "'x'"),
+    ],
+)
+def test_rows_that_cannot_be_reserved_are_refused(most, error, message):
+    with made().build(seed=1) as ctx, pytest.raises(error, match=message):
+        ctx.game.batch(2, most_agents=most)
+
+
+def test_games_that_are_played_one_by_one_have_the_same_rows():
+    scenario = made()
+    with scenario.build(seed=1) as ctx:
+        ctx.game.add(reinforce)
+        ctx.game.time_budget = 60.0
+        with ctx.game.batch(seeds=[3], most_agents={"blue": 6}) as games:
+            assert "time budget" in games.slow
+            for _ in range(4):
+                view = games.observe("blue")
+                games.step({"blue": np.zeros(view.mask.shape, np.int64)})
+            assert games.observe("blue").mask.tolist() == [[True, True, True, True, False, False]]
