@@ -6,10 +6,10 @@ games. `turn.py` is what array forms of rules get, `view.py` what those of strat
 show them, `surroundings.py` which nodes, `vectors.py` puts that into numbers, `routes.py` knows how far it is and
 `flows.py` what spreads. `columns.py` has who plays, `state.py` what a batch remembers, `movement.py` where actions
 lead, `travel.py` by metres, `deeds.py` what agents do besides moving, `channels.py` what they send, `given.py` what
-comes from outside. `forms.py` declares array forms; `scalar_rules.py` calls rules that have none, in
-the context of `rule_fork.py`; `grounds.py` has the maps on which rules have closed roads; `alone.py` plays array strategies and rules in games that are played alone. With
-another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games there; strategies get
-views of `device_view.py`.
+comes from outside. `forms.py` declares array forms; `scalar_rules.py` calls rules that have none, in the context of
+`rule_fork.py`; `grounds.py` has the maps on which rules have closed roads; `alone.py` plays array strategies and rules
+in games that are played alone. With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays
+the games there; strategies get views of `device_view.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy
