@@ -4,6 +4,7 @@ import random
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache
+from itertools import pairwise
 from operator import itemgetter
 from typing import Any
 
@@ -243,7 +244,10 @@ def _actions(
         for agent, length in enumerate(lengths[i]):
             gone, ended = legs.get((i, agent), ((), None))
             if gone or not stays[i][agent]:
-                path, when = tuple(nodes[i][agent][:length]), tuple(times[i][agent][:length])
+                stops = [*zip(nodes[i][agent][:length], times[i][agent][:length], strict=True)]
+                if gone:  # one that turns back on an edge does not come to the node that it passed last
+                    stops = stops[:1] + [here for last, here in pairwise(stops) if last[0] != here[0]]
+                path, when = zip(*stops, strict=True)
                 place = begun[i].get(agent) if begun else None
                 actions[agent] = ResolvedAction(
                     path[-1], path, times=when, progress=ended, legs=tuple(gone), begun=place
