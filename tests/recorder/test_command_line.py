@@ -368,3 +368,22 @@ def test_a_demo_is_recorded_and_can_be_verified(tmp_path):
         nodes = dict(zip(rec[-1].agents["name"].tolist(), rec[-1].agents["node"].tolist(), strict=True))
         assert nodes == {name: agent["node"] for name, agent in result["agents"].items()}
         assert list(rec.events()) == result["events"]
+
+
+def test_what_a_team_knew_becomes_a_recording(tmp_path):
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.sensor.create_sensor("near", gamms.sensor.SensorType.NEIGHBOR)
+        for name, node in (("anna", 0), ("bert", 8)):
+            ctx.agent.create_agent(
+                name, start_node_id=node, team=name[0], sensors=["near"], strategy=lambda state: None
+            )
+        ctx.record.start(tmp_path / "game", sensed=True)
+        ctx.game.run(2)
+    assert "Wrote" in run("convert", tmp_path / "game.ggr", tmp_path / "a.ggr", "--team", "a").stdout
+    with recorder.open(tmp_path / "a") as recording:
+        assert recording[-1].agents["name"].tolist() == ["anna"]
+    done = run("convert", tmp_path / "game.ggr", tmp_path / "b.csv", "--team", "b")
+    assert done.exit_code
+    assert "b.csv" in done.stderr
+    assert not (tmp_path / "b.csv").exists()

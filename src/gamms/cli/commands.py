@@ -123,6 +123,7 @@ _COMMANDS: _Commands = {
         "gamms convert game.ggr game.csv",
         "gamms convert game.ggr game.gpx",
         "gamms convert game.ggr game.jsonl",
+        "gamms convert game.ggr red.ggr --team red",
         "gamms convert old.ggr new.ggr --map map.gamms",
     ),
 }

@@ -84,12 +84,15 @@ def convert(
     ],
     map: _Map = None,
     turn_seconds: Annotated[float, typer.Option(help="How long a turn takes, for times of tracks.", min=0.0)] = 1.0,
+    team: Annotated[
+        str | None, typer.Option(help="Only what this team knew; OUT is a .ggr.", metavar="NAME", show_default=False)
+    ] = None,
 ) -> None:
-    """Make tables, tracks or lines of JSON of a recording.
+    """Make tables, tracks or lines of JSON of a recording, or one of what a team knew.
 
     A map, .gamms, becomes .geojson, .gpkg, .graphml or .csv. Tracks, .gpx or .csv, become a recording on a --map.
     """
-    from gamms import recorder, recordings
+    from gamms import recordings
 
     if file.suffix.lower() in (".gpx", ".csv"):
         _record_tracks(file, out, map, turn_seconds)
@@ -98,29 +101,44 @@ def convert(
         with recordings.with_map(file) as ctx:
             echo(f"Wrote {in_words(ctx.graph.export(out))}.")
         return
+    made, warning = _converted(file, out, map, turn_seconds) if team is None else ([_cut(file, out, team)], None)
+    echo(f"Wrote {in_words(made) if made else 'nothing: there are no rows'}.")
+    if warning:
+        echo(f"gamms: {warning} All before that has been converted.", err=True)
+        raise typer.Exit(1)
+
+
+def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> tuple[list[Path], str | None]:
+    """Convert a recording; returns the files that were written, and what is missing of the recording."""
+    from gamms import recorder, recordings
+
     is_old, form = recordings.version_of(file) < 3, out.suffix.lower()
     if is_old and form in (".jsonl", ".csv", ".gpx", ".geojson"):
         raise BadValue(f"{str(file)!r} has version 2: convert it to a .ggr of version 3 first, and that to {form}.")
     if map is not None and not is_old:
         raise BadValue("--map is for recordings of version 2 only: others hold their map.")
-    made = [out]
     if form == ".csv":
-        made, warning = recordings.to_csv(file, out, turn_seconds=turn_seconds)
-    elif form == ".jsonl":
-        warning = recordings.to_json_lines(file, out)
-    elif form in (".gpx", ".geojson"):
+        return recordings.to_csv(file, out, turn_seconds=turn_seconds)
+    if form == ".jsonl":
+        return [out], recordings.to_json_lines(file, out)
+    if form in (".gpx", ".geojson"):
         if out.exists():
             raise FileExistsError(f"There is a file {str(out)!r} already; choose another name or delete it first.")
         with recorder.open(file) as recording:
             recording.export(out, turn_seconds=turn_seconds)
-            warning = recording.warning
-    else:
-        warning = recordings.to_version_3(file, out, map)
-        made = [out if form == ".ggr" else Path(f"{out}.ggr")]
-    echo(f"Wrote {in_words(made) if made else 'nothing: there are no rows'}.")
-    if warning:
-        echo(f"gamms: {warning} All before that has been converted.", err=True)
-        raise typer.Exit(1)
+            return [out], recording.warning
+    return [out if form == ".ggr" else Path(f"{out}.ggr")], recordings.to_version_3(file, out, map)
+
+
+def _cut(file: Path, out: Path, team: str) -> Path:
+    """Write what a team knew; returns the path."""
+    from gamms import recorder
+
+    if out.suffix.lower() not in (".ggr", ""):
+        raise BadValue(f"--team makes a recording: give a .ggr instead of {str(out)!r}, and convert that.")
+    with recorder.open(file) as recording:
+        recording.cut(out, team)
+    return out if out.suffix else Path(f"{out}.ggr")
 
 
 def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float) -> None:

@@ -23,7 +23,7 @@ from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.states import State, frozen, state_of
-from gamms.recorder.streams import Opened, format_of, readable
+from gamms.recorder.streams import Opened, format_of, readable, written
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
@@ -287,6 +287,8 @@ class Recording(Opened):
         from gamms.recorder import resuming
 
         then, turn = self.state(turn), as_int(turn, "turn")
+        if is_quiet and seed is None and "audience" in self.header:
+            seed = 0  # nothing is drawn by it, and such a recording does not tell its own
         if ctx is not None:
             as_context(ctx, "resume")
         seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
@@ -350,6 +352,25 @@ class Recording(Opened):
         if unknown := sorted(options.keys() - _OF_PAGES):
             raise BadValue(f"A page has no {unknown[0]!r}; there is: {', '.join(sorted(_OF_PAGES))}.")
         write_whole(target, pages["gamms"](self, **options))
+
+    def cut(self, path: str | os.PathLike[str] | BinaryIO, team: object, *, overwrite: bool = False) -> None:
+        """Write what a team knew as a recording of its own, in which nothing else is; docs/recording.md says what.
+
+        Args:
+            path: where to, as for `ctx.record.start`; or a binary stream, which stays open.
+            team: as its agents have it, or its text; of agents without a team the name of one.
+            overwrite: whether another file may be replaced.
+
+        Raises:
+            UnknownName (KeyError): there is no such team.
+            BadValue: what was sensed was not recorded: `ctx.record.start(…, sensed=True)`.
+            FileExistsError, OSError: the file is there, or cannot be written.
+            RecordingError (ValueError): the recording is damaged, or does not hold its map.
+        """
+        from gamms.recorder.cut import write_cut
+
+        with written(path, overwrite=as_bool(overwrite, "overwrite")) as stream:
+            write_cut(self._reader, self.graph.columns(), stream, team)
 
     def observation(self, turn: int, agent: str) -> dict[str, Any]:
         """Return the state that an agent's strategy got in a turn; what was sensed must be recorded.

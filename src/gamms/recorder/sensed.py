@@ -1,6 +1,6 @@
 """What agents sensed in one turn, as columns of ids, and back again."""
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from typing import Any, NamedTuple
 
@@ -21,6 +21,9 @@ _OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLU
 _OF_AGENTS = ("AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", *_OF_AGENTS_IN_SPACE)
 _SEEING = frozenset((*_OF_NODES, *_OF_AGENTS))
 _INT64 = range(-(1 << 63), 1 << 63)
+
+
+Nearest = Callable[[Sequence[float]], int]
 
 
 class Look(NamedTuple):
@@ -44,17 +47,28 @@ def packed(
         numbers: agent -> its number.
         nodes: agent -> the node it is on, or above.
     """
+    return columns_of(
+        (
+            agent,
+            [
+                _look(name, getattr(kind, "name", str(kind)), data, numbers, nodes)
+                for name, (kind, data) in each.items()
+            ],
+        )
+        for agent, each in results
+    )
+
+
+def columns_of(observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Any]:
+    """Return the data of an event: the number of each agent, and its looks."""
     agents, counts = [], []
     sensors: dict[tuple[str, str], int] = {}
     looks: list[Look] = []
-    which: list[int] = []
-    for agent, sensed in results:
+    for agent, own in observers:
         agents.append(agent)
-        counts.append(len(sensed))
-        for name, (kind, data) in sensed.items():
-            look = _look(name, getattr(kind, "name", str(kind)), data, numbers, nodes)
-            looks.append(look)
-            which.append(sensors.setdefault((look.sensor, look.kind), len(sensors)))
+        counts.append(len(own))
+        looks += own
+    which = [sensors.setdefault((look.sensor, look.kind), len(sensors)) for look in looks]
     sizes = [(len(look.first), len(look.second)) for look in looks]
     return {
         "agents": np.array(agents, np.int64),
@@ -142,6 +156,54 @@ def seen_by(look: Look) -> tuple[list[int], list[int]]:
     if look.form in (_AGENTS, _IN_SPACE):
         return look.second, look.first
     return (look.first, [-1] * len(look.first)) if look.form in (_IDS, _MAP) else ([], [])
+
+
+class Sighting(NamedTuple):
+    """Where a sensor reported an agent to be.
+
+    Attributes:
+        node: that it is on, or above.
+        position: (x, y, z) of those that fly.
+    """
+
+    node: int
+    position: tuple[float, ...] | None
+
+
+def sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sighting]]:
+    """Yield the agents that a look saw, by number or name, and where; also names of false alarms.
+
+    Args:
+        look: what was packed of it.
+        nearest: gives the node below a place, (x, y); without false and late reports the node that an agent is on.
+    """
+    if look.kind not in _OF_AGENTS:
+        return
+    if look.form == _AGENTS:
+        yield from ((agent, Sighting(node, None)) for agent, node in zip(look.first, look.second, strict=True))
+        return
+    if look.form == _IN_SPACE:
+        seen: Iterable[tuple[int | str, Any]] = zip(look.first, look.other, strict=True)
+    else:
+        seen = look.other.items() if isinstance(look.other, dict) else ()
+    for agent, place in seen:
+        if isinstance(place, int):
+            yield agent, Sighting(place, None)
+        elif look.kind in _OF_AGENTS_IN_SPACE:
+            kind, position = place
+            yield agent, Sighting(nearest(position[:2]), tuple(position) if kind == AgentType.AERIAL.value else None)
+        elif isinstance(place, dict) and isinstance(node := place.get("node_id"), int):
+            yield agent, Sighting(node, None)
+
+
+def as_told(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
+    """Return a look that says what its agent knows of it, and neither true places nor numbers of agents beside."""
+    if look.form == _IN_SPACE:
+        return look._replace(second=[nearest(position[:2]) for _, position in look.other])
+    if look.form == _AGENTS and look.kind not in _OF_AGENTS:
+        told = {names[agent]: node for agent, node in zip(look.first, look.second, strict=True)}
+        return look._replace(form=_OTHER, first=[], second=[], other=told)
+    return look
 
 
 def _ints(column: object) -> "np.ndarray[Any, Any]":

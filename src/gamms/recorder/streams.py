@@ -2,6 +2,8 @@
 
 import io
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import BinaryIO, Self
 
@@ -114,6 +116,20 @@ class Target:
         if self.is_owned or not isinstance(self.stream, io.BytesIO):
             self.stream.close()
         return has_name
+
+
+@contextmanager
+def written(path: _PathOrStream, *, overwrite: bool = False) -> Iterator[BinaryIO]:
+    """Give a stream to write a whole recording to; if that fails, a file is as it was before. See `Target`."""
+    target = Target(path, overwrite=overwrite)
+    try:
+        yield target.stream
+        target.keep()
+    except BaseException:
+        target.discard()
+        raise
+    if target.is_owned:
+        target.close()
 
 
 def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:

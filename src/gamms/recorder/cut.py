@@ -1,0 +1,457 @@
+"""Cut a recording down to what a team knew: fog of war in the bytes, not on the screen.
+
+Who may know of an event is what the table of events says (`ir/events.py`). Agents of others are there while the team
+senses them, where its sensors reported them: they come when they are seen and are taken out when they are not. What
+is sensed in front of a turn belongs to the state before it, so that a state shows what the team decides by.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from copy import deepcopy
+from itertools import chain
+from typing import Any, BinaryIO
+
+import numpy as np
+
+from gamms.errors import BadValue, UnknownName
+from gamms.ir import events as kinds
+from gamms.ir.events import EVENTS, LOGGED, MOVES, Audience, Log, Role, events_of, renumbered
+from gamms.ir.game_state import GameState
+from gamms.ir.graph import GraphColumns
+from gamms.ir.messages import ARRIVALS
+from gamms.plain import Plain
+from gamms.recorder import keyframes, sensed
+from gamms.recorder.detached import DetachedState
+from gamms.recorder.errors import DAMAGES, refusing
+from gamms.recorder.formats.reader import Reader
+from gamms.recorder.formats.writer import Writer
+from gamms.recorder.keyframes import ARRAYS, LISTS, Keyframe
+from gamms.recorder.sensed import Look, Nearest, Sighting
+
+_Event = tuple[int, Any]
+_SECRET = ("seed", "scenario", "drawings")  # of a header: they tell what others will draw, or where they are
+_KEYFRAME_TURNS = 64
+_OF_STATE = ("pace", "components", "events", "settings", "facts")  # of a keyframe that all may know
+
+
+class Cut:
+    """What some agents know of a game, worked out turn by turn.
+
+    While a turn waits for what is sensed behind it, its agents have numbers that this class gives to their names; only
+    when it is given out is it clear which agents come in which order, and so which numbers they have there.
+
+    Every call raises one of `errors.DAMAGES` where an event does not fit the state.
+
+    Args:
+        keyframe: how the game begins; not changed.
+        is_own: says of the name and the team of an agent whether it is one of those that know.
+        nearest: gives the node below a place, (x, y).
+    """
+
+    def __init__(
+        self,
+        keyframe: Keyframe,
+        is_own: Callable[[str, Any], bool],
+        nearest: Nearest,
+    ) -> None:
+        self._is_own, self._nearest = is_own, nearest
+        self._ids: dict[str, int] = {}  # name -> number while a turn waits
+        self._seen: dict[str, Sighting] = {}  # others that the team sees
+        self._later: dict[int, list[_Event]] = {}  # turn -> messages that arrive in it
+        self._turn = 0  # of the log that is added
+        self._waiting: list[_Event] | None = None  # the turn that was added last
+        self._all = DetachedState(deepcopy(keyframe))  # where the events that are added have led to
+        self._look_around()
+        self._first = self._restricted(keyframe)
+        self._known = DetachedState(deepcopy(self._first))  # where those that were given out have led to
+        self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
+        self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}  # that are known
+
+    def add(self, log: Log) -> Iterator[Log]:
+        """Add the log of the next turn; yields the one before it, which is complete by what is sensed now."""
+        own: list[_Event] = []
+        seen: dict[str, Sighting] | None = None
+        for kind, data in events_of(log):
+            if kind == kinds.SENSED:
+                looks = self._own_looks(data)
+                seen = (seen or {}) | self._sightings(looks)
+                own.append((kind, sensed.renumbered(sensed.columns_of(looks), self._id_of)))
+            else:
+                own.extend(self._cut(kind, data))
+            self._all.apply_event(kind, data)
+            own.extend(self._after(kind, data))
+        own.extend(self._later.pop(self._turn, ()))
+        self._all.agents.settle()
+        shown = [] if seen is None else list(self._show(seen))
+        if self._waiting is None:
+            self._given(shown)
+        else:
+            yield self._given([*self._waiting, *shown])
+            self._known.apply([])  # counts the turn
+        self._waiting, self._turn = own, self._turn + 1
+
+    def rest(self) -> Iterator[Log]:
+        """Yield the last turn, behind which nothing was sensed."""
+        if self._waiting is not None:
+            yield self._given(self._waiting)
+            self._known.apply([])
+            self._waiting = None
+
+    def keyframe(self, turns: int) -> Keyframe:
+        """Return the state after so many turns, all that were given out; the first one when one turn was added."""
+        return ({} if turns else self._first) | self._known.keyframe(turns)
+
+    # -- who is known -------------------------------------------------------------------------------------------
+
+    def _look_around(self) -> None:
+        """Note who is there, and who is one of those that know."""
+        columns = self._all.agents.columns
+        self._all.agents.settle()
+        self._version = self._all.agents.version
+        self._names = self._all.agents.names_by_number()
+        for name in columns["names"]:
+            self._ids.setdefault(name, len(self._ids))
+        teams = dict(zip(columns["names"], columns["teams"], strict=True))
+        self._own = {name: team for name, team in teams.items() if self._is_own(name, team)}
+
+    def _id_of(self, number: int) -> int:
+        return self._ids[self._names[number]]
+
+    def _sensors_of(self, names: Iterable[str]) -> list[dict[str, Any]]:
+        """Return the sensors that agents carry, in the order of all."""
+        agents = self._all.agents
+        carried = {one for name in names for one in agents.columns["sensors"][agents.row(name)].values()}
+        return [sensor for sensor_id, sensor in self._all.sensors.items() if sensor_id in carried]
+
+    # -- whole states ---------------------------------------------------------------------------------------------
+
+    def _restricted(self, of: Keyframe) -> Keyframe:
+        """Return the state as its own agents know it; what is not in columns is taken from a keyframe or snapshot."""
+        columns, names = (
+            self._all.agents.columns,
+            [name for name in self._all.agents.columns["names"] if name in self._own],
+        )
+        rows = [self._all.agents.row(name) for name in names]
+        own = {name: [columns[name][row] for row in rows] for name in LISTS}
+        own |= {name: columns[name][rows] for name in ARRAYS} | {"numbers": np.arange(len(rows))}
+        own["strategies"] = [None] * len(rows)
+        packed = keyframes.packed(own, len(rows), self._sensors_of(names), self._game(), None)
+        history: dict[str, Any] = {key: deepcopy(of[key]) for key in _OF_STATE if key in of}
+        if "deeds" in of:
+            history["deeds"] = [deed for deed in of["deeds"] if deed["agent"] in self._own]
+        if "messages" in of:
+            history["messages"] = list(self._heard(of["messages"]))
+        if "starts" in of:
+            history["starts"] = self._of_own(of["starts"])
+        return packed | history
+
+    def _heard(self, entries: Iterable[Mapping[str, Any]]) -> Iterator[dict[str, Any]]:
+        """Yield the messages that its own agents sent, or have heard by now, without what they do not know of them."""
+        for entry in entries:
+            heard = self._heard_until(entry, self._all.game.turn)
+            if entry["sender"] in self._own or any(heard.values()):
+                yield {**entry, **heard, "lost": [], "jammed": []}
+
+    def _heard_until(self, entry: Mapping[str, Any], turn: float) -> dict[str, dict[str, int]]:
+        return {
+            key: {name: at for name, at in entry[key].items() if name in self._own and at <= turn} for key in ARRIVALS
+        }
+
+    def _game(self) -> GameState:
+        """Return what its own agents know of what the game has come to."""
+        whole, game = self._all.game, GameState()
+        teams = set(self._own.values())
+        game.scores.update(whole.scores)
+        game.over, game.turn, game.blocked = whole.over, whole.turn, type(whole.blocked)(self._of_own(whole.blocked))
+        for name, memory in self._of_own(whole.memories).items():
+            game.memory_of(name).update(memory)
+        game.agent_facts = self._of_own(whole.agent_facts)
+        for field in ("team_facts", "team_memories"):
+            setattr(game, field, {team: each for team, each in getattr(whole, field).items() if team in teams})
+        return deepcopy(game)
+
+    def _of_own(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: value for name, value in by_name.items() if name in self._own}
+
+    # -- events, while they wait ------------------------------------------------------------------------------------
+
+    def _cut(self, kind: int, data: Plain) -> Iterator[_Event]:
+        """Yield what its own agents know of an event, in front of which the state stands."""
+        special = _SPECIAL.get(kind)
+        if special is not None:
+            yield from special(self, kind, data)
+        elif kind in EVENTS and EVENTS[kind].audience is not Audience.HOST:
+            yield from self._by_audience(kind, data)
+
+    def _by_audience(self, kind: int, data: Plain) -> Iterator[_Event]:
+        """Yield an event unless it is of another agent and not for all; whose agents have come is seen later."""
+        if isinstance(data, tuple):  # (number, …)
+            if self._names.get(data[0]) in self._own:
+                yield kind, (self._id_of(data[0]), *data[1:])
+            return
+        fields = EVENTS[kind].fields
+        name = next((data[key] for key, field in fields.items() if field.role is Role.AGENT and key in data), None)
+        if name is None or name in self._own or EVENTS[kind].audience is Audience.ALL:
+            yield kind, data
+
+    def _moves(self, kind: int, data: Plain) -> Iterator[_Event]:
+        pairs = zip(data[::2], data[1::2], strict=True)
+        own = [
+            item
+            for number, node in pairs
+            if self._names.get(int(number)) in self._own
+            for item in (self._id_of(int(number)), int(node))
+        ]
+        if own:
+            yield kind, own
+
+    def _of_several(self, kind: int, data: Plain) -> Iterator[_Event]:
+        """Keep the items of its own agents, in an event whose columns have one item for each agent."""
+        names = data["names"] if "names" in data else [self._names[number] for number in data["numbers"].tolist()]
+        rows = [row for row, name in enumerate(names) if name in self._own]
+        if rows:
+            own: dict[str, Any] = {key: np.asarray(each)[rows] for key, each in data.items() if key != "names"}
+            if "names" in data:
+                own["names"] = [names[row] for row in rows]
+            else:
+                own["numbers"] = np.array([self._ids[names[row]] for row in rows], np.int64)
+            yield kind, own
+
+    def _of_agents_and_teams(self, kind: int, data: Plain) -> Iterator[_Event]:
+        agents, known = self._of_own(data["agents"]), set(self._own.values())
+        teams = [pair for pair in data["teams"] if pair[0] in known]
+        if agents or teams:
+            yield kind, {"agents": agents, "teams": teams}
+
+    def _blocked(self, kind: int, data: Plain) -> Iterator[_Event]:
+        yield kind, {"blocked": self._of_own(data["blocked"])}
+
+    def _counted(self, kind: int, data: Plain) -> Iterator[_Event]:
+        yield kind, {**data, **({"starts": self._of_own(data["starts"])} if "starts" in data else {})}
+
+    def _deed(self, kind: int, data: Plain) -> Iterator[_Event]:
+        if data["agent"] in self._own or data["agent"] in self._seen:
+            yield kind, data
+
+    def _message(self, kind: int, data: Plain) -> Iterator[_Event]:
+        """Yield a message of its own agents now; those of others in the turns in which they are heard."""
+        own = {**data, "lost": [], "jammed": []}
+        if data["sender"] in self._own:
+            yield kind, own | self._heard_until(data, np.inf)
+            return
+        heard = self._heard_until(data, np.inf)
+        for turn in sorted({turn for each in heard.values() for turn in each.values()}):
+            now = {key: {name: at for name, at in each.items() if at == turn} for key, each in heard.items()}
+            self._later.setdefault(self._turn + max(turn - data["turn"], 0), []).append((kind, own | now))
+
+    def _after(self, kind: int, data: Plain) -> Iterator[_Event]:
+        """Yield what follows from an event that has happened: the state it set, who joined or left, new sensors."""
+        if kind == kinds.SNAPSHOT:
+            yield from self._hide(list(self._seen))
+            self._look_around()
+            yield kind, self._restricted(data)
+            self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}
+        elif self._all.agents.version != self._version:
+            before = self._own
+            self._look_around()
+            there = self._all.agents.columns["names"]
+            yield from self._hide([name for name in self._seen if name in self._own or name not in there])
+            for name in [name for name in before if name not in self._own]:
+                yield kinds.AGENT_DELETE, {"name": name}
+            for name in [name for name in self._own if name not in before]:
+                is_new = kind == kinds.AGENT_CREATE and data["name"] == name
+                yield kinds.AGENT_CREATE, {**data, "strategy": None} if is_new else self._creation(name)
+        if kind in _OF_SENSORS:
+            yield from self._new_sensors(data.get("removed", ()))
+
+    def _new_sensors(self, removed: Iterable[str]) -> Iterator[_Event]:
+        """Yield which sensors its own agents carry that were not known, or are set otherwise now."""
+        gone = [sensor_id for sensor_id in removed if self._carried.pop(sensor_id, None) is not None]
+        new = [sensor for sensor in self._sensors_of(self._own) if self._carried.get(sensor["id"]) != sensor]
+        self._carried.update((sensor["id"], sensor) for sensor in new)
+        if new or gone:
+            yield kinds.SENSORS, {"sensor_kinds": keyframes.grouped(new), **({"removed": gone} if gone else {})}
+
+    def _creation(self, name: str) -> dict[str, Any]:
+        """Return what says that an agent comes which has come to the team."""
+        agents = self._all.agents
+        columns, row = agents.columns, agents.row(name)
+        at = keyframes.row_of(columns, row)
+        lists = {key: columns[key][row] for key in LISTS}
+        given = {
+            "start_node_id": at["node"],
+            "sensors": dict(lists["sensors"]),
+            "team": lists["teams"],
+            **lists["attributes"],
+        }
+        if lists["speed"] is not None:
+            given["speed"] = lists["speed"]
+        return _coming(name, given, at["position"])
+
+    # -- who is seen ------------------------------------------------------------------------------------------------
+
+    def _own_looks(self, data: Mapping[str, Any]) -> list[tuple[int, list[Look]]]:
+        """Return what sensors of its own agents gave, by agent."""
+        numbers = [number for number in data["agents"].tolist() if self._names.get(number) in self._own]
+        looks: dict[int, list[Look]] = {number: [] for number in numbers}
+        for number, look in sensed.looks_of(data):
+            if number in looks:
+                looks[number].append(sensed.as_told(look, self._nearest, self._names))
+        return [(self._id_of(number), each) for number, each in looks.items()]
+
+    def _sightings(self, observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Sighting]:
+        """Return where looks have seen agents of others that are there."""
+        found, there = {}, set(self._names.values())
+        for look in chain.from_iterable(looks for _, looks in observers):
+            for agent, sighting in sensed.sightings(look, self._nearest):
+                name = self._names.get(agent) if isinstance(agent, int) else agent
+                if name in there and name not in self._own:
+                    found[name] = sighting
+        return found
+
+    def _show(self, seen: Mapping[str, Sighting]) -> Iterator[_Event]:
+        """Yield the coming, going and moving of others by which just those are there that are seen."""
+        columns = self._all.agents.columns
+        yield from self._hide([name for name in self._seen if name not in seen])
+        for name, sighting in seen.items():
+            row, before = self._all.agents.row(name), self._seen.get(name)
+            if before is None:
+                given = {"start_node_id": sighting.node, "team": columns["teams"][row]}
+                yield kinds.AGENT_CREATE, _coming(name, given, sighting.position)
+                if not columns["alive"][row]:
+                    yield kinds.AGENT_ALIVE, {"agent_name": name, "alive": False}
+            elif before != sighting and sighting.position is not None:
+                yield kinds.AERIAL_AGENT_FLIGHT, (self._ids[name], sighting.node, *sighting.position)
+            elif before != sighting:
+                yield MOVES, [self._ids[name], sighting.node]
+            self._seen[name] = sighting
+
+    def _hide(self, names: Iterable[str]) -> Iterator[_Event]:
+        for name in names:
+            del self._seen[name]
+            yield kinds.AGENT_DELETE, {"name": name}
+
+    # -- events, given out --------------------------------------------------------------------------------------------
+
+    def _given(self, events: Iterable[_Event]) -> Log:
+        """Return events with the numbers that agents have where the cut is read, and apply them to what is known."""
+        log: Log = []
+        for event in events:
+            for kind, data in self._numbered(*event):
+                self._known.apply_event(kind, data)
+                if kind == MOVES:
+                    log.extend(data)
+                else:
+                    log.append((kind, data))
+        return log
+
+    def _numbered(self, kind: int, data: Plain) -> Iterator[_Event]:
+        """Yield an event with these numbers; nothing, if it is of an agent that is not known."""
+        number_of = self._numbers.__getitem__
+        if kind in (kinds.AGENT_CREATE, kinds.AGENT_DELETE, kinds.SNAPSHOT):
+            if self._renumber(kind, data):
+                yield kind, data
+        elif kind == MOVES:
+            pairs = zip(data[::2], data[1::2], strict=True)
+            known = [item for agent, node in pairs if agent in self._numbers for item in (number_of(agent), node)]
+            if known:
+                yield kind, known
+        elif kind == kinds.SENSED:
+            yield kind, sensed.renumbered(renumbered(kind, data, number_of), number_of)
+        elif isinstance(data, tuple) or "numbers" in EVENTS[kind].fields:
+            yield kind, renumbered(kind, data, number_of)
+        elif kind in LOGGED or self._ids.get(data.get("agent_name"), -1) in self._numbers or "agent_name" not in data:
+            yield kind, data
+
+    def _renumber(self, kind: int, data: Plain) -> bool:
+        """Note who comes and goes by an event; returns whether that is news."""
+        if kind == kinds.SNAPSHOT:
+            self._numbers = {self._ids[name]: row for row, name in enumerate(data["names"])}
+            return True
+        agent, is_known = self._ids[data["name"]], self._ids[data["name"]] in self._numbers
+        if kind == kinds.AGENT_CREATE and not is_known:
+            self._numbers[agent] = self._known.agents.following
+        elif kind == kinds.AGENT_DELETE and is_known:
+            del self._numbers[agent]
+        return is_known == (kind == kinds.AGENT_DELETE)
+
+
+def _coming(name: str, given: dict[str, Any], position: tuple[float, ...] | None) -> dict[str, Any]:
+    """Return the data of the event that an agent comes, on the ground or in the air."""
+    if position is None:
+        return {"name": name, "kwargs": given}
+    return {
+        "name": name,
+        "kwargs": {**given, "type": 1},
+        "state": {"position": position, "node": given["start_node_id"]},
+    }
+
+
+def _nothing(_cut: Cut, _kind: int, _data: Plain) -> Iterator[_Event]:
+    """Yield nothing."""
+    return iter(())
+
+
+_SPECIAL: dict[int, Callable[[Cut, int, Any], Iterator[_Event]]] = {
+    MOVES: Cut._moves,
+    kinds.AGENT_PROGRESS: Cut._of_several,
+    kinds.FLYERS_ABOVE: Cut._of_several,
+    kinds.GAME_MEMORY: Cut._of_agents_and_teams,
+    kinds.GAME_PRIVATE_FACTS: Cut._of_agents_and_teams,
+    kinds.GAME_BLOCKED: Cut._blocked,
+    kinds.GAME_TURN: Cut._counted,
+    kinds.GAME_DEED: Cut._deed,
+    kinds.GAME_MESSAGE: Cut._message,
+    **dict.fromkeys((kinds.AGENT_CREATE, kinds.AGENT_DELETE), _nothing),  # see `_after`
+    kinds.UNFINISHED: Cut._by_audience,
+    kinds.VISUAL_COMMANDS: _nothing,  # the program's own drawers see everything
+}
+_OF_SENSORS = (kinds.SENSORS, kinds.AGENT_CREATE, kinds.AGENT_SENSOR_REGISTER, kinds.AGENT_TEAM)
+
+
+def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object) -> None:
+    """Write what a team knew into a stream; see `Recording.cut`.
+
+    Args:
+        reader: of the whole recording.
+        columns: of its map.
+        out: the stream.
+        team: see there.
+    """
+    first = reader.keyframe(0)
+    if first is None or not any(True for _ in reader.events(kinds={kinds.SENSED})):
+        raise BadValue("This recording does not say what agents sensed: record with ctx.record.start(…, sensed=True).")
+
+    def nearest(place: Sequence[float]) -> int:
+        return int(columns.node_ids[((columns.xy - np.asarray(place)) ** 2).sum(axis=1).argmin()])
+
+    own = _team_of(reader, first[1], team)
+    with refusing("It cannot be cut", DAMAGES):
+        cut = Cut(first[1], lambda name, team: (name if team is None else team) == own, nearest)
+    header = {key: value for key, value in reader.header.items() if key not in _SECRET}
+    writer = Writer(out, header | {"seed": None, "audience": own}, seconds=None)
+    for turn in range(reader.turns):
+        with refusing(f"Turn {turn + 1} cannot be cut", DAMAGES):
+            complete = list(cut.add(reader.log(turn)))
+        for given in complete:
+            writer.add_turn(given)
+        if turn % _KEYFRAME_TURNS == 0:
+            writer.keyframe(cut.keyframe(turn))
+    for given in cut.rest():
+        writer.add_turn(given)
+    writer.close()
+
+
+def _team_of(reader: Reader, first: Keyframe, team: object) -> Any:
+    """Return the team that a caller means, as agents have it; the name of an agent that has none.
+
+    Raises:
+        UnknownName: none of the agents of the recording has it.
+    """
+    come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
+    come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
+    there = zip(first["names"], first["teams"], strict=True)
+    teams = [name if own is None else own for name, own in (*there, *come)]
+    for known in teams:
+        if known == team or str(known) == team:
+            return known
+    raise UnknownName("team", team, dict.fromkeys(map(str, teams)))
