@@ -39,7 +39,9 @@ def bundle(entry: str) -> str:
     """Return a module and all that it imports as one script."""
     found: dict[str, str] = {}
     _add(entry, found, ())
-    return '"use strict";\n(() => {\n' + "\n".join(found.values()) + "\n})();\n"
+    script = '"use strict";\n(() => {\n' + "\n".join(found.values()) + "\n})();\n"
+    # In ASCII, so that its hash holds in pages of any encoding; other letters are in strings only.
+    return re.sub(r"[^\x00-\x7f]", lambda match: f"\\u{ord(match[0]):04x}", script)
 
 
 def hash_of(text: str) -> str:

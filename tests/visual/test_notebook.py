@@ -1,6 +1,7 @@
 """Notebooks: contexts and recordings show themselves, and never fail at it."""
 
 import base64
+import html
 import io
 import re
 import sys
@@ -67,14 +68,25 @@ def test_one_that_cannot_be_drawn_says_why(ctx, heard):
     assert "'own'" in heard[0]
 
 
-def test_a_recording_shows_its_last_state(recorded):
+def test_a_recording_is_a_page_that_replays_it_and_a_picture_where_no_scripts_run(recorded):
     with recorder.open(recorded) as recording:
-        page = recording._repr_html_()
+        page, printed = recording._repr_html_(), recording._repr_png_()
     assert "2 turns" in page
     assert "red: 3" in page
-    kind, content = image_in(page)
-    assert kind == "png"
+    [frame] = re.findall('<iframe title="the game" sandbox="allow-scripts"[^>]* srcdoc="([^"]*)"></iframe>', page)
+    inner = html.unescape(frame)
+    assert inner.startswith("<!DOCTYPE html>")
+    kind, content = image_in(re.search("<noscript>(.*)</noscript>", inner)[1])
+    assert (kind, content) == ("png", printed)
     assert pixels_of(content).std() > 1
+
+
+def test_a_recording_that_would_fill_a_notebook_is_its_last_state(recorded, monkeypatch):
+    monkeypatch.setattr(recorder.recording, "_MOST_SHOWN", 1000)
+    with recorder.open(recorded) as recording:
+        page = recording._repr_html_()
+    assert "<iframe" not in page
+    assert pixels_of(image_in(page)[1]).std() > 1
 
 
 def test_showing_a_recording_logs_nothing_and_leaves_the_logger_alone(recorded, caplog):

@@ -54,6 +54,7 @@ class Page:
 
     def open(self, path, width=1280, height=720, *, touch=False, scale=1, dark=False):
         """Open a file in a window of some size, and wait until the viewer has read it."""
+        self.messages.clear()
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
         self.call(

@@ -13,7 +13,7 @@ import browser
 
 @pytest.fixture(scope="session")
 def chromium():
-    """One page of a headless Chromium."""
+    """One page of a headless Chromium, which is used again by all tests."""
     if browser.CHROMIUM is None:
         pytest.skip("Chromium is not installed")
     with browser.browser() as page:

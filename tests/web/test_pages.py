@@ -34,7 +34,10 @@ def test_a_page_holds_every_state_of_the_game(game, tmp_path):
     with recorder.open(game) as recording:
         recording.save(tmp_path / "game.html", title="A walk")
         states = list(recording)
+        graph = recording.graph.columns()
     with recording_in((tmp_path / "game.html").read_bytes()) as found:
+        assert np.array_equal(found.graph.columns().node_ids, graph.node_ids)
+        assert np.allclose(found.graph.columns().xy, graph.xy, rtol=0.0, atol=1e-4)
         assert found.turns == 80
         for before, after in zip(states, found, strict=True):
             assert before.scores == after.scores
@@ -99,3 +102,24 @@ def test_a_page_says_what_it_cannot_be(game, tmp_path):
 def ctx():
     with gamms.create_context(seed=1) as ctx:
         yield ctx
+
+
+def test_two_games_are_on_one_page_with_the_turn_where_they_part(game, tmp_path):
+    other = tmp_path / "other.ggr"
+    with (
+        recorder.open(game) as recording,
+        recording.resume(20, ctx=None, strategies={"red": stay, "blue": stay}) as ctx,
+    ):
+        ctx.record.start(other)
+        ctx.game.run(max_turns=5)
+        ctx.record.stop()
+    with recorder.open(game) as first, recorder.open(other) as second:
+        text = web.page_of_two(first, second, names=("whole", "branch")).decode()
+    [shown] = re.findall(r'id="options">([^<]*)<', text)
+    assert json.loads(shown)["names"] == ["whole", "branch"]
+    assert json.loads(shown)["parts"] == 0  # the second one begins later
+    assert text.count('class="recording"') == 2
+
+
+def stay(state):
+    state["action"] = state["curr_pos"]

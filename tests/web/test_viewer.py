@@ -3,7 +3,8 @@
 import pytest
 
 import gamms
-from gamms import recorder
+from gamms import recorder, web
+from gamms.visual.backends.pillow_backend import pixels_of
 
 
 @pytest.fixture(scope="module")
@@ -96,6 +97,30 @@ def test_two_fingers_zoom_on_a_phone(chromium, page, game):
     )
     assert box[0] <= 390
     assert box[1] <= 800
+
+
+def test_a_notebook_shows_the_viewer_in_a_frame_that_reaches_nothing_of_it(chromium, game, tmp_path):
+    with recorder.open(game) as recording:
+        (tmp_path / "notebook.html").write_text(f"<!DOCTYPE html><title>cells</title>{recording._repr_html_()}")
+    chromium.call("Page.navigate", url=(tmp_path / "notebook.html").as_uri())
+    chromium.wait("document.title == 'cells' && document.readyState == 'complete'")
+    for _ in range(20):
+        chromium.settle()
+        if pixels_of(chromium.picture())[200:500].std() > 10.0:  # the map
+            break
+    else:
+        pytest.fail(f"the frame stays blank: {chromium.messages}")
+    assert chromium.messages == []
+    assert chromium.value("document.querySelector('iframe').contentDocument") is None
+
+
+def test_a_damaged_recording_is_said_to_be_so(chromium, game, tmp_path):
+    with recorder.open(game) as recording:
+        text = web.page(recording).decode()
+    start = text.index('class="recording">') + 400
+    (tmp_path / "damaged.html").write_text(text[:start] + "AAAA" + text[start + 4 :])
+    chromium.open(tmp_path / "damaged.html")
+    assert "damaged" in chromium.value("document.querySelector('.failure').textContent")
 
 
 def test_hostile_names_execute_nothing(chromium, tmp_path):

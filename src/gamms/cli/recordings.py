@@ -57,12 +57,21 @@ def verify(file: _File, map: _Map = None) -> None:
 def diff(
     first: Annotated[Path, typer.Argument(help="A recording, .ggr.", metavar="FIRST", show_default=False)],
     second: Annotated[Path, typer.Argument(help="Another one.", metavar="SECOND", show_default=False)],
+    html: Annotated[
+        Path | None, typer.Option(help="Write a page that replays both side by side.", metavar="FILE")
+    ] = None,
 ) -> None:
     """Say where two games part; exit code 1 if they do."""
     from gamms import recorder, recordings
 
     with recorder.open(first) as one, recorder.open(second) as other:
         turns, found = one.turns, recordings.first_difference(one, other)
+        if html is not None:
+            from gamms.folders import write_whole
+            from gamms.web import page_of_two
+
+            write_whole(html, page_of_two(one, other, names=(first.stem, second.stem)))
+            echo(f"Wrote {html}.")
     if found is not None:
         echo(str(found))
         raise typer.Exit(1)

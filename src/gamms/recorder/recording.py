@@ -1,6 +1,7 @@
 """A recording that is open: any state of it, its events and its tables, without a context."""
 
 import os
+from base64 import b64decode
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -38,7 +39,10 @@ AnyStrategy = Strategy | AerialStrategy | AsyncStrategy
 Strategies = Mapping[str, AnyStrategy]  # agent or team -> its strategy
 Branches = Sequence[AnyStrategy | None] | Mapping[str, AnyStrategy | None]  # that an agent or team may go on with
 
-_OF_PAGES = {"title", "theme", "labels", "trails", "turn", "audience"}  # what a page may be given
+_MOST_SHOWN = 20 << 20  # bytes of a page that a notebook shows
+_FRAME = (  # it may run its own scripts, and reach nothing of the notebook
+    '<iframe title="the game" sandbox="allow-scripts" style="width:100%;height:560px;border:0" srcdoc="{}"></iframe>'
+)
 _BLOBS = ("world",)  # parts of the header that are no words
 _CALLERS = ("folder", "file", "allow")  # what `Scenario(**header["scenario"])` takes as said by the caller
 _LISTS = {"name": "names", "team": "teams", "speed": "speed", "strategy": "strategies"}  # columns that seldom change
@@ -107,11 +111,27 @@ class Recording(Opened):
         return f"{type(self).__name__}({self.turns} turns)"
 
     def _repr_html_(self) -> str | None:
-        """Turns, scores and a picture of the last state, for notebooks; None where it cannot be read any more."""
+        """Turns, scores and a page that replays it, for notebooks; None where it cannot be read any more.
+
+        Where no scripts run the page is a picture of the last state, and so is one that would be too large.
+        """
         try:
             scores = "".join(f"<br/>{escape(f'{of}: {score}')}" for of, score in self[-1].scores.items())
             with self._live(self.turns, {}, is_quiet=True) as ctx:
-                return f"<b>{escape(repr(self))}</b>{scores}<br/>{ctx.visual.as_html()}"
+                still = ctx.visual.as_html()
+            content = pages["gamms"](self, still=b64decode(still.partition("base64,")[2].partition('"')[0]))
+            if len(content) <= _MOST_SHOWN:
+                still = _FRAME.format(escape(content.decode()))
+            return f"<b>{escape(repr(self))}</b>{scores}<br/>{still}"
+        except Exception:  # noqa: BLE001 - a notebook then shows its repr
+            return None
+
+    def _repr_png_(self) -> bytes | None:
+        """A picture of the last state, for notebooks that are printed; None where there is nothing to make it with."""
+        try:
+            with self._live(self.turns, {}, is_quiet=True) as ctx:
+                found: bytes | None = ctx.visual.pictures.as_png()
+                return found
         except Exception:  # noqa: BLE001 - a notebook then shows its repr
             return None
 
@@ -349,8 +369,6 @@ class Recording(Opened):
         target = as_path(path, "path")
         if not target.parent.is_dir():
             raise MissingFolder(target.name, target.parent)
-        if unknown := sorted(options.keys() - _OF_PAGES):
-            raise BadValue(f"A page has no {unknown[0]!r}; there is: {', '.join(sorted(_OF_PAGES))}.")
         write_whole(target, pages["gamms"](self, **options))
 
     def cut(self, path: str | os.PathLike[str] | BinaryIO, team: object, *, overwrite: bool = False) -> None:

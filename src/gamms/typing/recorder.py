@@ -3,7 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from enum import Enum
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, BinaryIO, Literal, TypedDict, TypeVar
 
 from gamms.ir import events as kinds
 from gamms.plugins import Registry
@@ -146,6 +146,27 @@ class IRecorder(ABC):
     @abstractmethod
     def unregister_component(self, key: tuple[str, str]) -> None:
         """Forget a component class."""
+
+
+class PageOptions(TypedDict, total=False):
+    """The keywords of pages that replay a recording in a browser."""
+
+    title: str
+    """What stands above the map and on the tab: the name of the scenario."""
+    theme: Literal["light", "dark"] | None
+    """The colours: None, those that the browser prefers."""
+    labels: bool | Literal["auto"]
+    """Whether agents have their names beside them: "auto", while they are few."""
+    trails: int
+    """Of how many turns the ways of agents are shown, 200 at most: 0."""
+    turn: int
+    """After which turn it begins: 0."""
+    follow: str | None
+    """The name of an agent to keep in the middle: None."""
+    audience: str | None
+    """A team, by its text; what it could not know is not in the page: None, all is."""
+    still: bytes | None
+    """A picture, PNG or SVG, for where no scripts run: None."""
 
 
 pages: Registry[bytes] = Registry("form of pages of recordings", "gamms.pages", "gamms.web")

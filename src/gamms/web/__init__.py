@@ -8,6 +8,6 @@ first file to read; `scripts/build_viewer.py` makes one page of it, `data/viewer
 A client: it uses recordings as any program would.
 """
 
-from gamms.web.pages import page
+from gamms.web.pages import page, page_of_two
 
-__all__ = ["page"]
+__all__ = ["page", "page_of_two"]

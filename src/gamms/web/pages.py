@@ -7,30 +7,33 @@ map, which recordings name, is put in. So the file needs nothing else, and no se
 import base64
 import json
 import zlib
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from functools import cache
 from html import escape
 from io import BytesIO
 from pathlib import Path
 from struct import Struct
-from typing import Any, Literal
+from typing import Any, Unpack
 
 import numpy as np
 
 from gamms.arguments import as_int
 from gamms.errors import BadValue
+from gamms.graph.map_file import scenery_called
 from gamms.ir import events as kinds
 from gamms.ir import packing
 from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder import Recording, Writer
-from gamms.recordings import with_map
+from gamms.recordings import first_difference
 from gamms.text import shown
-from gamms.typing.recorder import pages
+from gamms.typing.recorder import PageOptions, pages
 from gamms.web.audience import Audience, look_of
 
-__all__ = ["page"]
+__all__ = ["page", "page_of_two"]
 
+_OPTIONS = PageOptions.__annotations__.keys()
+_MOST_TRAILS = 200
 _PAGE = Path(__file__).parent.parent / "data" / "viewer.html"
 _KEYFRAME_MOVES = 1 << 14  # between two keyframes, which the viewer reads in some milliseconds
 _FEWEST_TURNS, _MOST_TURNS = 8, 64  # between them
@@ -50,54 +53,90 @@ _HEAD = Struct("<8sIII")
 
 
 @pages.register("gamms")
-def page(
-    recording: Recording,
-    *,
-    title: str = "",
-    theme: Literal["light", "dark"] | None = None,
-    labels: bool | Literal["auto"] = "auto",
-    trails: int = 0,
-    turn: int = 0,
-    follow: str | None = None,
-    audience: str | None = None,
-) -> bytes:
-    """Return an HTML page that replays a recording: UTF-8, the same bytes for the same recording and keywords.
+def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
+    """Return an HTML page that replays a recording: UTF-8, the same bytes for the same recording and options.
 
     Args:
         recording: is read from its first turn to its last; it holds its map, or was opened with it.
-        title: stands above the map and on the tab; "": the name of the scenario.
-        theme: "light" or "dark"; None: as the pages of the browser are.
-        labels: whether agents have their names beside them; "auto": while they are few.
-        trails: of how many turns the ways of agents are shown, 200 at most.
-        turn: after which turn it begins.
-        follow: the name of an agent to keep in the middle.
-        audience: a team, by its text: what it could not know is not in the page. None: all is.
+        options: `gamms.typing.recorder.PageOptions` has them.
 
     Raises:
-        BadValue: there is no such turn or theme, or no agent of the team has a sensor.
+        BadValue: there is no such turn, theme or option, or no agent of the audience has a sensor.
         UnknownName (KeyError): there is no such team.
         RecordingError (ValueError): the recording is damaged, or does not hold its map.
     """
-    if not 0 <= as_int(turn, "turn") <= recording.turns:
-        raise BadValue(f"There is no state after {turn} turns: this recording has {recording.turns} turns.")
+    look = _checked(options, recording.turns, _title_of(recording))
+    return _assembled(look, options.get("still"), [_rewritten(recording, options.get("audience"))])
+
+
+def page_of_two(
+    first: Recording, second: Recording, *, names: tuple[str, str] = ("first", "second"), **options: Unpack[PageOptions]
+) -> bytes:
+    """Return an HTML page that replays two recordings side by side, and marks the turn where they part.
+
+    Args:
+        first: is shown at the left.
+        second: is shown at the right.
+        names: what stands above them.
+        options: see `page`.
+
+    Raises:
+        BadValue, UnknownName, RecordingError: see `page`.
+    """
+    look = _checked(options, max(first.turns, second.turns), f"{names[0]} and {names[1]}")
+    found = first_difference(first, second)
+    look |= {"names": list(names), **({} if found is None else {"parts": found.turn})}
+    recordings = [_rewritten(one, options.get("audience")) for one in (first, second)]
+    return _assembled(look, options.get("still"), recordings)
+
+
+def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
+    """Return what the viewer is told, with the title that it has by default.
+
+    Raises:
+        BadValue: there is no such option, turn or theme.
+    """
+    if unknown := sorted(options.keys() - _OPTIONS):
+        raise BadValue(f"A page has no {shown(unknown[0])}; there is: {', '.join(sorted(_OPTIONS))}.")
+    turn, theme = as_int(options.get("turn", 0), "turn"), options.get("theme")
+    if not 0 <= turn <= turns:
+        raise BadValue(f"There is no state after {turn} turns: this recording has {turns} turns.")
     if theme not in (None, "light", "dark"):
         raise BadValue(
             f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None, which is as the browser."
         )
-    title = title or _title_of(recording)
-    look = {"title": title, "theme": theme, "labels": labels, "trails": trails, "turn": turn}
-    look |= {"follow": follow, "audience": audience}
-    given = {name: value for name, value in look.items() if value is not None}
-    data = base64.b64encode(_rewritten(recording, audience)).decode()
+    trails = min(max(as_int(options.get("trails", 0), "trails"), 0), _MOST_TRAILS)
+    look = {
+        "title": options.get("title") or title,
+        "theme": theme,
+        "labels": options.get("labels", "auto"),
+        "trails": trails,
+        "turn": turn,
+        "follow": options.get("follow"),
+        "audience": options.get("audience"),
+    }
+    return {name: value for name, value in look.items() if value is not None}
+
+
+def _assembled(look: dict[str, Any], still: bytes | None, recordings: list[bytes]) -> bytes:
+    """Return the page of some recordings."""
+    held = "\n".join(
+        f'<script type="application/x-gamms-recording" class="recording">{base64.b64encode(one).decode()}</script>'
+        for one in recordings
+    )
+    words = escape(f"{look['title']}. A browser with JavaScript replays it.")
     parts = {
-        "title": escape(title),
-        "still": escape(f"{title}: {recording.turns} turns. A browser with JavaScript replays them."),
-        "data": (
-            f'<script type="application/json" id="options">{_as_json(given)}</script>\n'
-            f'<script type="application/x-gamms-recording" class="recording">{data}</script>'
-        ),
+        "title": escape(look["title"]),
+        "still": words if still is None else _image(still, words),
+        "data": f'<script type="application/json" id="options">{_as_json(look)}</script>\n{held}',
     }
     return _filled(parts).encode("utf-8", "replace")
+
+
+def _image(picture: bytes, words: str) -> str:
+    """Return a picture as an element of a page."""
+    kind = "png" if picture.startswith(b"\x89PNG") else "svg+xml"
+    return f'<img alt="{words}" src="data:image/{kind};base64,{base64.b64encode(picture).decode()}">'
 
 
 def _filled(parts: dict[str, str]) -> str:
@@ -179,24 +218,23 @@ def _drawn_event(entry: Any) -> Any:
 def _drawn_map(world: bytes) -> bytes:
     """Return a map with what is drawn of it: rounded, with its scenery, without most attributes."""
     state = _opened(world)
-    with with_map(None) as ctx:
-        ctx.graph.storage.unpack(world)
-        scenery = ctx.graph.scenery_columns()
-    buildings = scenery.buildings
-    base = {
-        "kinds": scenery.kinds,
-        "sizes": np.diff(scenery.offsets),
-        "points": scenery.points,
-        "face_types": buildings.types,
-        "face_corners": buildings.corners.reshape(-1, 12),
-    }
+    if "base_map" in state:
+        base = state["base_map"]
+    else:
+        scenery = scenery_called(state.pop("scenery", None))
+        base = {
+            "kinds": scenery.kinds,
+            "sizes": np.diff(scenery.offsets),
+            "points": scenery.points,
+            "face_types": scenery.buildings.types,
+            "face_corners": scenery.buildings.corners.reshape(-1, 12),
+        }
     if len(state["face_ids"]):  # which are drawn instead
-        base |= {"face_types": buildings.types[:0], "face_corners": buildings.corners[:0].reshape(-1, 12)}
+        base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
     step = _step(state["xy"])
     for name in ("xy", "bend_points", "face_corners"):
         state[name] = _rounded(state[name], step)
     state |= {
-        "scenery": None,
         "base_map": base | {name: _rounded(base[name], step) for name in ("points", "face_corners")},
         "lengths": np.zeros(len(state["edge_ids"])),
         "node_attributes": {},

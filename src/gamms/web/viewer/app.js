@@ -13,7 +13,7 @@ const RESTS_MS = 160; // after which the map is painted sharply
 const WIDE_PX = 1000; // pages that show the panel at first
 
 /** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number}} Options */
-/** @typedef {{replay: Replay, scene: Scene, canvas: HTMLCanvasElement}} View */
+/** @typedef {{replay: Replay, scene: Scene, canvas: HTMLCanvasElement, label: HTMLElement | null}} View */
 
 export class App {
   /** @param {HTMLElement} root @param {Replay[]} replays @param {Options} options */
@@ -68,10 +68,11 @@ export class App {
   /** @param {Replay} replay @param {number} number @returns {View} */
   #view(replay, number) {
     const name = this.options.names?.[number];
-    const label = name ? `The map with the agents of ${name}` : "The map with the agents";
-    const canvas = element("canvas", { class: "view", tabindex: "0", role: "img", "aria-label": `${label}. Keys: ? shows them.` });
-    this.stage.append(element("div", { class: "half" }, canvas, name ? element("div", { class: "name", text: name }) : null));
-    return { replay, scene: new Scene(replay, canvas), canvas };
+    const words = name ? `The map with the agents of ${name}` : "The map with the agents";
+    const canvas = element("canvas", { class: "view", tabindex: "0", role: "img", "aria-label": `${words}. Keys: ? shows them.` });
+    const label = name ? element("div", { class: "name" }) : null;
+    this.stage.append(element("div", { class: "half" }, canvas, label));
+    return { replay, scene: new Scene(replay, canvas), canvas, label };
   }
 
   #corner() {

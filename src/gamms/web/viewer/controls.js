@@ -1,5 +1,6 @@
 // What stands above and below the map: the title, teams with scores, what happens, and the timeline.
 import { dot, element, icon, iconButton, refill } from "./dom.js";
+import { wordsOf } from "./captions.js";
 import { THEMES } from "./themes.js";
 
 const SPEEDS = [0.5, 1, 2, 4, 8, 16, 32, 64];
@@ -76,6 +77,12 @@ export class Controls {
 
   #renewTeams() {
     const { app } = this;
+    app.views.forEach(({ replay: { state, turns }, label }, i) => {
+      if (label === null) return;
+      const scores = [...state.scores].map(([of, score]) => `${of} ${wordsOf(score)}`).join(" : ");
+      const words = [app.options.names?.[i] ?? "", scores, app.turn > turns ? `over after turn ${turns}` : "", app.options.parts === app.turn ? "here the games part" : ""];
+      label.textContent = words.filter(Boolean).join(" · ");
+    });
     const [{ replay, scene }] = app.views;
     const colors = scene.colors(app.look);
     const sides = new Map(replay.sides().map((side) => [side, { living: 0, all: 0 }]));

@@ -4,6 +4,7 @@ import { faded } from "./themes.js";
 const TINT = 70 / 255, BAND = 0.75;
 const FLAG_PX = 26, ARM_PX = 7;
 const MOST = 100; // flags, territories and goals
+const MOST_RUNS = 20000; // in a text of nodes
 const FEW_GOALS = 12;
 
 /** @typedef {import("./scene.js").Scene} Scene @typedef {import("./themes.js").Theme} Theme */
@@ -13,7 +14,8 @@ const FEW_GOALS = 12;
 function rowsIn(text, rowOf) {
   const runs = String(text).split(" ").filter(Boolean).map((part) => part.split("..").map(Number)).map(([begin, end]) => [begin, end ?? begin]);
   const found = new Set();
-  const length = runs.reduce((sum, [begin, end]) => sum + end - begin + 1, 0);
+  if (runs.length > MOST_RUNS) return found;
+  const length = runs.reduce((sum, [begin, end]) => sum + Math.max(end - begin + 1, 0), 0);
   if (length > 4 * rowOf.size + 1000) {
     for (const [id, row] of rowOf) if (runs.some(([begin, end]) => begin <= id && id <= end)) found.add(row);
     return found;

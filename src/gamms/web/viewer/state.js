@@ -9,7 +9,7 @@ export const KINDS = {
   GAME_TURN: 0x04000004, MEMORY: 0x04000005, DEED: 0x04000008, BLOCKED: 0x04000009, MESSAGE: 0x0400000a,
   USER_EVENT: 0x05000000, SENSORS: 0x06000000, SENSED: 0x06000001,
 };
-const MOST_AGENTS = 1 << 20;
+const MOST_AGENTS = 200000;
 const MOST_MESSAGES = 5000; // that are kept: those of the last turns
 const NOWHERE = Object.freeze([NaN, NaN, NaN, NaN]); // of agents that have no such place
 const OLDEST_MESSAGE = 200; // turns
