@@ -26,7 +26,7 @@ def tournament(
         ),
     ] = None,
 ) -> None:
-    """Let entries play each other; run it again to go on after an interruption."""
+    """Let entries play each other, confined."""
     from gamms import scenario, tournament
     from gamms.experiment.executors import cores
     from gamms.scenario import documents
