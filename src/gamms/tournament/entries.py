@@ -67,7 +67,7 @@ def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: It
     entries = []
     for number, name in enumerate(sorted(texts)):
         others = [file for other, some in files.items() if other != name for file in some if file is not None]
-        closed = [out, *private, *others]
+        closed = [out, *private, *others, Path.home()]
         copies = out / "entries" / f"{number:02d}"
         places = [None if file is None else _place(file, closed, copies) for file in files[name]]
         make = _python_entry if isinstance(given[name], str) else _program

@@ -13,6 +13,7 @@ import sys
 import traceback
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from importlib import import_module
 from typing import Any, NoReturn
 
 import numpy as np
@@ -34,6 +35,7 @@ _FAILED = 71
 
 def host_of(reference: str, map: str, settings: dict[str, Any]) -> Play:
     """Load the map, and return what plays the entry in a child: `play(file with questions, file for answers)`."""
+    import_module("gamms.strategies")  # here once, not by each child
     ctx = create_context(logger_config={"level": "ERROR"}, game=settings)
     ctx.graph.load(map)
     ctx.graph.columns()

@@ -154,17 +154,15 @@ def _end_with_traceback() -> NoReturn:
 
 
 def _ended(id: int, patience_s: float) -> dict[str, Any]:
-    """End a child, after waiting for it to end by itself, and say how it did."""
+    """End a child and its process group, after waiting for it to end by itself, and say how it did."""
     until, ended = monotonic() + patience_s, True
-    found, status, used = os.wait4(id, os.WNOHANG)
-    while not found:
+    while os.waitid(os.P_PID, id, os.WEXITED | os.WNOHANG | os.WNOWAIT) is None:
         if monotonic() >= until:
             ended = False
-            os.kill(id, signal.SIGKILL)
-            found, status, used = os.wait4(id, 0)
             break
         sleep(_STEP_S)
-        found, status, used = os.wait4(id, os.WNOHANG)
+    os.killpg(id, signal.SIGKILL)  # with what it has started, where the system cannot forbid that
+    _, status, used = os.wait4(id, 0)
     return {"status": status, "ended": ended, "cpu_s": used.ru_utime + used.ru_stime}
 
 

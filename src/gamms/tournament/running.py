@@ -225,7 +225,8 @@ class _Runner:
         for pair, some in fixtures.items():
             new = [one for one in some if one.id not in self._journal.rows]
             for first in range(0, len(new), _GAMES_OF_A_TASK):
-                yield Task(self._settings, pair, tuple(new[first : first + _GAMES_OF_A_TASK]))
+                games = tuple(new[first : first + _GAMES_OF_A_TASK])
+                yield Task(self._settings, pair, games, isinstance(self._executor, Here | WorkerPool))
 
     def _asked(self, task: Task) -> Future[list[Row]]:
         try:

@@ -47,11 +47,13 @@ class Task(NamedTuple):
         settings: pickled.
         entries: both.
         fixtures: the games.
+        keeps_launchers: for later tasks, in a process that ends with the tournament.
     """
 
     settings: bytes
     entries: tuple[Entry, Entry]
     fixtures: tuple[Fixture, ...]
+    keeps_launchers: bool
 
 
 _launchers: OrderedDict[tuple[bytes, Entry], Launcher] = OrderedDict()
@@ -79,6 +81,8 @@ def play(task: Task) -> list[Row]:
             if parent is not None and not parent.is_alive():
                 raise SystemExit
             rows.append(_played(settings, fixture, launchers))
+    if not task.keeps_launchers:
+        close_launchers()
     return rows
 
 
