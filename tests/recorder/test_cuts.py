@@ -114,6 +114,15 @@ def test_a_team_has_its_own_memories_facts_and_messages():
     assert "from blue_0" not in text
 
 
+def test_an_event_that_names_nobody_in_sight_is_not_told():
+    ctx = pair_on_a_grid()
+    ctx.game.add(lambda ctx: ctx.game.emit("moved", agent="blue_0", at=ctx.agent.get_agent("blue_0").current_node_id))
+    ctx.game.add(lambda ctx: ctx.game.emit("noon"))
+    with opened(io.BytesIO(cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "red"))) as red:
+        assert [event["turn"] for event in red.events() if event["kind"] == "moved"] == [2, 4]
+        assert [event["turn"] for event in red.events() if event["kind"] == "noon"] == [1, 2, 3, 4]
+
+
 def test_messages_come_when_they_are_heard():
     ctx = pair_on_a_grid()
     ctx.game.add_channel("radio", range_m=1000.0, delay_turns=2)

@@ -141,12 +141,12 @@ def _converted(file: Path, out: Path, map: Path | None, turn_seconds: float) -> 
 
 def _cut(file: Path, out: Path, team: str) -> Path:
     """Write what a team knew; returns the path."""
-    from gamms import recorder
+    from gamms import recorder, recordings
 
     if out.suffix.lower() not in (".ggr", ""):
         raise BadValue(f"--team makes a recording: give a .ggr instead of {str(out)!r}, and convert that.")
     with recorder.open(file) as recording:
-        recording.cut(out, team)
+        recordings.with_sensed(recording).cut(out, team)
     return out if out.suffix else Path(f"{out}.ggr")
 
 

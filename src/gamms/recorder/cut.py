@@ -5,7 +5,7 @@ senses them, where its sensors reported them: they come when they are seen and a
 is sensed in front of a turn belongs to the state before it, so that a state shows what the team decides by.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from itertools import chain
 from typing import Any, BinaryIO
@@ -55,12 +55,14 @@ class Cut:
     ) -> None:
         self._is_own, self._nearest = is_own, nearest
         self._ids: dict[str, int] = {}  # name -> number while a turn waits
-        self._seen: dict[str, Sighting] = {}  # others that the team sees
+        self._seen: dict[str, Sighting] = {}  # others that the team sees, in the turn that waits
+        self._in_view: Collection[str] = ()  # whom it sees in the turn that is added, and its own
         self._later: dict[int, list[_Event]] = {}  # turn -> messages that arrive in it
         self._turn = 0  # of the log that is added
         self._waiting: list[_Event] | None = None  # the turn that was added last
         self._all = DetachedState(deepcopy(keyframe))  # where the events that are added have led to
         self._look_around()
+        self._flags: dict[Any, Any] = {}
         self._first = self._restricted(keyframe)
         self._known = DetachedState(deepcopy(self._first))  # where those that were given out have led to
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
@@ -70,10 +72,12 @@ class Cut:
         """Add the log of the next turn; yields the one before it, which is complete by what is sensed now."""
         own: list[_Event] = []
         seen: dict[str, Sighting] | None = None
+        data_then: dict[Any, Any] = {}  # what rules kept when it was sensed
         for kind, data in events_of(log):
             if kind == kinds.SENSED:
                 looks = self._own_looks(data)
-                seen = (seen or {}) | self._sightings(looks)
+                seen, data_then = (seen or {}) | self._sightings(looks), deepcopy(self._all.game.data)
+                self._in_view = self._own.keys() | seen.keys()
                 own.append((kind, sensed.renumbered(sensed.columns_of(looks), self._id_of)))
             else:
                 own.extend(self._cut(kind, data))
@@ -81,7 +85,8 @@ class Cut:
             own.extend(self._after(kind, data))
         own.extend(self._later.pop(self._turn, ()))
         self._all.agents.settle()
-        shown = [] if seen is None else list(self._show(seen))
+        shown = [] if seen is None else [*self._show(seen), *self._new_flags(data_then)]
+        own.extend(self._new_flags(self._all.game.data))
         if self._waiting is None:
             self._given(shown)
         else:
@@ -136,6 +141,9 @@ class Cut:
         own["strategies"] = [None] * len(rows)
         packed = keyframes.packed(own, len(rows), self._sensors_of(names), self._game(), None)
         history: dict[str, Any] = {key: deepcopy(of[key]) for key in _OF_STATE if key in of}
+        history["events"] = [
+            event for event in history.get("events", ()) for _ in self._emitted(kinds.GAME_EVENT, event)
+        ]
         if "deeds" in of:
             history["deeds"] = [deed for deed in of["deeds"] if deed["agent"] in self._own]
         if "messages" in of:
@@ -165,9 +173,25 @@ class Cut:
         for name, memory in self._of_own(whole.memories).items():
             game.memory_of(name).update(memory)
         game.agent_facts = self._of_own(whole.agent_facts)
+        game.data.update(self._flags_in(whole.data))
         for field in ("team_facts", "team_memories"):
             setattr(game, field, {team: each for team, each in getattr(whole, field).items() if team in teams})
         return deepcopy(game)
+
+    def _flags_in(self, data: Mapping[Any, Any]) -> dict[Any, Any]:
+        """Return the flags that rules keep: where they begin, and that one is carried, but not by whom out of sight."""
+        self._flags = {}
+        for key, kept in data.items():
+            if isinstance(kept, dict) and all(isinstance(kept.get(part), dict) for part in ("bases", "carriers")):
+                seen = {None, *self._own, *self._seen}
+                carriers = {team: name if name in seen else "" for team, name in kept["carriers"].items()}
+                self._flags[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
+        return self._flags
+
+    def _new_flags(self, data: Mapping[Any, Any]) -> Iterator[_Event]:
+        before, now = self._flags, self._flags_in(data)
+        if now != before:
+            yield kinds.GAME_DATA, {"set": now, "removed": [key for key in before if key not in now]}
 
     def _of_own(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in by_name.items() if name in self._own}
@@ -229,7 +253,13 @@ class Cut:
         yield kind, {**data, **({"starts": self._of_own(data["starts"])} if "starts" in data else {})}
 
     def _deed(self, kind: int, data: Plain) -> Iterator[_Event]:
-        if data["agent"] in self._own or data["agent"] in self._seen:
+        if data["agent"] in self._in_view or data["agent"] in self._own:
+            yield kind, data
+
+    def _emitted(self, kind: int, data: Plain) -> Iterator[_Event]:
+        """Yield an event unless it names agents, all of them out of sight: rules emit for those who watch a game."""
+        named = {value for value in data.values() if isinstance(value, str) and value in self._ids}
+        if not named or any(name in self._own or name in self._in_view for name in named):
             yield kind, data
 
     def _message(self, kind: int, data: Plain) -> Iterator[_Event]:
@@ -400,6 +430,8 @@ _SPECIAL: dict[int, Callable[[Cut, int, Any], Iterator[_Event]]] = {
     kinds.GAME_BLOCKED: Cut._blocked,
     kinds.GAME_TURN: Cut._counted,
     kinds.GAME_DEED: Cut._deed,
+    kinds.GAME_EVENT: Cut._emitted,
+    kinds.USER_EVENT: Cut._emitted,
     kinds.GAME_MESSAGE: Cut._message,
     **dict.fromkeys((kinds.AGENT_CREATE, kinds.AGENT_DELETE), _nothing),  # see `_after`
     kinds.UNFINISHED: Cut._by_audience,

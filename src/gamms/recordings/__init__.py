@@ -16,6 +16,7 @@ from gamms.recordings.conversion import (
     watch,
     with_map,
 )
+from gamms.recordings.sensing import with_sensed
 
 __all__ = [
     "Difference",
@@ -31,4 +32,5 @@ __all__ = [
     "version_of",
     "watch",
     "with_map",
+    "with_sensed",
 ]

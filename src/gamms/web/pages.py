@@ -7,7 +7,7 @@ map, which recordings name, is put in. So the file needs nothing else, and no se
 import base64
 import json
 import zlib
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 from functools import cache
 from html import escape
 from io import BytesIO
@@ -25,10 +25,10 @@ from gamms.ir import packing
 from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder import Recording, Writer
-from gamms.recordings import first_difference
+from gamms.recorder import open as opened
+from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
-from gamms.web.audience import Audience, look_of
 
 __all__ = ["page", "page_of_two"]
 
@@ -46,7 +46,7 @@ _UNREAD = {  # kinds of events that the viewer does not read
     *kinds.COMPONENTS,
 }
 _UNREAD_STATE = ("components", "chance", "delayed_looks", "agent_facts", "team_facts")  # of keyframes
-_HEADER = ("format", "package", "seed", "created", "visuals", "drawings")
+_HEADER = ("format", "package", "seed", "created", "visuals", "drawings", "audience")
 _EDGE_ATTRIBUTES = {"highway", "name", "tunnel"}
 _STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
 _HEAD = Struct("<8sIII")
@@ -169,36 +169,23 @@ def _title_of(recording: Recording) -> str:
 
 def _rewritten(recording: Recording, team: str | None) -> bytes:
     """Return the recording with what the viewer reads, and with more keyframes, so that any turn comes at once."""
-    source = _Whole(recording) if team is None else Audience(recording, team)
+    if team is not None:
+        known = BytesIO()
+        with_sensed(recording).cut(known, team)
+        recording = opened(BytesIO(known.getvalue()))
     header = {name: recording.header[name] for name in _HEADER if recording.header.get(name) is not None}
-    if team is not None:  # a seed would play the game again
-        header = {name: value for name, value in header.items() if name in ("format", "package")}
-        header["visuals"] = look_of(recording.header.get("visuals") or {})
     agents = len(recording.detached(0).agents)
     every = min(max(_KEYFRAME_MOVES // max(agents, 1), _FEWEST_TURNS), _MOST_TURNS)
     stream = BytesIO()
     writer = Writer(stream, header | {"world": _drawn_map(recording.graph.packed)}, seconds=None)
-    for turn, log in enumerate(source.logs()):
+    for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
         if turn % every == 0:
-            writer.keyframe(_drawn_keyframe(source.keyframe(turn)))
+            writer.keyframe(_drawn_keyframe(recording.detached(turn).keyframe(turn)))
         writer.add_turn([_drawn_event(entry) for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD])
     if not recording.turns:
-        writer.keyframe(_drawn_keyframe(source.keyframe(0)))
+        writer.keyframe(_drawn_keyframe(recording.detached(0).keyframe(0)))
     writer.close()
     return stream.getvalue()
-
-
-class _Whole:
-    """All of a recording, for readers who may know everything."""
-
-    def __init__(self, recording: Recording) -> None:
-        self._recording = recording
-
-    def keyframe(self, turn: int) -> dict[str, Plain]:
-        return self._recording.detached(turn).keyframe(turn)
-
-    def logs(self) -> Iterator[kinds.Log]:
-        return self._recording.logs(1, self._recording.turns + 1)
 
 
 def _drawn_keyframe(state: dict[str, Plain]) -> dict[str, Plain]:
