@@ -10,9 +10,8 @@ from worlds import Spent
 def scenario():
     """The game of `gamms/HelsinkiPursuit-v0`."""
     from gamms.rl import ids
-    from gamms.scenario import load
 
-    return load(ids.FOLDER / ids.IDS["gamms/HelsinkiPursuit-v0"])
+    return ids.scenario("gamms/HelsinkiPursuit-v0")
 
 
 def many_games(games=1024, turns=100):

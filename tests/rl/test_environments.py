@@ -118,12 +118,12 @@ def test_gymnasium_finds_no_fault_in_the_environment_of_one_agent(monkeypatch):
         check_env(rl.single_agent_env(scene(), agent="red_1"))
 
 
-@pytest.mark.parametrize("name", ["gamms/GridTag-v0", "gamms/CaptureTheFlag-v0"])
+@pytest.mark.parametrize("name", ["GridTag", "CaptureTheFlag", "Pursuit", "Competition", "HelsinkiPursuit"])
 def test_scenarios_that_come_with_gamms_have_names_for_gymnasium(name):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make(name).unwrapped, skip_render_check=True)
-        games = gymnasium.make_vec(name, num_envs=2)
+        check_env(gymnasium.make(f"gamms/{name}-v0").unwrapped, skip_render_check=True)
+        games = gymnasium.make_vec(f"gamms/{name}-v0", num_envs=2)
     observations, infos = games.reset(seed=1)
     assert observations["action_mask"].shape == (2, games.single_action_space.n)
     assert infos["valid"].tolist() == [True, True]
