@@ -7,6 +7,7 @@ pytest.importorskip("stable_baselines3", reason='Stable-Baselines3 is not instal
 
 from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks
+from stable_baselines3 import PPO
 
 from gamms import rl
 from gamms.errors import BadValue
@@ -134,3 +135,12 @@ def test_a_model_learns_moves_and_deeds_and_plays_them(tmp_path):
     env.close()
     red = rl.policy(tmp_path / "red.safetensors", sample=True)
     assert {deed["deed"] for deed in game.play(seed=3, strategies={"red": red}).deeds} >= {"scan"}
+
+
+def test_agents_that_fly_learn_without_masks():
+    teams = {"red": {"count": 2, "type": "aerial", "speed": 8}, "blue": {"count": 1}}
+    env = rl.sb3_env(scene().replace(teams=teams, sensors={}), num_games=2, team="red")
+    model = PPO("MultiInputPolicy", env, n_steps=8, batch_size=32, n_epochs=1, device="cpu", **env.rollouts)
+    model.learn(32)
+    assert model.predict(env.reset(), deterministic=True)[0].shape == (4, 3)
+    env.close()

@@ -123,3 +123,14 @@ def test_moves_and_deeds_are_one_action_with_masks():
     assert deeds.gather(-1, chosen[..., 1:]).all()
     assert chosen[..., 1].any()
     assert env.base_env.learners.games.result(0).deeds
+
+
+@pytest.mark.parametrize("settings", [{}, {"deeds": {"drop": {"node": "node"}}}])
+def test_agents_that_fly_have_a_box_without_masks(settings):
+    teams = {"red": {"count": 2, "type": "aerial", "speed": 8}, "blue": {"count": 1, "strategy": WALK}}
+    env = rl.torchrl_env(scene(teams=teams, sensors={}, settings=settings), num_games=2)
+    check_env_specs(env, seed=3)
+    played = env.rollout(4, break_when_any_done=False)
+    assert played["red", "action"].shape == (2, 4, 2, 8 if settings else 3)
+    assert ("red", "action_mask") not in played.keys(include_nested=True)
+    assert ("blue", "action_mask") in played.keys(include_nested=True)

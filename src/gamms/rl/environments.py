@@ -28,7 +28,8 @@ def parallel_env(
 
     What an agent observes is `{"observation": numbers, "action_mask": (actions,)}`. Action k goes to the k-th node of
     `state["legal"]`; 0 stays, as does an action that is not legal. Where the scenario declares deeds, actions are pairs
-    of a move and a deed, and masks have both. Other teams play their own strategies.
+    of a move and a deed, and masks have both. Agents that fly have a box, without a mask. Other teams play their own
+    strategies.
 
     Args:
         scenario: see `gamms.scenario.load`.

@@ -10,9 +10,10 @@ from gymnasium.envs.registration import EnvSpec
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
+from gamms.rl.heads import action_masks, are_legal, heads_of, refuse_mixed
 from gamms.rl.learners import ActionArray, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
-from gamms.rl.spaces import action_masks, action_space, are_legal, moves_and_deeds, observation_space, observed
+from gamms.rl.spaces import action_space, observation_space, observed
 from gamms.scenario import Scenario
 
 Infos = dict[str, Any]
@@ -42,15 +43,15 @@ class AgentEnv(gymnasium.Env[Observed, Any]):
         super().reset(seed=seed, options=options)
         self.learners.begin_next(seed)
         found = self._observed()
-        return found, {"action_mask": found["action_mask"]}
+        return found, _mask_in(found)
 
     def step(self, action: Any) -> tuple[Observed, float, bool, bool, Infos]:
         """Play a turn; an action that is not legal stays, and `info["is_legal"]` is False then."""
-        moves, deeds = moves_and_deeds(self.learners, action)
-        was_legal = bool(are_legal(self.learners, moves, deeds)[0, 0])
-        played = self.learners.step(moves, deeds)
+        heads = heads_of(self.learners, [(np.array([0]), action)])
+        was_legal = bool(are_legal(self.learners, heads)[0, 0])
+        played = self.learners.step(*heads)
         found = self._observed()
-        infos = {"action_mask": found["action_mask"], "is_legal": was_legal}
+        infos = {**_mask_in(found), "is_legal": was_legal}
         is_out, is_late = bool(played.terminated[0, 0]), bool(played.truncated[0, 0])
         return found, float(played.rewards[0, 0]), is_out, is_late and not is_out, infos
 
@@ -92,6 +93,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         self.metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP, "name": name or "gamms"}
         self.learners, self.num_games, self.num_agents = learners, len(learners.games), len(learners.names)
         self.num_envs = self.num_games * self.num_agents
+        refuse_mixed(learners, range(self.num_agents), "vector_env")
         self.single_observation_space = observation_space(learners)
         self.single_action_space = action_space(learners)
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
@@ -109,10 +111,11 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         """Play a turn of all games, and begin those again that have ended.
 
         Args:
-            actions: (slots,) numbers of legal nodes, or with deeds (slots, 2); one that is not legal stays.
+            actions: (slots,) numbers of legal nodes, or with deeds (slots, 2); one that is not legal stays. Of agents
+                that fly, (slots, 3) and more: see `heads`.
         """
         was_alive = self.learners.alive
-        played = self.learners.step(*moves_and_deeds(self.learners, actions))
+        played = self.learners.step(*heads_of(self.learners, [(np.arange(self.num_agents), actions)]))
         has_ended = self.learners.is_over
         found, infos = observed(self.learners), {}
         if has_ended.any():
@@ -135,10 +138,16 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         self.learners.close()
 
     def _infos(self) -> Infos:
-        return {"action_mask": self.action_masks(), "valid": self.learners.alive.ravel()}
+        masks = {} if self.learners.flies.all() else {"action_mask": self.action_masks()}
+        return {**masks, "valid": self.learners.alive.ravel()}
 
     def _flat(self, found: Observed) -> Observed:
         return {key: column.reshape(self.num_envs, *column.shape[2:]) for key, column in found.items()}
+
+
+def _mask_in(found: Observed) -> Infos:
+    """Return the mask of what was observed; of an agent that flies there is none."""
+    return {key: value for key, value in found.items() if key == "action_mask"}
 
 
 def spec_of(make: Callable[..., Any], scenario: Scenario, options: dict[str, Any]) -> EnvSpec:

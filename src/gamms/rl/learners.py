@@ -12,6 +12,7 @@ import numpy as np
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
 from gamms.game.batch import ArrayView, Batch
+from gamms.game.batch.given import flown
 from gamms.game.deeds import field_of
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -96,6 +97,8 @@ class Learners:
         num_actions: how many actions there are at most; action 0 stays.
         masks: (games, agents, actions) which actions are legal: of dead agents and in games that are over to stay.
         deeds: what agents may do besides moving; None: the scenario declares no deeds.
+        flies: (agents,) which agents fly.
+        reach_m: (agents,) how far those fly at most in a turn, map units; 0 of the others.
         alive: (games, agents) which agents take part.
         is_over: (games,) which games have ended.
         may_return: whether a rule brings back agents that are out: then they wait, and end with their games.
@@ -176,9 +179,9 @@ class Learners:
         self._sizes = [len(view.agents) for view in self._now]
         self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
         game = self.games.game
-        for one in game.agents:
-            if one.name in self.names and one.type is AgentType.AERIAL:
-                raise BadValue(f"Agent {shown(one.name)} flies: only agents on the ground learn so far.")
+        speeds = {one.name: one.speed or 0.0 for one in game.agents if one.type is AgentType.AERIAL}
+        self.flies: BoolArray = np.array([name in speeds for name in self.names], np.bool_)
+        self.reach_m: FloatArray = np.array([speeds.get(name, 0.0) for name in self.names], np.float64)
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
@@ -216,21 +219,24 @@ class Learners:
     def _observed(self, view: ArrayView) -> Any:
         return self._checked(self.observation(view), view, "observation")
 
-    def step(self, actions: ActionArray, deeds: ActionArray | None = None) -> Played:
+    def step(self, actions: ActionArray, deeds: ActionArray | None = None, flights: FloatArray | None = None) -> Played:
         """Play one turn of the games that are not over.
 
         Args:
             actions: (games, agents); an action that is not legal stays.
             deeds: (games, agents) numbers of `deeds`; one that is not legal is not done. None: agents only move.
+            flights: (games, agents, 3) where agents that fly go: east, north and up, in shares of what they reach in a
+                turn. One that is longer than 1 is shortened to 1, and one that is not finite hovers. None: all hover.
         """
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
         chosen = self._own(actions)
         chosen = self._xp.where((chosen >= 0) & (chosen < self._counts), chosen, 0)
         done = None if deeds is None or self.deeds is None else self._legal_deeds(self._on_host(self._own(deeds)))
+        flown = None if flights is None or not self.flies.any() else self._within_reach(np.asarray(flights))
         if self._hand is None:
-            self.games.step(self._given(chosen, done), on_illegal="stay")
+            self.games.step(self._given(chosen, done, flown), on_illegal="stay")
         else:
-            self._hand.take(self._on_host(self.games.turn), self._on_host(chosen), done)
+            self._hand.take(self._on_host(self.games.turn), self._on_host(chosen), done, flown)
             self.games.step()
         self._remember()
         gains = {key: numbers - scores.get(key, 0.0) for key, numbers in self._scores.items()}
@@ -284,7 +290,8 @@ class Learners:
     def whole(self) -> Float32Array:
         """Return the whole games as numbers, (games, entries): what no agent knows, but a critic may.
 
-        They are of each agent of all teams, in the order of their names, `alive`, `x` and `y` in shares of the map,
+        They are of each agent of all teams, in the order of their names, `alive`, `x` and `y`, and where an agent flies
+        `z`, in shares of the map,
         then the share n / (n + 100) after n turns, and the scores of the teams.
         """
         views = [self.games.observe(team) for team in self.games.teams]
@@ -293,7 +300,10 @@ class Learners:
         alive = np.concatenate([view.mask for view in views], axis=1)[:, order]
         nodes = views[0].streets.columns.xy
         low, high = nodes.min(axis=0), nodes.max(axis=0)
-        shares = (xy - (low + high) / 2.0) * (2.0 / (float((high - low).max()) or 2.0))
+        shares = (xy - (low + high) / 2.0) * (2.0 / _longer_side(nodes))
+        if any(agent.type is AgentType.AERIAL for agent in views[0].roster.agents):
+            z = np.concatenate([view["z"] for view in views], axis=1)[:, order]
+            shares = np.concatenate((shares, z[..., None] * (2.0 / _longer_side(nodes))), axis=2)
         of_agents = np.concatenate((alive[..., None], np.where(alive[..., None], shares, 0.0)), axis=2)
         scores = [self._scores.get(team, np.zeros(len(self.games))) for team in self.games.teams]
         parts = (
@@ -341,16 +351,31 @@ class Learners:
         """Return choices of deeds, nothing instead of those that agents do not have."""
         return np.where(are_in(self._legal_deed_masks(), chosen), chosen, 0)
 
-    def _given(self, chosen: Array, done: IntArray | None) -> dict[Hashable, Any]:
+    def _within_reach(self, flights: FloatArray) -> FloatArray:
+        """Return flights in map units, none farther than its agent reaches."""
+        if flights.shape != (*self._shape, 3) or flights.dtype.kind not in "iuf":
+            raise BadValue(
+                f"Flights are numbers (east, north, up), an array {(*self._shape, 3)}, not {flights.dtype} of the "
+                f"shape {flights.shape}."
+            )
+        finite = np.where(np.isfinite(flights).all(axis=2, keepdims=True), flights, 0.0).astype(np.float64)
+        length = np.maximum(np.sqrt((finite * finite).sum(axis=2, keepdims=True)), 1.0)
+        found: FloatArray = finite / length * self.reach_m[:, None]
+        return found
+
+    def _given(self, chosen: Array, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
         """Return what the agents of each team do, as `Batch.step` takes it."""
-        moves = dict(zip(self.teams, self._by_team(chosen), strict=True))
-        if done is None or self.deeds is None:
-            return moves
-        of_teams = zip(moves.items(), self._by_team(done), self._now, strict=True)
-        return {
-            team: {"moves": one, "deeds": self.deeds.given(choices, on_host(view))}
-            for (team, one), choices, view in of_teams
-        }
+        given: dict[Hashable, Any] = dict(zip(self.teams, self._by_team(chosen), strict=True))
+        if done is None and flown is None:
+            return given
+        given = {team: {"moves": moves} for team, moves in given.items()}
+        if done is not None and self.deeds is not None:
+            for team, choices, view in zip(self.teams, self._by_team(done), self._now, strict=True):
+                given[team]["deeds"] = self.deeds.given(choices, on_host(view))
+        if flown is not None:
+            for team, flights in zip(self.teams, self._by_team(flown), strict=True):
+                given[team]["flights"] = flights
+        return given
 
     def _on_host(self, array: Array) -> Any:
         """Return an array of the library of the games as one of NumPy."""
@@ -418,28 +443,35 @@ class _Hand:
     def __init__(self) -> None:
         self._games: Batch | None = None
         self._choices: DeedChoices | None = None
-        self._taken = np.zeros((0, 0, 2), np.int64)  # (turns, games, 2)  moves and deeds
+        self._taken = np.zeros((0, 0, 5))  # (turns, games, 5)  moves, deeds, and flights
 
     def begin(self, games: Batch, choices: DeedChoices | None) -> None:
         """Play in the games of a batch."""
-        self._games, self._choices, self._taken = games, choices, np.zeros((16, len(games), 2), np.int64)
+        self._games, self._choices, self._taken = games, choices, np.zeros((16, len(games), 5))
 
-    def take(self, turns: IntArray, moves: ActionArray, deeds: IntArray | None) -> None:
+    def take(self, turns: IntArray, moves: ActionArray, deeds: IntArray | None, flights: FloatArray | None) -> None:
         """Take what is to be done in these turns of the games, (games,), as arrays (games, 1)."""
         while turns.max() >= len(self._taken):
             self._taken = np.concatenate((self._taken, np.zeros_like(self._taken)))
-        self._taken[turns, np.arange(len(turns))] = np.column_stack((moves, moves * 0 if deeds is None else deeds))
+        done = moves * 0 if deeds is None else deeds
+        flown = np.zeros((len(moves), 3)) if flights is None else flights[:, 0]
+        self._taken[turns, np.arange(len(turns))] = np.column_stack((moves, done, flown))
 
     def __call__(self, state: dict[str, Any]) -> None:
         legal, games = state["legal"], cast("Batch", self._games)
-        move, deed = self._taken[state["turn"], games.loaded].tolist()
-        node = legal[move if move < len(legal) else 0]
-        done = {} if self._choices is None else self._choices.plain(deed, legal, state["curr_pos"])
+        move, deed, *flight = self._taken[state["turn"], games.loaded].tolist()
+        agent = games.game.ctx.agent.agents[state["name"]]
+        here = agent.current_node_id
+        done = {} if self._choices is None else self._choices.plain(int(deed), legal or (here,), here)
+        if "quat" in state:
+            state["action"] = flown(flight, agent.speed, done)
+            return
+        node = legal[int(move) if move < len(legal) else 0]
         state["action"] = {"node_id": node, "do": done} if done else node
 
     def array_form(self, view: ArrayView) -> ActionArray:
         """Return what it is given for each game."""
-        moves, deeds = np.moveaxis(self._taken[view.turn, view.games][:, None], -1, 0)
+        moves, deeds = np.moveaxis(self._taken[view.turn, view.games, None, :2].astype(np.int64), -1, 0)
         if self._choices is not None:
             for deed, (where, fields) in self._choices.given(deeds, view).items():
                 view.do(deed, where, **fields)
@@ -457,14 +489,26 @@ def on_host(view: ArrayView) -> ArrayView:
 def default_observation(view: ArrayView) -> Float32Array:
     """Return what agents observe unless a function is given: (games, agents, entries).
 
-    These are the entries of `ArrayView.vector`, of up to 8 other agents, and as the last one `turn`: the share n / (n +
-    100) after n turns.
+    These are the entries of `ArrayView.vector`, of up to 8 other agents; where an agent of the game flies, `z`; and as
+    the last one `turn`: the share n / (n + 100) after n turns.
     """
     xp, vectors = view.xp, view.vector(min(len(view.roster.names) - 1, _MOST_OTHERS))
     turn = xp.where(vectors.mask, (view.turn / (view.turn + 100.0))[:, None], 0.0)[..., None]
     turn = turn.astype(np.float32) if xp is np else xp.astype(turn, xp.float32)
-    found: Float32Array = joined(xp, (vectors.values, turn), axis=2)
-    return found
+    if not any(agent.type is AgentType.AERIAL for agent in view.roster.agents):
+        found: Float32Array = joined(xp, (vectors.values, turn), axis=2)
+        return found
+    host = on_host(view)
+    z = np.where(host.mask, host["z"] * (2.0 / _longer_side(host.streets.columns.xy)), 0.0)[..., None]
+    z = z.astype(np.float32)
+    parts = (vectors.values, z if xp is np else view.library.put(z), turn)  # type: ignore[attr-defined] # of a device
+    clipped: Float32Array = xp.clip(joined(xp, parts, axis=2), -2.0, 2.0)
+    return clipped
+
+
+def _longer_side(xy: FloatArray) -> float:
+    """Return the longer side of the box around nodes; 2 where it has none."""
+    return float((xy.max(axis=0) - xy.min(axis=0)).max()) or 2.0
 
 
 default_observation.bounds = (-2.0, 2.0)  # type: ignore[attr-defined] # attributes that other observations may have

@@ -440,6 +440,12 @@ def _save_onnx(model: object, file: Path, found: Description) -> None:
 
 def _described(learners: Learners) -> Description:
     """Return what a file says of a policy that was trained by these learners."""
+    if learners.flies.any():
+        name = learners.names[int(np.argmax(learners.flies))]
+        raise BadValue(
+            f"Agent {shown(name)} flies: policies of agents on the ground are saved so far. Play its model in a "
+            "strategy of your own, which calls model.predict."
+        )
     shape, function = list(np.asarray(learners.observe()).shape[2:]), learners.observation
     name = f"{getattr(function, '__module__', '?')}:{getattr(function, '__qualname__', type(function).__name__)}"
     named = _DEFAULT if function is default_observation else name[:500]

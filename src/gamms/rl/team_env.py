@@ -9,9 +9,10 @@ from pettingzoo import ParallelEnv
 
 from gamms.arguments import as_mapping
 from gamms.errors import UnknownName
+from gamms.rl.heads import action_masks, are_legal, heads_of
 from gamms.rl.learners import Float32Array, Learners
 from gamms.rl.rendering import METADATA, RenderMode, prepare, rendered
-from gamms.rl.spaces import action_masks, action_space, are_legal, moves_and_deeds, observation_space, observed
+from gamms.rl.spaces import action_space, observation_space, observed
 
 Observed = dict[str, dict[str, Any]]  # agent -> `observation` and `action_mask`
 
@@ -35,9 +36,13 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         self.possible_agents = list(learners.names)
         self.agents: list[str] = []
         self._number = {agent: number for number, agent in enumerate(self.possible_agents)}
-        space = observation_space(learners)
-        self.observation_spaces = {agent: deepcopy(space) for agent in self.possible_agents}  # each samples by itself
-        self.action_spaces = {agent: action_space(learners) for agent in self.possible_agents}
+        kinds = {flies: observation_space(learners, number) for number, flies in enumerate(learners.flies.tolist())}
+        of_agents = list(zip(self.possible_agents, learners.flies.tolist(), strict=True))
+        self.observation_spaces = {
+            agent: deepcopy(kinds[flies]) for agent, flies in of_agents
+        }  # each samples by itself
+        self.action_spaces = {agent: action_space(learners, self._number[agent]) for agent in self.possible_agents}
+        self._idle = {agent: 0 * space.sample() for agent, space in self.action_spaces.items()}
         self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
 
     def observation_space(self, agent: str) -> spaces.Space[Any]:
@@ -73,12 +78,12 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         for name in as_mapping(actions, "actions"):
             self._known(name)
         asked = self.agents
-        stay = [0, 0] if self.learners.deeds is not None else 0
-        given = [actions.get(name, stay) for name in self.possible_agents]
-        moves, deeds = moves_and_deeds(self.learners, given)
-        legal = are_legal(self.learners, moves, deeds)[0].tolist()
+        parts = [np.flatnonzero(self.learners.flies == flies) for flies in (False, True)]
+        given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
+        heads = heads_of(self.learners, [(agents, [given[number] for number in agents]) for agents in parts])
+        legal = are_legal(self.learners, heads)[0].tolist()
         was_legal = dict(zip(self.possible_agents, legal, strict=True))
-        played = self.learners.step(moves, deeds)
+        played = self.learners.step(*heads)
         observations, infos = self._answers(asked)
         for name in asked:
             infos[name]["is_legal"] = was_legal[name]
@@ -90,8 +95,11 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         return observations, rewards, terminated, truncated, infos
 
     def action_masks(self) -> dict[str, Any]:
-        """Return which actions are legal: agent -> (actions,) booleans."""
-        return dict(zip(self.possible_agents, action_masks(self.learners)[0], strict=True))
+        """Return which actions are legal: agent on the ground -> (actions,) booleans."""
+        if self.learners.flies.all():
+            return {}
+        masks = zip(self.possible_agents, action_masks(self.learners)[0], self.learners.flies, strict=True)
+        return {name: mask for name, mask, flies in masks if not flies}
 
     def state(self) -> Float32Array:
         """Return the whole game as numbers: of each agent of all teams `alive`, `x`, `y` in shares of the map.
@@ -122,5 +130,9 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return what these agents observe, and their infos."""
         found = observed(self.learners)
-        values = {name: {key: column[0, self._number[name]] for key, column in found.items()} for name in names}
-        return values, {name: {"action_mask": one["action_mask"]} for name, one in values.items()}
+        values = {
+            name: {key: found[key][0, self._number[name]] for key in self.observation_spaces[name].spaces}
+            for name in names
+        }
+        infos = {name: {key: one[key] for key in ("action_mask",) if key in one} for name, one in values.items()}
+        return values, infos

@@ -1,5 +1,6 @@
 """The games of many as an `EnvBase` of TorchRL: tensordicts of games, with a group of agents for each team."""
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -8,6 +9,7 @@ from tensordict import TensorDict, TensorDictBase
 from torchrl.data import Binary, Bounded, Categorical, Composite, MultiCategorical, Unbounded
 from torchrl.envs import EnvBase
 
+from gamms.rl.heads import heads_of, refuse_mixed
 from gamms.rl.learners import Learners, Played
 
 _ENDS = ("done", "terminated", "truncated")
@@ -47,17 +49,23 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
                 else Unbounded(shape=(*size, *shape), dtype=kind, device=self.device)
             )
             sizes = [learners.num_actions, *([] if learners.deeds is None else [len(learners.deeds)])]
+            first = learners.names.index(members[0])
+            refuse_mixed(learners, range(first, first + len(members)), f"the group {team!r} of torchrl_env")
             masks = {
                 "action_mask": Binary(shape=(*size, sum(sizes)), dtype=torch.bool, device=self.device),
                 "mask": Binary(shape=size, dtype=torch.bool, device=self.device),
             }
+            if learners.flies[first]:
+                del masks["action_mask"]
             observed[team] = Composite({"observation": box, **masks}, shape=size, device=self.device)
             kinds = {"dtype": torch.int64, "device": self.device}
-            action = (
-                Categorical(learners.num_actions, shape=size, **kinds)
-                if learners.deeds is None
-                else MultiCategorical(sizes, shape=(*size, 2), **kinds)
-            )
+            if learners.flies[first]:
+                shape_of_flights = *size, 3 + sum(sizes[1:])
+                action = Bounded(-1.0, 1.0, shape=shape_of_flights, dtype=torch.float32, device=self.device)
+            elif learners.deeds is None:
+                action = Categorical(learners.num_actions, shape=size, **kinds)
+            else:
+                action = MultiCategorical(sizes, shape=(*size, 2), **kinds)
             acting[team] = Composite({"action": action}, shape=size, device=self.device)
             reward = Unbounded(shape=(*size, 1), dtype=torch.float32, device=self.device)
             rewards[team] = Composite({"reward": reward}, shape=size, device=self.device)
@@ -83,6 +91,13 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
     def _step(self, tensordict: TensorDictBase) -> TensorDictBase:
         """Play a turn of all games that are not over."""
         given = [tensordict.get((team, "action")) for team in self.group_map]
+        learners, ends = self.learners, np.cumsum([len(members) for members in self.group_map.values()])
+        if learners.flies.any():
+            numbers = [np.arange(end - one.shape[1], end) for one, end in zip(given, ends, strict=True)]
+            parts = zip(numbers, (one.cpu().numpy() for one in given), strict=True)
+            moves, deeds, flights = heads_of(learners, [*parts])
+            tensor: Any = partial(torch.as_tensor, device=self.device)
+            return self._filled(learners.step(tensor(moves), None if deeds is None else tensor(deeds), flights))
         actions = torch.cat(given, dim=1)
         heads = (actions,) if self.learners.deeds is None else actions.unbind(dim=-1)
         return self._filled(self.learners.step(*heads))
@@ -127,6 +142,8 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
         for team, members in self.group_map.items():
             size = len(members)
             of_team = {key: one[:, first : first + size] for key, one in columns.items()}
+            if learners.flies[first]:
+                del of_team["action_mask"]
             groups[team] = TensorDict(of_team, batch_size=(games, size), device=self.device)
             first += size
         return TensorDict({**groups, **root}, batch_size=(games,), device=self.device)

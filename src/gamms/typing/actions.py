@@ -7,7 +7,7 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int, as_numbers
+from gamms.arguments import as_float, as_int, as_numbers, as_range
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat
 from gamms.text import shown
@@ -113,9 +113,11 @@ def flight(block: AgentBlock, row: int, action: object) -> tuple[Position | None
     """
     if isinstance(action, dict):
         quat = as_quat(action["quat"]) if "quat" in action else None
-        return (_ahead(block, row, action["direction"]) if "direction" in action else None), quat
+        if "direction" not in action:
+            return None, quat
+        return _ahead(block, row, action["direction"], action.get("distance")), quat
     if isinstance(action, (tuple, np.ndarray)):
-        return _ahead(block, row, action), None
+        return _ahead(block, row, action, None), None
     raise BadType(
         "The action of an aerial agent must be a tuple (dx, dy, dz) or a dict with 'direction' or 'quat', "
         f"not {shown(action)} ({type(action).__name__})."
@@ -134,5 +136,11 @@ def position_of(block: AgentBlock, row: int) -> Position:
     return position
 
 
-def _ahead(block: AgentBlock, row: int, direction: object) -> Position:
-    return one_step(position_of(block, row), direction, block.speed[row] or 0.0)
+def _ahead(block: AgentBlock, row: int, direction: object, distance: object) -> Position:
+    speed = block.speed[row] or 0.0
+    if distance is None:
+        return one_step(position_of(block, row), direction, speed)
+    far = as_range(distance, "A distance")
+    if far > speed:
+        raise BadValue(f"A distance of {far:g} is more than agent {block.names[row]!r} flies at once: {speed:g}.")
+    return one_step(position_of(block, row), direction, far)

@@ -106,8 +106,9 @@ class IAerialAgent(IAgent):
 
     `get_state` gives `curr_pos`, `quat` and `sensor`. The action is a direction `(dx, dy, dz)` of any length, a tuple
     or a NumPy array: the agent moves by `speed` map units, or stays if all of it is 0. A dict may have `direction`,
-    any sequence, and `quat`; without both, nothing happens at all. A missing action raises KeyError, a
-    wrong count of numbers, NaN and infinity ValueError, anything else TypeError; nothing has changed then.
+    any sequence, with it `distance`, from 0 to `speed`, and `quat`; without a direction and a quat, nothing happens at
+    all. A missing action raises KeyError, a wrong count of numbers, NaN and infinity ValueError, anything else
+    TypeError; nothing has changed then.
     """
 
     @property

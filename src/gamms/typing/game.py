@@ -40,6 +40,8 @@ class AerialAction(TypedDict, total=False):
 
     direction: Sequence[float] | FloatArray
     """`(dx, dy, dz)`, of any length: the agent moves by its speed; all zeros: it stays."""
+    distance: float
+    """How far it moves in this direction, map units, from 0 to its speed; left out, by its speed."""
     quat: Sequence[float]
     """`(w, x, y, z)`, of any length: how the agent is turned from now on."""
 

@@ -129,7 +129,8 @@ class Batch:
             actions: team -> integers (games, agents of the team in the order of their names): the numbers of the nodes
                 in `state["legal"]` that they go to, 0 to stay. Teams that are not there play their own strategies.
                 Those of dead agents and of games that are over do not count. Or a dict of `"moves"`, such integers,
-                without which all stay; `"deeds"`: deed -> (where, fields), or `where` alone, booleans (games, agents);
+                without which all stay; `"flights"` of those that fly, (games, agents, 3) map units, without which they
+                hover; `"deeds"`: deed -> (where, fields), or `where` alone, booleans (games, agents);
                 and `"messages"`: channel -> (where, body) or (where, body, to). Fields, bodies and `to` are as in
                 `view.do` and `view.send`: one value for all, or arrays (games, agents).
             on_illegal: "stay": where a rule before the turn leaves fewer nodes legal than `observe` has said, actions

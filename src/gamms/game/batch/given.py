@@ -1,7 +1,8 @@
 """Actions that come from outside: what agents of a team do in all games, instead of what their strategies decide."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import hypot
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,10 +13,11 @@ from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
+from gamms.ir.graph import FloatArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
-_KEYS = ("moves", "deeds", "messages")
+_KEYS = ("moves", "flights", "deeds", "messages")
 
 
 class Given(NamedTuple):
@@ -25,12 +27,14 @@ class Given(NamedTuple):
         moves: numbers of legal nodes, (games, agents), of the library of the batch; None: all stay.
         deeds: deed -> which agents do it, (games, agents), and its fields; see `ArrayView.do`.
         messages: channel -> which agents send, the body, and to whom; see `ArrayView.send`.
+        flights: how far agents that fly go, map units, (games, agents, 3); None: they hover.
         may_stay: whether agents stay whose moves are no numbers of legal nodes; else such moves are refused.
     """
 
     moves: Any
     deeds: Mapping[str, tuple[BoolArray, Mapping[str, Any]]]
     messages: Mapping[str, tuple[BoolArray, Any, Any]]
+    flights: FloatArray | None = None
     may_stay: bool = False
 
     def moves_in(self, view: ArrayView, moves: Any) -> Any:
@@ -75,7 +79,19 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
             raise BadType(f"messages[{channel!r}] must be (where, body) or (where, body, to), not {shown(sent)}.")
         where, body, to = (*sent, None)[:3]
         messages[channel] = _as_mask(own(where), shape, channel), own(body), own(to)
-    return Given(value.get("moves"), deeds, messages)
+    return Given(value.get("moves"), deeds, messages, _as_flights(own(value.get("flights")), team, shape))
+
+
+def _as_flights(given: object, team: Hashable, shape: tuple[int, int]) -> FloatArray | None:
+    if given is None:
+        return None
+    flights = np.asarray(given)
+    if flights.shape != (*shape, 3) or flights.dtype.kind not in "iuf" or not np.isfinite(flights).all():
+        raise BadValue(
+            f"Flights of team {shown(team)} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not "
+            f"{flights.dtype} of the shape {flights.shape}."
+        )
+    return flights.astype(np.float64)
 
 
 def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
@@ -115,6 +131,7 @@ class _ActionOfOne(NamedTuple):
     """What one agent does in one game, as its state has it."""
 
     move: int
+    flight: list[float]
     do: dict[str, dict[str, Any]]
     outbox: list[dict[str, Any]]
 
@@ -123,7 +140,7 @@ def _of_agents(
     game: PlayedGame, roster: Roster, given: Mapping[Hashable, Given], number: int, team: Hashable
 ) -> dict[str, _ActionOfOne]:
     """Return what agents of a team do, by name."""
-    moves, deeds, messages, _ = given[team]
+    moves, deeds, messages, flights, _ = given[team]
     found = {}
     for i, (agent, move) in enumerate(zip(roster.members(team).tolist(), moves[number].tolist(), strict=True)):
         do = {
@@ -136,7 +153,8 @@ def _of_agents(
             for channel, (where, body, to) in messages.items()
             if where[number, i]
         ]
-        found[roster.names[agent]] = _ActionOfOne(move, do, outbox)
+        flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
+        found[roster.names[agent]] = _ActionOfOne(move, flight, do, outbox)
     return found
 
 
@@ -184,6 +202,10 @@ def _taking(
                     strategy(state)
                 continue
             legal, action = state["legal"], actions[name]
+            state.get("outbox", []).extend(action.outbox)
+            if "quat" in state:  # it flies
+                state["action"] = flown(action.flight, game.ctx.agent.agents[name].speed, action.do)
+                continue
             move = action.move
             if may_stay and not 0 <= move < len(legal):
                 move = 0
@@ -193,6 +215,11 @@ def _taking(
                     f"it has {len(legal)}, numbered from 0."
                 )
             state["action"] = {"node_id": legal[move], "do": action.do} if action.do else legal[move]
-            state.get("outbox", []).extend(action.outbox)
 
     return plan
+
+
+def flown(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the action of an agent that flies by so many map units, and by its speed at most."""
+    action = {"direction": flight, "distance": min(hypot(*flight), speed or 0.0)}
+    return {**action, "do": do} if do else action

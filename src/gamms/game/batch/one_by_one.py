@@ -16,11 +16,14 @@ from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
 from gamms.game.snapshots import Snapshot
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.on_edges import located
+from gamms.typing.sensor_engine import SensorType
+
+_FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 
 
 class OneByOneEngine:
@@ -127,11 +130,14 @@ class OneByOneEngine:
 
     def _nothing_observed(self) -> GameArrays:
         movement, shape = movement_of(self._game, self._roster), (len(self.seeds), len(self._roster.names))
-        self._are_plain = movement.is_plain and not any(agent.type is AgentType.AERIAL for agent in self._roster.agents)
+        self._flyers = [i for i, agent in enumerate(self._roster.agents) if agent.type is AgentType.AERIAL]
+        self._are_plain = movement.is_plain and not self._flyers
         self._revision = self._game.ctx.graph.graph.revision
         self._legal = None if isinstance(movement, Anywhere) else Noted(movement)
         state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
         state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
+        if self._flyers:
+            state.heights, state.movement.leaves_nodes = np.zeros(shape), True
         return state
 
     def _observe(self, number: int) -> None:
@@ -151,12 +157,36 @@ class OneByOneEngine:
             return
         edge, offset_m, xy = (column[number] for column in state.places)
         edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
+        if state.heights is not None:
+            self._observe_flyers(number, xy, state.heights[number])
         block = ctx.agent.block
         for i, agent in enumerate(agents if block.travellers else ()):
             progress = block.on_edge(block.row_of(agent.name)) if agent.name in ctx.agent.agents else None
             place = None if progress is None else located(ctx.graph.graph, progress)
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
+
+    def _observe_flyers(self, number: int, xy: FloatArray, heights: FloatArray) -> None:
+        """Note where in the air the agents of the game are, and what they see from there."""
+        state, ctx, roster = self._observed, self._game.ctx, self._roster
+        graph, numbers = ctx.graph.graph, {name: i for i, name in enumerate(roster.names)}
+        for i in self._flyers:
+            agent = roster.agents[i]
+            state.sighted.pop((number, i), None)
+            if agent.name not in ctx.agent.agents:
+                continue
+            xy[i], heights[i] = agent.position[:2], agent.position[2]
+            looks = [one for one in agent.sensors.values() if one.type in _FROM_THE_AIR]
+            reports = [sensor.sense_many([agent.current_node_id]) for sensor in looks if agent.alive]
+            places = {
+                report.names[row]: (float(x), float(y))
+                for report in reports
+                for row, (x, y, _) in zip(report.values.tolist(), report.places.tolist(), strict=True)
+            }
+            known = [(numbers[name], graph.nearest_node(*xy)) for name, xy in places.items() if name in numbers]
+            if known:
+                others, nodes = np.array(sorted(known), np.int64).T
+                state.sighted[number, i] = others, state.streets.rows(nodes)
 
     def _note_legal(self, noted: Noted, number: int, nodes: IntArray) -> None:
         """Note where the agents of the game that the context has may go: those that are out stay."""

@@ -1,7 +1,7 @@
 """Which agents the sensors of agents show, in all games of a view at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -69,6 +69,31 @@ class Seen(NamedTuple):
         number[games] = np.arange(len(games))
         at = number[self.at]
         return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
+
+    def with_sights(
+        self,
+        sights: Mapping[tuple[int, int], tuple[IntArray, IntArray]],
+        games: IntArray,
+        agents: IntArray,
+        asked: BoolArray,
+    ) -> "Seen":
+        """Return these pairs with those of sensors that look from the air.
+
+        Args:
+            sights: the game and the agent that looks -> the others and the rows of nodes where they are reported.
+            games: of the view, by their numbers in the batch.
+            agents: of the view, by their numbers in the roster.
+            asked: (games, agents) which agents are asked.
+        """
+        number, column = ({one: i for i, one in enumerate(of.tolist())} for of in (games, agents))
+        parts = [(self.at, self.viewers, self.others, self.nodes)]
+        for (game, agent), (others, nodes) in sights.items():
+            if game in number and agent in column and asked[number[game], column[agent]]:
+                parts.append((others * 0 + number[game], others * 0 + column[agent], others, nodes))
+        at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+        keys = (at * self.shape[1] + viewers) * self.shape[2] + others
+        _, first = np.unique(keys, return_index=True)
+        return Seen(self.shape, at[first], viewers[first], others[first], nodes[first])
 
     def of(self, chosen: BoolArray | IntArray) -> "Seen":
         """Return some of the pairs: which, (pairs,), or their places."""

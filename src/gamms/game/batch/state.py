@@ -179,6 +179,8 @@ class GameArrays:
         errors: of each game, in order.
         deeds: what agents may do besides moving, and did.
         radio: by what agents send messages, and what was sent; None: by nothing.
+        places, heights: where agents are in games that are played one by one; None: on their nodes.
+        sighted: the game and the agent that looks from the air -> others, and the rows of nodes where they are.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         ground: (games,) the number of the map of each, which differ in the roads that are closed.
@@ -226,6 +228,8 @@ class GameArrays:
         self.events = EventLog(games)
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
+        self.heights: FloatArray | None = None
+        self.sighted: dict[tuple[int, int], tuple[IntArray, IntArray]] = {}
         self.now: dict[Hashable, Any] = {}
         self.headings: Headings | None = None
         self.memory_of = np.arange(len(roster.names))

@@ -20,7 +20,7 @@ from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors
 from gamms.game.batch.vectors import Encoder, Vectors
 from gamms.game.deeds import DeclaredField
 from gamms.game.random_streams import ArrayDraws
-from gamms.ir.graph import IntArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -146,6 +146,10 @@ class ArrayView(Mapping[str, Any]):
         if "counts" not in self._known:
             self._known["counts"] = self.movement.counts(self.choices)
         return self._known["counts"]
+
+    def _heights(self) -> FloatArray:
+        known = self._state.heights
+        return np.zeros(self.node.shape) if known is None else known[np.ix_(self.games, self.agents)]
 
     def _legal(self) -> IntArray:
         rows, is_legal = self.movement.legal(self.choices)
@@ -304,6 +308,8 @@ class ArrayView(Mapping[str, Any]):
         if key not in state.shared:
             state.shared[key] = lookouts(state.roster, self.agents, names)
         found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
+        if state.sighted and not names:
+            found = found.with_sights(state.sighted, self.games, self.agents, self._whole)
         if are_all:
             state.now[key] = found
         return found
@@ -489,6 +495,7 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "edge": lambda view: view.places().edge,
     "offset_m": lambda view: view.places().offset_m,
     "xy": lambda view: view.places().xy,
+    "z": lambda view: view._heights(),
     "legal": lambda view: view._legal(),
     "mask": lambda view: view.mask,
     "name": ArrayView._names,

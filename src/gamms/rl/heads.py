@@ -1,0 +1,111 @@
+"""The heads of actions: of agents on the ground a move and perhaps a deed, of those that fly a flight.
+
+An agent that flies gives numbers from -1 to 1: east, north and up, in shares of what it reaches in a turn; and, where
+there are deeds, one for each choice of a deed, of which that with the largest number is done.
+"""
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from gamms.errors import BadValue
+from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.rl.learners import Learners, are_in, joined
+from gamms.text import shown
+
+_AXES = 3  # of flights
+
+
+class Heads(NamedTuple):
+    """What agents do, as `Learners.step` takes it, (games, agents)."""
+
+    moves: IntArray
+    deeds: IntArray | None
+    flights: FloatArray | None
+
+
+def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]]) -> Heads:
+    """Return the heads of actions.
+
+    Args:
+        learners: who take them.
+        given: the numbers of agents, all on the ground or all in the air, and their actions in all games, in any shape
+            that has as many numbers. The others stay.
+
+    Raises:
+        BadValue: they are not of the action space.
+    """
+    shape = learners.masks.shape[:2]
+    deeds = None if learners.deeds is None else np.zeros(shape, np.int64)
+    flights = np.zeros((*shape, _AXES)) if learners.flies.any() else None
+    moves = np.zeros(shape, np.int64)
+    for agents, actions in given:
+        if not len(agents):
+            continue
+        size = shape[0], len(agents)
+        if flights is not None and learners.flies[agents[0]]:
+            wide = _AXES + (0 if learners.deeds is None else len(learners.deeds))
+            values = _numbers(actions, (*size, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
+            flights[:, agents] = values[..., :_AXES]
+            if deeds is not None:
+                legal = learners.deed_masks[:, agents]
+                deeds[:, agents] = np.where(legal, np.nan_to_num(values[..., _AXES:]), -np.inf).argmax(axis=2)
+        elif deeds is None:
+            moves[:, agents] = _numbers(actions, size, "iu", "integers, one for each")
+        else:
+            pairs = _numbers(actions, (*size, 2), "iu", "integers, each a pair of a move and a deed for each")
+            moves[:, agents], deeds[:, agents] = pairs[..., 0], pairs[..., 1]
+    return Heads(moves, deeds, flights)
+
+
+def _numbers(actions: Any, shape: tuple[int, ...], kinds: str, form: str) -> np.ndarray[Any, Any]:
+    try:
+        given = np.asarray(actions)
+    except ValueError:  # of several shapes
+        given = np.asarray("")
+    if given.size != np.prod(shape) or given.dtype.kind not in kinds:
+        raise BadValue(
+            f"Actions are {form} of {shape[0] * shape[1]} agents, not {shown(actions)} ({given.dtype} of the shape "
+            f"{given.shape})."
+        )
+    return given.reshape(shape)
+
+
+def are_legal(learners: Learners, heads: Heads) -> BoolArray:
+    """Return whose actions are legal, (games, agents): of those that fly, numbers from -1 to 1."""
+    found = are_in(learners.masks, heads.moves)
+    if heads.deeds is not None:
+        found &= are_in(learners.deed_masks, heads.deeds)
+    if heads.flights is not None:
+        found &= (np.abs(heads.flights) <= 1.0).all(axis=2)
+    return found
+
+
+def action_masks(learners: Learners) -> BoolArray:
+    """Return which actions are legal, (games, agents, actions): moves, and behind them deeds where there are any.
+
+    Raises:
+        BadValue: all agents fly.
+    """
+    if learners.flies.all():
+        raise BadValue(f"Agent {shown(learners.names[0])} flies, and what it does has no mask: learn without masks.")
+    parts = [learners.masks] if learners.deeds is None else [learners.masks, learners.deed_masks]
+    found: BoolArray = joined(np, parts, axis=2)
+    return found
+
+
+def refuse_mixed(learners: Learners, agents: Sequence[int], what: str) -> None:
+    """Refuse agents of which some fly and others do not, where they need one action space.
+
+    Raises:
+        BadValue: they do.
+    """
+    flies = learners.flies[[*agents]]
+    if flies.any() and not flies.all():
+        one, other = (learners.names[agents[int(np.argmax(flies == value))]] for value in (True, False))
+        raise BadValue(
+            f"Agent {shown(one)} flies and {shown(other)} does not, and {what} has one action space: let one of these "
+            "kinds learn, by agent= or in a team of its own, or use parallel_env."
+        )

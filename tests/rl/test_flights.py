@@ -1,0 +1,169 @@
+"""Learners that fly: a box of shares of what they reach, alone, beside others on the ground, and in many games."""
+
+import warnings
+
+import numpy as np
+import pytest
+
+pytest.importorskip("gymnasium", reason="Gymnasium is not installed")
+pytest.importorskip("pettingzoo", reason="PettingZoo is not installed")
+
+from gymnasium.utils.env_checker import check_env
+
+with warnings.catch_warnings():
+    warnings.simplefilter("ignore", DeprecationWarning)  # importing the tests of PettingZoo makes a game the old way
+    from pettingzoo.test import parallel_api_test, parallel_seed_test
+
+import gamms
+from gamms import rl
+from gamms.errors import BadValue
+from gamms.scenario import Scenario
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "air": True, "euclid": 12.0}}
+
+
+def scene(drones=2, cars=0, **more):
+    """Drones, and perhaps cars, after a runner."""
+    agents = [
+        {"name": f"red_drone_{i}", "type": "aerial", "speed": 8.0 + i, "altitude": 20.0, "sensors": ["camera"]}
+        for i in range(drones)
+    ]
+    agents += [{"name": f"red_car_{i}", "sensors": ["near"]} for i in range(cars)]
+    teams = {"red": {"agents": agents}, "blue": {"count": 1, "strategy": "gamms.strategies:random_walk"}}
+    sensors = {
+        "camera": {"type": "AERIAL_AGENT", "sensor_range": 60},
+        "near": {"type": "AGENT_RANGE", "sensor_range": 20},
+    }
+    given = {"teams": teams, "sensors": sensors, "rules": [TAG], "max_turns": 8, **more}
+    return Scenario(map={"grid": {"width": 4, "height": 4}}, **given)
+
+
+def test_an_agent_flies_as_far_as_its_action_says():
+    env = rl.parallel_env(scene(), team="red")
+    observed, infos = env.reset(seed=1)
+    assert env.action_space("red_drone_0").shape == (3,)
+    assert set(observed["red_drone_0"]) == {"observation"}
+    assert infos["red_drone_0"] == {}
+    place = env.learners.games.context(0).agent.agents
+
+    def flown(action):
+        before = np.array(place["red_drone_1"].position)
+        env.step({"red_drone_1": np.array(action, np.float32)})
+        return np.array(place["red_drone_1"].position) - before
+
+    assert flown([1, 0, 0]) == pytest.approx([9, 0, 0])
+    assert flown([0, 0.5, 0]) == pytest.approx([0, 4.5, 0])
+    assert flown([0, 0, -0.25]) == pytest.approx([0, 0, -2.25])
+    assert np.linalg.norm(flown([1, 1, 1])) == pytest.approx(9)
+    assert flown([np.nan, 1, 0]).tolist() == [0, 0, 0]
+    before = np.array(place["red_drone_1"].position)
+    *_, infos = env.step({"red_drone_1": np.full(3, 2.0)})
+    assert infos["red_drone_1"]["is_legal"] is False
+    assert infos["red_drone_0"]["is_legal"] is True
+    assert np.linalg.norm(np.array(place["red_drone_1"].position) - before) == pytest.approx(9)
+    env.close()
+
+
+def test_an_agent_in_the_air_observes_its_height_and_whom_it_sees():
+    env = rl.parallel_env(scene(), team="red")
+    observed, _ = env.reset(seed=1)
+    agent = env.learners.games.context(0).agent.agents["red_drone_0"]
+    values = observed["red_drone_0"]["observation"]
+    x, y, z = agent.position
+    assert values[:2] == pytest.approx([(x - 15) / 15, (y - 15) / 15])
+    assert values[-2] == pytest.approx(z / 15)
+    others = values[2 + 3 * 5 : -2].reshape(-1, 4)
+    assert others[:, 0].sum() == 2
+    assert others[:, 1].sum() == 1
+    assert env.state().shape == (3 * 4 + 3,)
+    env.close()
+
+
+def actions_of(env, turn):
+    """Some actions of the agents of an environment of PettingZoo, without its generators."""
+    found = {}
+    for number, name in enumerate(env.agents):
+        space = env.action_space(name)
+        wave = np.sin(turn * 3 + number + np.arange(np.prod(space.shape, dtype=int)))
+        found[name] = wave.astype(np.float32) if space.dtype == np.float32 else (turn + number) % 3
+    return found
+
+
+@pytest.mark.parametrize("deeds", [{}, {"settings": {"deeds": {"drop": {"node": "node"}, "mark": {"whom": "agent"}}}}])
+def test_games_at_once_are_the_same_as_alone(deeds):
+    game = scene(**deeds)
+    games = rl.vector_env(game, num_games=2, team="red", seed=3)
+    alone = [rl.parallel_env(game, team="red", seed=3 + number) for number in range(2)]
+    many, _ = games.reset()
+    single = [env.reset()[0] for env in alone]
+    for turn in range(8):
+        for slot in range(4):
+            one = single[slot // 2][f"red_drone_{slot % 2}"]["observation"]
+            assert np.array_equal(many["observation"][slot], one)
+        actions = [actions_of(env, turn + number) for number, env in enumerate(alone)]
+        single = [env.step(one)[0] for env, one in zip(alone, actions, strict=True)]
+        many, *_, infos = games.step(np.stack([one for of_game in actions for one in of_game.values()]))
+        many = infos.get("final_obs", many)
+    done = [env.learners.games.result(0).deeds for env in alone]
+    if deeds:
+        assert {deed["deed"] for deed in done[0]} == {"drop", "mark"}
+
+
+def test_one_agent_that_flies_does_as_in_its_team():
+    game = scene(drones=1)
+    team, one = rl.parallel_env(game, team="red", seed=2), rl.single_agent_env(game, agent="red_drone_0", seed=2)
+    team.reset()
+    one.reset()
+    for turn in range(8):
+        action = actions_of(team, turn)["red_drone_0"]
+        expected, rewards, *_ = team.step({"red_drone_0": action})
+        found, reward, *_ = one.step(action)
+        assert np.array_equal(found["observation"], expected["red_drone_0"]["observation"])
+        assert reward == rewards["red_drone_0"]
+
+
+@pytest.mark.parametrize("cars", [0, 2])
+def test_checkers_find_no_fault(cars, capsys):
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(rl.parallel_env(scene(cars=cars), team="red"), num_cycles=20)
+        parallel_seed_test(lambda: rl.parallel_env(scene(cars=cars), team="red"), num_cycles=10)
+        check_env(rl.single_agent_env(scene(cars=cars), agent="red_drone_1"), skip_render_check=True)
+    assert "Passed" in capsys.readouterr().out
+
+
+def test_agents_in_the_air_and_on_the_ground_have_spaces_of_their_own():
+    env = rl.parallel_env(scene(cars=1))
+    observed, infos = env.reset(seed=1)
+    assert [type(env.action_space(name)).__name__ for name in env.possible_agents] == [
+        "Discrete",
+        "Discrete",
+        "Box",
+        "Box",
+    ]
+    assert (
+        {name for name, one in infos.items() if "action_mask" in one}
+        == {"blue_0", "red_car_0"}
+        == set(env.action_masks())
+    )
+    assert {one["observation"].shape for one in observed.values()} == {(2 + 15 + 12 + 2,)}
+    with pytest.raises(BadValue, match="'red_drone_0' flies and 'red_car_0' does not, and vector_env has one action"):
+        rl.vector_env(scene(cars=1), num_games=2, team="red")
+    with pytest.raises(BadValue, match="3 numbers from -1 to 1 for each of 4 agents"):
+        rl.vector_env(scene(), num_games=2, team="red").step(np.zeros(4))
+    with pytest.raises(BadValue, match="'red_drone_0' flies: policies of agents on the ground"):
+        rl.save_policy(None, "red.safetensors", scene(), team="red")
+
+
+def test_an_action_may_say_how_far_an_agent_flies():
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        kite = ctx.agent.create_agent("kite", type="AERIAL", start_node_id=0, speed=5.0)
+        for distance, x in ((2.0, 2.0), (0.0, 2.0), (None, 7.0)):
+            kite.get_state()["action"] = {"direction": (3, 0, 0)} | ({} if distance is None else {"distance": distance})
+            kite.set_state()
+            assert kite.position == (x, 0.0, 0.0)
+        for distance, why in ((6.0, "more than agent 'kite' flies at once: 5"), (-1.0, "A distance")):
+            kite.get_state()["action"] = {"direction": (1, 0, 0), "distance": distance}
+            with pytest.raises(BadValue, match=why):
+                kite.set_state()
