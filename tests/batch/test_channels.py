@@ -70,17 +70,27 @@ jammers.append({"at": [5.0, 5.0], "radius_m": 12})
     delay=st.sampled_from([None, 2]),
     jammers=st.lists(st.sampled_from(jammers), max_size=2),
     listening=st.sampled_from([None, ["blue_0"], ["red", "blue_2"]]),
-    order=st.sampled_from([None, [["blue"], ["red"]]]),
+    how=st.sampled_from([None, "order", "metres"]),
+    sight=st.booleans(),
     seed=st.integers(0, 2**62),
 )
-def test_messages_are_those_of_games_that_are_played_alone(loss, relay, hops, delay, jammers, listening, order, seed):
+def test_messages_are_those_of_games_that_are_played_alone(
+    loss, relay, hops, delay, jammers, listening, how, sight, seed
+):
     radio = {"loss": loss, "relay": relay, "hops": hops, "delay_turns": delay, "jammers": jammers}
     if listening is not None:
         radio["eavesdroppers"] = listening
     scenario = scene([OUT], max_turns=6)
     with scenario.build(seed=1, strategies={"red": talk, "blue": talk}) as ctx:
-        ctx.game.channels = channels(**{key: value for key, value in radio.items() if value is not None})
-        ctx.game.order = order
+        known = {key: value for key, value in radio.items() if value is not None} | {"line_of_sight": sight}
+        ctx.game.channels = channels(**known)
+        if sight:
+            ctx.graph.add_obstacles([[(12, 3, 0), (13, 28, 0), (13, 28, 9), (12, 3, 9)]])
+        if how == "metres":
+            ctx.game.speed_unit = "metres"
+            for number, agent in enumerate(ctx.game.agents):
+                agent.speed = (6.5, 12.0, 23.0)[number % 3]
+        ctx.game.order = [["blue"], ["red"]] if how == "order" else None
         with ctx.game.batch(seeds=[seed, 5]) as games, ctx.game.fork(0).ctx as alone:
             assert games.slow is None
             games.run()
@@ -127,7 +137,6 @@ def test_impossible_messages_are_refused(arguments, kind, message):
             games.observe("red").send("radio", True, 1)
 
 
-@pytest.mark.parametrize("given", [{"line_of_sight": True}, {"max_bytes_per_turn": 9}])
-def test_channels_without_an_array_form_are_named(given):
-    with scene([], channels={"radio": {"range_m": 5.0, **given}}).batch(1) as games:
+def test_channels_without_an_array_form_are_named():
+    with scene([], channels={"radio": {"range_m": 5.0, "max_bytes_per_turn": 9}}).batch(1) as games:
         assert "channel 'radio'" in games.slow

@@ -371,7 +371,6 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
     if motion is not None and "speed_unit" in motion:
         order = None
-        rules = [rule for rule in rules if not getattr(rule, "array_form_by_edges", False)]
     with (
         open_game(streets, agents, rules, conflicts, early, order, motion, deeds, called) as ctx,
         ctx.game.batch(seeds=seeds, most_agents={agents[min(agents)][0]: ["b9", "y9", "z9"]}) as games,

@@ -26,7 +26,7 @@ from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
 
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
-_ANTENNA_M = 1.6  # above the ground, of agents there: the height of their sight lines
+ANTENNA_M = 1.6  # above the ground, of agents there: the height of their sight lines
 
 
 class Places(NamedTuple):
@@ -208,7 +208,7 @@ class Propagation:
     def _antennas(self, rows: BoolArray | list[int]) -> FloatArray:
         """Return the ends of sight lines (rows, 3)."""
         xyz, flies = self._places.xyz[rows].copy(), self._places.flies[rows]
-        xyz[~flies, 2] += _ANTENNA_M
+        xyz[~flies, 2] += ANTENNA_M
         return xyz
 
     def _meant(self, to: Any) -> BoolArray:

@@ -35,7 +35,6 @@ from gamms.text import as_code, shown
 from gamms.typing import IAgent
 
 _FEWEST = 4  # games with the same roads closed that are played in arrays; measured in decision 0050
-_BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games by metres
 
 
 class ArrayEngine:
@@ -201,7 +200,8 @@ class ArrayEngine:
             part_of[np.s_[:] if members is None else members] = number
         ground = graph.ground(columns.node_ids)
         z = np.zeros(len(columns.node_ids)) if ground is None else ground.z
-        return Radio(channels, state.roster, columns.node_ids, np.column_stack((columns.xy, z)), part_of, len(state))
+        xyz, visible = np.column_stack((columns.xy, z)), self._game.ctx.graph.visible
+        return Radio(channels, state.roster, columns.node_ids, xyz, part_of, len(state), visible)
 
     def _publish_facts(self, facts: Mapping[str, Any]) -> None:
         self.state.facts.update(facts)
@@ -290,7 +290,9 @@ class ArrayEngine:
         state = self.state
         if self._outboxes and state.radio is not None:
             hops = partial(state.movement.routes, None)
-            scene = Scene(turn.games, turn.turn, turn.node, turn.alive, state.purposes, hops)
+            rows = np.broadcast_to(turn.games[:, None], turn.node.shape), np.indices(turn.node.shape)[1]
+            places = state.movement.places(turn.node, rows)
+            scene = Scene(turn.games, turn.turn, turn.node, places.xy, turn.alive, state.purposes, hops)
             state.radio.send(scene, self._outboxes)
         turn.end_moves()
         if self._here.rules["before"]:
@@ -450,11 +452,10 @@ class ArrayEngine:
 def why_not_in_arrays(game: PlayedGame) -> str | None:
     """Return the first part of a game that has no array form, in words; None: it can be played in arrays."""
     settings = game.settings()
-    motion, by_metres = why_not_moved(game), settings["speed_unit"] != "edges"
+    motion = why_not_moved(game)
     reasons = [
         (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
-        (bool(settings["channels"]) and settings["speed_unit"] != "edges", "channels of agents on edges"),
         (why_not_sent(settings["channels"]) is not None, why_not_sent(settings["channels"]) or ""),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
@@ -470,10 +471,6 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     )
     needs = [one.rule.why_not_in_arrays(game.agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
     reasons += [(why is not None, why or "") for why in needs]
-    reasons += [
-        (by_metres and getattr(one.rule, _BY_EDGES, False), f"the rule {one.name!r}, in a game by metres")
-        for one in game.rules
-    ]
     return next((reason for is_there, reason in reasons if is_there), None)
 
 

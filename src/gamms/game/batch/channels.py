@@ -11,6 +11,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import GameLog, Roster
 from gamms.game.batch.routes import RouteTable
 from gamms.game.channels import Channel, Jammer, matching, receivers_of
+from gamms.game.messages import ANTENNA_M
 from gamms.ir.chances import as_chances, chances_at
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -94,6 +95,7 @@ class Scene(NamedTuple):
         games: (games,) numbers in the batch.
         turns: (games,) how many turns were played before this one.
         node, alive: (games, agents)
+        xy: (games, agents, 2) where they are, on nodes or edges.
         purposes: returns the hash of the seeds and a purpose, of all games of the batch.
         hops: how many edges it is between rows of nodes.
     """
@@ -101,6 +103,7 @@ class Scene(NamedTuple):
     games: IntArray
     turns: IntArray
     node: IntArray
+    xy: FloatArray
     alive: BoolArray
     purposes: Callable[..., BitArray]
     hops: Callable[[], RouteTable]
@@ -116,6 +119,7 @@ class Radio(GameLog[list[_Sent]]):
         xyz: (nodes, 3) where they are.
         part_of: (agents,) in which part of a turn agents move.
         num_games: of the batch.
+        visible: says which of some places (places, 3) are in sight of one, (3,); None: no agent asks.
     """
 
     def __init__(
@@ -126,8 +130,10 @@ class Radio(GameLog[list[_Sent]]):
         xyz: FloatArray,
         part_of: IntArray,
         num_games: int,
+        visible: Callable[[FloatArray, FloatArray], BoolArray] | None = None,
     ) -> None:
         super().__init__(num_games)
+        self._visible = visible
         self.channels, self._roster, self._ids, self._xyz, self._part_of = channels, roster, ids, xyz, part_of
         self._teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
         self._pair_keys: BitArray | None = None
@@ -258,6 +264,13 @@ class Radio(GameLog[list[_Sent]]):
         found: FloatArray = self._xyz[node]
         return found
 
+    def in_sight(self, xyz: FloatArray, transmitters: IntArray, reaches: BoolArray) -> BoolArray:
+        """Return which of the agents that transmitters reach they see, (transmitters, agents)."""
+        antennas, found, visible = xyz + np.array([0.0, 0.0, ANTENNA_M]), reaches.copy(), self._visible
+        for row in np.flatnonzero(reaches.any(axis=1)).tolist() if visible is not None else ():
+            found[row, reaches[row]] = visible(antennas[row, transmitters[row]], antennas[row, reaches[row]])
+        return found
+
     def keys(self, *, relay: bool) -> BitArray:
         """Return what draws for a transmitter and a hearer start from, (agents, agents) or (1, agents)."""
         if not relay:
@@ -333,7 +346,7 @@ class _Waves:
     def __init__(self, radio: Radio, channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Any) -> None:
         self._radio, self._channel, self._scene = radio, channel, scene
         self._at, self._senders = at, senders
-        self._xyz = radio.places(scene.node)
+        self._xyz = np.concatenate((scene.xy, radio.places(scene.node)[..., 2:]), axis=-1)
         self._may_use = np.array([channel.is_for(team) for team in radio.teams], np.bool_)
         self._is_jammed = np.zeros(scene.node.shape, np.bool_)
         for jammer in channel.jammers:
@@ -399,6 +412,8 @@ class _Waves:
             edges = scene.hops().distances(scene.node[at, transmitters][:, None], scene.node[at])
             reaches &= edges <= channel.hops
         reaches[np.arange(len(rows)), transmitters] = False
+        if channel.line_of_sight:
+            reaches = self._radio.in_sight(self._xyz[at], transmitters, reaches)
         return reaches, far
 
 
@@ -417,8 +432,6 @@ def _distances(xyz: FloatArray, place: FloatArray) -> FloatArray:
 def why_not_sent(channels: Mapping[str, Channel]) -> str | None:
     """Return what has no array form of channels, in words; None: all has."""
     for name, channel in channels.items():
-        if channel.line_of_sight:
-            return f"channel {name!r}, which needs a line of sight"
         if channel.max_bytes_per_turn is not None:
             return f"channel {name!r}, which bounds what is sent in a turn"
     return None

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.forms import form_of
+from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.movement import Movement
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.state import GameArrays
@@ -72,7 +72,7 @@ class Ground:
         for one in self.game.rules:
             if one.phase != phase:
                 continue
-            form = form_of(one.rule)
+            form = form_in(self.game, one.rule)
             if form is not None:
                 found.append((one, form))
                 group = []
@@ -87,7 +87,7 @@ class Ground:
     def forms(self) -> list[Callable[..., object]]:
         """The array forms, and the rules that have none."""
         rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
-        rules += self.context.functions([one for one in self.game.rules if form_of(one.rule) is None])
+        rules += self.context.functions([one for one in self.game.rules if form_in(self.game, one.rule) is None])
         others = [form for form in (*self.checks, self.conflicts) if form is not None]
         return [*(group.form for group in self.groups), *rules, *others]
 

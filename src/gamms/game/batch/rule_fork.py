@@ -8,7 +8,7 @@ import numpy as np
 from gamms.deciding import phase_of
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.forms import form_of
+from gamms.game.batch.forms import form_in
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.moves import Refusals, TurnMoves
@@ -124,7 +124,7 @@ class RuleFork:
         values.has_begun, values.last_turn = True, self._game.settings()["max_turns"]
         self._parts.turns.is_playing = True
         self._game.internals.after_reset.append(lambda: self._notes.append("it resets the game"))
-        in_arrays = [one.rule for one in self._game.rules if form_of(one.rule) is not None]
+        in_arrays = [one.rule for one in self._game.rules if form_in(game, one.rule) is not None]
         keys = [key for rule in in_arrays if (key := getattr(rule, "key", None)) is not None]
         self._first_data = {
             key: self._unknown(f"ctx.game.data[{key!r}] of a rule in arrays") if _is_of(keys, key, value) else value

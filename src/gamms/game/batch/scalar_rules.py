@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.forms import form_of
+from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.movement import Moves, Paths
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NeedsTurnEngine, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
@@ -28,7 +28,7 @@ def called_one_by_one(game: PlayedGame) -> list[str]:
     """Return what of a game has no array form and is called game by game, in words."""
     checks = [(one.name, check) for one in game.rules if (check := getattr(one.rule, "check", None)) is not None]
     conflicts = game.settings()["conflicts"]
-    found = [f"the rule {one.name!r}" for one in game.rules if form_of(one.rule) is None]
+    found = [f"the rule {one.name!r}" for one in game.rules if form_in(game, one.rule) is None]
     found += [f"the check of the rule {name!r}" for name, check in checks if form_of(check) is None]
     if conflicts is not None and form_of(conflicts) is None:
         found.append(f"the conflicts {as_code(conflicts)}")

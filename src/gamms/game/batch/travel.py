@@ -557,7 +557,6 @@ def why_not_moved(game: PlayedGame) -> str | None:
         (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
         (by_metres and settings["decide"] == "arrival", "decide='arrival'"),
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
-        (by_metres and bool(settings["channels"]), "channels in a game by metres"),
         (by_metres and len(settings["order"] or ()) > 1, "an order of play in a game by metres"),
     ]
     for agent in game.agents:
