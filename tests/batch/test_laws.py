@@ -269,6 +269,13 @@ class FirstOnly:
 CALLED = {"look": look, "push": push, "recruit": recruit, "refuses": refuses}
 
 
+KINDS = [
+    {"type": "AGENT_RANGE", "sensor_range": 4.0},
+    {"type": "AGENT"},
+    {"type": "AGENT_RANGE", "sensor_range": 1.6, "detection": [[0.0, 0.9], [1.5, 0.4]]},
+]
+
+
 def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None, called=()):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     ctx.game.deeds = {} if deeds is None else DEEDS
@@ -290,7 +297,7 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
     motion = motion or {}
     for number, (name, (team, node)) in enumerate(agents.items()):
         made = [random_walk if deeds is None else busy, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
-        kind = {"type": "AGENT_RANGE", "sensor_range": 4.0} if "speed_unit" not in motion else {"type": "AGENT"}
+        kind = KINDS[number % 3 * ("speed_unit" in motion)]
         sees = [ctx.sensor.create_sensor(f"eyes of {name}", **kind).sensor_id]
         agent = ctx.agent.create_agent(
             name, start_node_id=node, team=team, strategy=made[number % len(made)], sensors=sees

@@ -18,7 +18,7 @@ from gamms.game.batch.grounds import Ground, ViewOfGrounds, decider_of, is_other
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
-from gamms.game.batch.sight import DELAYS, sees_all_nodes, turns_with_its_agent, why_not_seen
+from gamms.game.batch.sight import DELAYS, sees_from_edges, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import movement_of, why_not_moved
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
@@ -491,7 +491,7 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]
             why = why_not_seen(agent, name)
             if why is not None:
                 yield why
-            if by_metres and not sees_all_nodes(sensor, agent):
+            if by_metres and not sees_from_edges(sensor, agent):
                 yield f"the sensor {name!r} of agent {agent.name!r}, from edges"
 
 

@@ -267,8 +267,9 @@ class Radio(GameLog[list[_Sent]]):
     def in_sight(self, xyz: FloatArray, transmitters: IntArray, reaches: BoolArray) -> BoolArray:
         """Return which of the agents that transmitters reach they see, (transmitters, agents)."""
         antennas, found, visible = xyz + np.array([0.0, 0.0, ANTENNA_M]), reaches.copy(), self._visible
-        for row in np.flatnonzero(reaches.any(axis=1)).tolist() if visible is not None else ():
-            found[row, reaches[row]] = visible(antennas[row, transmitters[row]], antennas[row, reaches[row]])
+        if visible is not None:
+            for row in np.flatnonzero(reaches.any(axis=1)).tolist():
+                found[row, reaches[row]] = visible(antennas[row, transmitters[row]], antennas[row, reaches[row]])
         return found
 
     def keys(self, *, relay: bool) -> BitArray:

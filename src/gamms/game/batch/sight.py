@@ -159,16 +159,14 @@ def why_not_seen(agent: IAgent, name: str) -> str | None:
     return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {look}" if isinstance(look, str) else None
 
 
-def sees_all_nodes(sensor: Any, agent: IAgent) -> bool:
-    """Whether a sensor shows no agents, or shows them wherever they are, so that only their nodes count."""
+def sees_from_edges(sensor: Any, agent: IAgent) -> bool:
+    """Whether what a sensor shows has an array form where agents are on edges, too."""
     if sensor.type not in SHOWING_AGENTS:
         return True
     look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else None
-    if not isinstance(look, AgentLook) or look.chances is not None or look.chance is not None:
-        return False
-    if look.noise or look.false_alarms or look.delay:
-        return False
-    return look.radius == np.inf and look.cone is None and look.hides is None
+    return isinstance(look, AgentLook) and not (
+        look.noise or look.false_alarms or look.delay or look.hides is not None or (look.cone and look.turns)
+    )
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
@@ -269,9 +267,13 @@ class _World:
 
     @cached_property
     def axes(self) -> tuple[FloatArray, FloatArray]:
-        """Return x and y of the nodes where agents are, (games, agents) each."""
-        x, y = self.state.streets.axes
-        return x[self.node], y[self.node]
+        """Return x and y of where agents are, on nodes or edges, (games, agents) each."""
+        (x, y), movement = self.state.streets.axes, self.state.movement
+        if not len(movement.edge) or not (movement.edge[self.games] >= 0).any():
+            return x[self.node], y[self.node]
+        rows = np.broadcast_to(self.games[:, None], self.node.shape), np.indices(self.node.shape)[1]
+        xy = movement.places(self.node, rows).xy
+        return xy[..., 0], xy[..., 1]
 
 
 Pairs = tuple[IntArray, IntArray, IntArray]  # games of the view, and carriers and others of a lookout, by their places
