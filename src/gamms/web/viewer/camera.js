@@ -1,7 +1,7 @@
 // Where the view looks: world units, y up, to pixels, y down.
 
 const CLOSEST = 40; // how far beyond the scale at which all is seen one can zoom, in typical edges across the view
-const MARGIN = 0.04;
+const MARGIN = 0.05;
 
 export class Camera {
   /** @param {{left: number, bottom: number, right: number, top: number}} box what is seen at first @param {number} unit */

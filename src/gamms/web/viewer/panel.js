@@ -197,7 +197,8 @@ function legendOf(block) {
   const rows = (block.get("rows") ?? []).slice(0, 50).map((/** @type {any[]} */ [color, name, value]) =>
     element("div", { class: "team" }, dot(Array.isArray(color) || ArrayBuffer.isView(color) ? `rgb(${Array.from(/** @type {any} */ (color)).slice(0, 3).join(",")})` : undefined), element("span", { class: "who", text: wordsOf(name) }), element("span", { class: "score", text: value === undefined || value === null ? "" : wordsOf(value) })));
   const colors = block.get("colors");
-  const steps = colors === undefined ? [] : Array.from({ length: Math.floor(colors.length / 3) }, (_, i) => `rgb(${[0, 1, 2].map((k) => Number(colors[3 * i + k]) | 0).join(",")})`);
+  const parts = Array.from(colors ?? []).flatMap((/** @type {any} */ one) => (typeof one === "number" ? [one] : Array.from(one).slice(0, 3)));
+  const steps = Array.from({ length: Math.min(Math.floor(parts.length / 3), 64) }, (_, i) => `rgb(${[0, 1, 2].map((k) => Number(parts[3 * i + k]) | 0).join(",")})`);
   const bar = steps.length > 1 ? [element("div", { class: "gradient", style: { background: `linear-gradient(to right, ${steps.join(",")})` } }), element("div", { class: "ends" }, ...(block.get("ends") ?? []).map((/** @type {any} */ one) => element("span", { text: wordsOf(one) })))] : [];
   return element("section", { class: "legend" }, element("h3", { text: wordsOf(block.get("title") ?? "") }), ...bar, ...rows);
 }

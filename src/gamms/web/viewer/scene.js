@@ -10,6 +10,7 @@ import { sideOf } from "./sensed.js";
 import { THEMES, faded, isBright, teamColors } from "./themes.js";
 
 const AGENT_LAYER = 20; // artists below it are behind the agents
+const RADIUS = 0.22, MOST_RADIUS = 0.018; // of an agent: in lengths of a typical edge, and at most in widths of the map
 const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
 const SPREAD = [0, 0, 0.7, 0.85, 0.95, 1.0]; // how far so many discs on one node are moved, in radii
 const MOST_SPREAD = 6; // of more on one node, one stands for each team, with their number
@@ -52,9 +53,12 @@ export class Scene {
 
   /** Return the colours of all sides. @param {Look} look */
   colors(look) {
+    const { state } = this.replay;
+    if (this.known?.state === state && this.known.turn === state.turn && this.known.theme === look.theme) return this.known.colors;
     const declared = this.replay.state.visuals?.get("team_colors");
     const given = declared instanceof Map ? declared : new Map(declared ?? []);
-    return teamColors(this.replay.sides(), THEMES[look.theme], given);
+    this.known = { state, turn: state.turn, theme: look.theme, colors: teamColors(this.replay.sides(), THEMES[look.theme], given) };
+    return this.known.colors;
   }
 
   /**
@@ -136,7 +140,9 @@ export class Scene {
     const colors = this.colors(look);
     const ways = replay.ways.filter((way) => (way.agent.alive || share < 1) && (this.visible === null || this.visible.has(way.number)));
     const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
-    const radius = Math.max(0.22 * replay.world.unit * camera.scale, least);
+    const { box, unit } = replay.world;
+    const extent = Math.max(box.right - box.left, box.top - box.bottom) || unit;
+    const radius = Math.max(Math.min(RADIUS * unit, MOST_RADIUS * extent) * camera.scale, least);
     const starts = spreadOf(ways, (way) => way.before?.node ?? way.agent.node), ends = spreadOf(ways, (way) => way.agent.node);
     this.discs = ways.map((way, i) => {
       const [x, y] = placeOn(way, share);
@@ -317,18 +323,10 @@ export class Scene {
   #paintAgents(look, theme) {
     const { to, camera } = this;
     const stacks = stacksOf(this.discs);
-    for (const disc of this.discs) {
-      const { px, py, radius, color, way } = disc;
-      if (px < -50 || py < -50 || px > camera.width + 50 || py > camera.height + 50) continue;
-      const edge = isBright(color) ? "#3c3c3c" : "#ffffff";
-      if (disc.name === look.selected || disc.name === look.hovered) this.#ring(px, py, radius + 5, faded(theme.ink, 0.85), 2);
-      if (way.agent.flies) this.#paintFlyer(disc, edge);
-      to.beginPath();
-      to.arc(px, py, radius, 0, 2 * Math.PI);
-      to.fillStyle = color;
-      to.fill();
-      if (radius > 2) this.#ring(px, py, radius, edge, Math.min(1.5, radius / 2));
-    }
+    const inView = this.discs.filter(({ px, py }) => px > -50 && py > -50 && px < camera.width + 50 && py < camera.height + 50);
+    for (const { name, px, py, radius } of inView) if (name === look.selected || name === look.hovered) this.#ring(px, py, radius + 5, faded(theme.ink, 0.85), 2);
+    for (const disc of inView) if (disc.way.agent.flies) this.#paintFlyer(disc, isBright(disc.color) ? "#3c3c3c" : "#ffffff");
+    for (const some of inView.length > MANY ? groupsByColor(inView) : inView.map((disc) => [disc])) this.#paintDiscs(some);
     to.textAlign = "center";
     to.textBaseline = "middle";
     for (const { x, y, radius, count } of stacks) {
@@ -336,6 +334,22 @@ export class Scene {
       this.#words(String(count), x, y - radius - 8, theme);
     }
     to.textAlign = "left";
+  }
+
+  /** Paint discs of one colour: of many all at once, which takes a tenth of the time. @param {Disc[]} discs */
+  #paintDiscs(discs) {
+    const { to } = this;
+    const [{ radius, color }] = discs;
+    to.beginPath();
+    for (const { px, py } of discs) {
+      to.moveTo(px + radius, py);
+      to.arc(px, py, radius, 0, 2 * Math.PI);
+    }
+    to.fillStyle = color;
+    to.fill();
+    to.strokeStyle = isBright(color) ? "#3c3c3c" : "#ffffff";
+    to.lineWidth = Math.min(1.5, radius / 2);
+    to.stroke();
   }
 
   /** An agent in the air has a ring around it, and a nose that points where it looks. */
@@ -459,16 +473,28 @@ function spreadOf(/** @type {import("./motion.js").Way[]} */ ways, /** @type {(w
   return found;
 }
 
+/** Return the discs of each colour. @param {Disc[]} discs @returns {Disc[][]} */
+function groupsByColor(discs) {
+  /** @type {Map<string, Disc[]>} */
+  const found = new Map();
+  for (const disc of discs) {
+    const known = found.get(disc.color);
+    if (known === undefined) found.set(disc.color, [disc]);
+    else known.push(disc);
+  }
+  return [...found.values()];
+}
+
 /** Return where so many agents of a team stand on one node that one disc stands for them. @param {Disc[]} discs */
 function stacksOf(discs) {
-  /** @type {Map<string, {x: number, y: number, radius: number, count: number}>} */
-  const found = new Map();
-  for (const { px, py, radius, side, way } of discs) {
-    if (way.agent.flies) continue;
-    const key = `${way.agent.node} ${side} ${px.toFixed(1)} ${py.toFixed(1)}`;
-    const known = found.get(key);
-    if (known === undefined) found.set(key, { x: px, y: py, radius, count: 1 });
-    else known.count++;
+  /** @type {Map<number, Disc[]>} */
+  const byNode = new Map();
+  for (const disc of discs) {
+    if (disc.way.agent.flies) continue;
+    const known = byNode.get(disc.way.agent.node);
+    if (known === undefined) byNode.set(disc.way.agent.node, [disc]);
+    else known.push(disc);
   }
-  return [...found.values()].filter((one) => one.count > 1);
+  return [...byNode.values()].filter((members) => members.length > MOST_SPREAD).flatMap((members) =>
+    groupsByColor(members).filter((some) => some.length > 1).map((some) => ({ x: some[0].px, y: some[0].py, radius: some[0].radius, count: some.length })));
 }
