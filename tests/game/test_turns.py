@@ -85,6 +85,7 @@ def test_the_papers_loop_and_the_engine_may_take_turns(ctx, play):
         ({"node_id": 1, "orientation": (0, 0)}, "must not be (0, 0)"),
         ([1, 2], "Node 2 is not next to node 0"),
         (1.0, "not 1.0"),
+        ([1, [2]], "not [2]"),
     ],
 )
 def test_an_action_that_is_not_legal_means_staying_and_is_counted(ctx, play, action, words):

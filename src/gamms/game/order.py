@@ -313,7 +313,7 @@ class Legality:
             action = action["node_id"]
         if mover.travels and action is None:
             resolved = self.travelled(mover, here, None)
-        elif isinstance(action, (list, np.ndarray)) and np.ndim(action) == 1:
+        elif isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
             nodes = list(map(self._node, action))
             resolved = self.travelled(mover, here, nodes) if mover.travels else self._walk(mover, here, nodes, True)
         else:
