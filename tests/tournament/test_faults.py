@@ -151,6 +151,8 @@ for line in sys.stdin:
             message["question"] = 3
         elif deed == "decide for others":
             actions["blue_0"] = 0
+        elif deed == "choose lists of lists":
+            actions = {name: [None, [1]] for name in states}
         elif deed == "close its input":
             os.close(0)
             say(type="turn", question=2, actions=actions)
@@ -268,6 +270,7 @@ def test_a_python_entry_loses_by_its_fault(launchers, deed, kind):
         ("answer twice", "order"),
         ("answer another question", "order"),
         ("decide for others", "illegal"),
+        ("choose lists of lists", "illegal"),
         ("close its input", "exit"),
         ("close its output", "exit"),
         ("send a message", "illegal"),

@@ -15,8 +15,9 @@ _MOST_FAULTS = 1_000  # games that are listed with their fault
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 75em; padding: 0 1em; color: #1b1b1b; }
 table { border-collapse: collapse; margin: 1em 0; } th, td { padding: .25em .7em; border-bottom: 1px solid #ddd; }
-th { text-align: left; } td.n { text-align: right; font-variant-numeric: tabular-nums; } .s { overflow-x: auto; }
-a { text-decoration: none; } .w { color: #006d2c; } .d { color: #666; } .l { color: #a50f15; } small { color: #555; }
+th { text-align: left; } th, td small { white-space: nowrap; } .s { overflow-x: auto; } small { color: #555; }
+td.n { text-align: right; font-variant-numeric: tabular-nums; }
+a { text-decoration: none; } .w { color: #006d2c; } .d { color: #666; } .l { color: #a50f15; }
 """
 
 
