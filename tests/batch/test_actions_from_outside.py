@@ -85,3 +85,17 @@ def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind
         with pytest.raises(kind, match=message):
             games.step({"red": given})
         assert games.turn.tolist() == [0, 0]
+
+
+def test_agents_that_are_given_nothing_any_more_follow_their_strategies():
+    teams = {name: {"count": 2, "strategy": "gamms.strategies:random_walk"} for name in ("red", "blue")}
+    scenario = scene(teams=teams)
+    nothing = np.zeros((2, 2), np.int64)
+    given = [{"red": nothing}, {"red": nothing}, {}, {"red": nothing, "blue": nothing}, {"blue": nothing}, {}, {}]
+    with scenario.batch(2, seed=1) as fast, scenario.batch(2, seed=1, one_by_one=True) as slow:
+        for actions in given:
+            fast.step(actions)
+            slow.step(actions)
+            for team in ("red", "blue"):
+                assert fast.observe(team).node.tolist() == slow.observe(team).node.tolist()
+            assert slow.context(0).game.plans == {}

@@ -14,7 +14,7 @@ from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
-from gamms.game.batch.given import Given, acting, as_given
+from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
@@ -404,11 +404,13 @@ class Batch:
         turns = int(self._engine.turns()[number])
         with self._source.build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
+            acting = Acting(ctx.game, self._roster)
             for turn in range(turns):
                 given = {} if self._log is None else self._log[self._begun[number] + turn]
                 given = {team: one._replace(moves=self._get(one.moves)) for team, one in given.items()}
-                with acting(ctx.game, self._roster, given, number):
-                    ctx.game.step()
+                acting.take(given, number)
+                ctx.game.step()
+            acting.end()
 
     def context(self, game: int) -> Any:
         """Return the context that has a game as it is now, to look at it, until another game is played.

@@ -1,7 +1,6 @@
 """Actions that come from outside: what agents of a team do in all games, instead of what their strategies decide."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from math import hypot
 from typing import Any, NamedTuple
 
@@ -103,28 +102,44 @@ def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
     return np.broadcast_to(mask, shape)
 
 
-@contextmanager
-def acting(game: PlayedGame, roster: Roster, given: Mapping[Hashable, Given], number: int) -> Iterator[None]:
-    """Let agents take actions that were given, instead of what their strategies and plans decide.
+class Acting:
+    """Lets agents of a game take actions that are given, instead of what their strategies and plans decide.
+
+    Its plans stay from turn to turn until `end`: the turn engine works out again who is asked when plans change.
 
     Args:
         game: that is played.
         roster: its agents.
-        given: by team.
-        number: of the game.
     """
-    plans = game.plans
-    if given:
-        own = {
-            team: Plan(_taking(_of_agents(game, roster, given, number, team), game, may_stay=one.may_stay))
-            for team, one in given.items()
-        }
-        game.plans = {**plans, **own}
-    try:
-        yield
-    finally:
-        if given:
-            game.plans = plans
+
+    def __init__(self, game: PlayedGame, roster: Roster) -> None:
+        self._game, self._roster = game, roster
+        self._actions: dict[Hashable, dict[str, _ActionOfOne]] = {}
+        self._may_stay: dict[Hashable, bool] = {}
+
+    def take(self, given: Mapping[Hashable, Given], number: int) -> None:
+        """Let agents take other actions from now on: those of a game of the batch, by team."""
+        may_stay = {team: one.may_stay for team, one in given.items()}
+        if may_stay != self._may_stay:
+            self.end()
+        if may_stay and not self._may_stay:
+            game, plans = self._game, self._game.plans
+            self._may_stay, self._actions = may_stay, {team: {} for team in given}
+            taking = {
+                team: Plan(_Taking(actions, game, plans.get(team), may_stay=may_stay[team]))
+                for team, actions in self._actions.items()
+            }
+            game.plans = {**plans, **taking}
+        for team, actions in self._actions.items():
+            actions.update(_of_agents(self._game, self._roster, given, number, team))
+
+    def end(self) -> None:
+        """Let strategies and plans decide again; after a reset, too, as the first plans are part of the start."""
+        plans = self._game.plans
+        if any(isinstance(plan.function, _Taking) for plan in plans.values()):
+            own = {team: one.function.own if isinstance(one.function, _Taking) else one for team, one in plans.items()}
+            self._game.plans = {team: plan for team, plan in own.items() if plan is not None}
+        self._actions, self._may_stay = {}, {}
 
 
 class _ActionOfOne(NamedTuple):
@@ -184,30 +199,33 @@ def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller h
     return one.tolist() if isinstance(one, np.ndarray | np.generic) else one
 
 
-def _taking(
-    actions: Mapping[str, _ActionOfOne], game: PlayedGame, *, may_stay: bool
-) -> Callable[[dict[str, Any]], None]:
-    """Return a plan by which agents, if they are alive, take actions, by name.
+class _Taking:
+    """A plan by which agents, if they are alive, take actions, by name; in place of a plan of the game or of none.
 
     Those that were not there from the start follow their strategies, or stay.
     """
 
-    def plan(states: dict[str, Any]) -> None:
+    def __init__(
+        self, actions: Mapping[str, _ActionOfOne], game: PlayedGame, own: Plan | None, *, may_stay: bool
+    ) -> None:
+        self._actions, self._game, self.own, self._may_stay = actions, game, own, may_stay
+
+    def __call__(self, states: dict[str, Any]) -> None:
         for name, state in states.items():
-            if name not in actions:
-                strategy = game.ctx.agent.agents[name].strategy
+            if name not in self._actions:
+                strategy = self._game.ctx.agent.agents[name].strategy
                 if strategy is None:
                     state["action"] = state["legal"][0]
                 else:
                     strategy(state)
                 continue
-            legal, action = state["legal"], actions[name]
+            legal, action = state["legal"], self._actions[name]
             state.get("outbox", []).extend(action.outbox)
             if "quat" in state:  # it flies
-                state["action"] = flown(action.flight, game.ctx.agent.agents[name].speed, action.do)
+                state["action"] = flown(action.flight, self._game.ctx.agent.agents[name].speed, action.do)
                 continue
             move = action.move
-            if may_stay and not 0 <= move < len(legal):
+            if self._may_stay and not 0 <= move < len(legal):
                 move = 0
             if not 0 <= move < len(legal):
                 raise BadValue(
@@ -215,8 +233,6 @@ def _taking(
                     f"it has {len(legal)}, numbered from 0."
                 )
             state["action"] = {"node_id": legal[move], "do": action.do} if action.do else legal[move]
-
-    return plan
 
 
 def flown(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.given import Given, acting
+from gamms.game.batch.given import Acting, Given
 from gamms.game.batch.movement import Anywhere, Noted, Places
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import movement_of
@@ -42,6 +42,7 @@ class OneByOneEngine:
         self._game, self._roster, self.seeds = game, roster, list(seeds)
         self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, over, or in the context
         self.loaded: int | None = None
+        self._acting = Acting(game, roster)
         self._results: list[Result | None] = [None] * len(seeds)
         self._over: list[dict[str, Any] | None] = [None] * len(seeds)
         self._turns = np.zeros(len(seeds), np.int64)
@@ -80,9 +81,14 @@ class OneByOneEngine:
 
     def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of a game; the moves that are given were checked."""
-        game = self.load(number)
-        with self._named(number), acting(game, self._roster, given, number):
-            game.step()
+        with self._named(number):
+            game = self._load(number)
+            try:
+                self._acting.take(given, number)
+                game.step()
+            except BaseException:
+                self._acting.end()
+                raise
         self._store(number)
         self._refuse_hidden()
 
@@ -220,15 +226,21 @@ class OneByOneEngine:
         return known
 
     def load(self, number: int) -> PlayedGame:
-        """Let the context have a game as it is now."""
+        """Let the context have a game as it is now, in which strategies and plans decide."""
+        self._acting.end()
+        return self._load(number)
+
+    def _load(self, number: int) -> PlayedGame:
         game, snapshot = self._game, self._snapshots[number]
         if self.loaded == number:
             return game
+        self._acting.end()
         if self.loaded is not None and self._over[self.loaded] is None:
             self._snapshots[self.loaded] = game.snapshot()
         self.loaded, self._snapshots[number] = None, None
         if snapshot is None:
             game.reset(seed=self.seeds[number])
+            self._acting.end()
         else:
             game.restore(snapshot)
         self.loaded = number
@@ -245,6 +257,7 @@ class OneByOneEngine:
             self._over[number] = {"reason": "max_turns", "winner": None, "truncated": True}
         self._observe(number)
         if self._over[number] is not None:
+            self._acting.end()
             self._results[number] = self._result()
 
     def _result(self) -> Result:
