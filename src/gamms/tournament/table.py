@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import MissingExtra
 from gamms.experiment.statistics import Interval, mean_interval
 from gamms.text import printable_line
@@ -169,8 +170,6 @@ class Table:
         The pay-offs are half the differences of the points per game of both, which makes the game zero-sum and the same
         for both players. An entry in it need not be high in the table. None: some two have not met.
         """
-        from gamms.solve import matrix_game
-
         payoffs, names = self.payoffs(), self.entries
         matrix = np.zeros((len(names), len(names)))
         for row, first in enumerate(names):
@@ -180,7 +179,7 @@ class Table:
                         return None
                     difference = payoffs[first, second].points.value - payoffs[second, first].points.value
                     matrix[row, column] = difference / 2.0
-        return dict(zip(names, matrix_game(matrix).rows.tolist(), strict=True))
+        return dict(zip(names, kernels.solve_matrix_games(matrix[None])[1][0].tolist(), strict=True))
 
     def __str__(self) -> str:
         header = ("", "entry", "points", "games", "won", "drawn", "lost", "faults")
