@@ -22,8 +22,10 @@ from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, made_slots
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.sensed import Sensed
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.text import shown
+from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Move
 from gamms.typing.on_edges import located
@@ -107,6 +109,14 @@ class TurnEngine:
         """Return what will be legal for living agents when the next turn begins, by name; see `Legality.reachable`."""
         node = self._ctx.agent.block.node
         return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in self.order().slots}
+
+    def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Sensed]:
+        """Return what sensors of an agent will show in the next turn; these looks are not counted."""
+        self._phase.agent = agent.name
+        try:
+            return {name: agent.sensors[name].sense_many([agent.current_node_id]) for name in names}
+        finally:
+            self._phase.agent = None
 
     def close(self) -> None:
         """Close the event loop, if one was opened."""

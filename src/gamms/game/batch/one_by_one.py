@@ -10,6 +10,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.given import Acting, Given
 from gamms.game.batch.movement import Anywhere, Noted, Places
+from gamms.game.batch.sight import noted_sensors
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import movement_of
 from gamms.game.batch.view import ArrayView
@@ -18,12 +19,11 @@ from gamms.game.result import Result
 from gamms.game.snapshots import Snapshot
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.sensed import Sensed
 from gamms.text import shown
 from gamms.typing import AgentType
+from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
-from gamms.typing.sensor_engine import SensorType
-
-_FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 
 
 class OneByOneEngine:
@@ -142,6 +142,8 @@ class OneByOneEngine:
         self._legal = None if isinstance(movement, Anywhere) else Noted(movement)
         state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
         state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
+        sensors = {i: noted_sensors(agent) for i, agent in enumerate(self._roster.agents)}
+        state.noted = {i: names for i, names in sensors.items() if names}
         if self._flyers:
             state.heights, state.movement.leaves_nodes = np.zeros(shape), True
         return state
@@ -164,7 +166,8 @@ class OneByOneEngine:
         edge, offset_m, xy = (column[number] for column in state.places)
         edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
         if state.heights is not None:
-            self._observe_flyers(number, xy, state.heights[number])
+            self._observe_flyers(xy, state.heights[number])
+        self._note_sights(number)
         block = ctx.agent.block
         for i, agent in enumerate(agents if block.travellers else ()):
             progress = block.on_edge(block.row_of(agent.name)) if agent.name in ctx.agent.agents else None
@@ -172,27 +175,25 @@ class OneByOneEngine:
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
 
-    def _observe_flyers(self, number: int, xy: FloatArray, heights: FloatArray) -> None:
-        """Note where in the air the agents of the game are, and what they see from there."""
-        state, ctx, roster = self._observed, self._game.ctx, self._roster
-        graph, numbers = ctx.graph.graph, {name: i for i, name in enumerate(roster.names)}
+    def _observe_flyers(self, xy: FloatArray, heights: FloatArray) -> None:
+        """Note where in the air the agents of the game that the context has are."""
         for i in self._flyers:
-            agent = roster.agents[i]
-            state.sighted.pop((number, i), None)
-            if agent.name not in ctx.agent.agents:
-                continue
-            xy[i], heights[i] = agent.position[:2], agent.position[2]
-            looks = [one for one in agent.sensors.values() if one.type in _FROM_THE_AIR]
-            reports = [sensor.sense_many([agent.current_node_id]) for sensor in looks if agent.alive]
-            places = {
-                report.names[row]: (float(x), float(y))
-                for report in reports
-                for row, (x, y, _) in zip(report.values.tolist(), report.places.tolist(), strict=True)
-            }
-            known = [(numbers[name], graph.nearest_node(*xy)) for name, xy in places.items() if name in numbers]
-            if known:
-                others, nodes = np.array(sorted(known), np.int64).T
-                state.sighted[number, i] = others, state.streets.rows(nodes)
+            agent = self._roster.agents[i]
+            if agent.name in self._game.ctx.agent.agents:
+                xy[i], heights[i] = agent.position[:2], agent.position[2]
+
+    def _note_sights(self, number: int) -> None:
+        """Note what sensors show that only the turn engine can ask."""
+        state, ctx, roster = self._observed, self._game.ctx, self._roster
+        numbers = {name: i for i, name in enumerate(roster.names)}
+        for i, names in state.noted.items():
+            agent, found = roster.agents[i], dict[str, tuple[IntArray, IntArray]]()
+            reports = self._game.internals.parts.turns.looks(agent, names) if agent.alive else {}
+            for sensor, report in reports.items():
+                known = [(numbers[name], node) for name, node in _reported(report, ctx) if name in numbers]
+                others, nodes = np.array([*known, (0, 0)], np.int64)[:-1].T
+                found[sensor] = others, state.streets.rows(nodes)
+            state.sighted[number, i] = found
 
     def _note_legal(self, noted: Noted, number: int, nodes: IntArray) -> None:
         """Note where the agents of the game that the context has may go: those that are out stay."""
@@ -276,3 +277,13 @@ class OneByOneEngine:
                 f"{actions.dtype} of the shape {actions.shape}."
             )
         return actions
+
+
+def _reported(report: Sensed, ctx: HostContext) -> list[tuple[str, int]]:
+    """Return whom a sensor shows, and the ids of the nodes where; of those in the air the nearest ones."""
+    if not report.names:  # of a class of its own
+        return [*dict(report[0][0]).items()] if len(report[0]) else []
+    names = [report.names[row] for row in report[0].tolist()]
+    places = [] if report.places is None else report.places.tolist()
+    nodes = [ctx.graph.graph.nearest_node(*at[:2]) if isinstance(at, list) else at for at in places]
+    return [*zip(names, nodes, strict=True)]

@@ -1,7 +1,7 @@
 """Which agents the sensors of agents show, in all games of a view at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -24,6 +24,7 @@ from gamms.typing.sensor_engine import SensorType
 
 DELAYS = "delayed looks"  # the key under which a batch shares what sensors are still to report
 SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
+_FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 _AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in the cache of the processor
 _FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
 _MOST_HIDDEN = 1 << 22  # pairs of nodes of which it is known whether something is between them
@@ -72,22 +73,22 @@ class Seen(NamedTuple):
 
     def with_sights(
         self,
-        sights: Mapping[tuple[int, int], tuple[IntArray, IntArray]],
+        sights: Sequence[tuple[int, int, IntArray, IntArray]],
         games: IntArray,
         agents: IntArray,
         asked: BoolArray,
     ) -> "Seen":
-        """Return these pairs with those of sensors that look from the air.
+        """Return these pairs with others, of which that counts which comes first.
 
         Args:
-            sights: the game and the agent that looks -> the others and the rows of nodes where they are reported.
+            sights: the game and the agent that looks, the others and the rows of nodes where they are reported.
             games: of the view, by their numbers in the batch.
             agents: of the view, by their numbers in the roster.
             asked: (games, agents) which agents are asked.
         """
         number, column = ({one: i for i, one in enumerate(of.tolist())} for of in (games, agents))
         parts = [(self.at, self.viewers, self.others, self.nodes)]
-        for (game, agent), (others, nodes) in sights.items():
+        for game, agent, others, nodes in sights:
             if game in number and agent in column and asked[number[game], column[agent]]:
                 parts.append((others * 0 + number[game], others * 0 + column[agent], others, nodes))
         at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
@@ -120,11 +121,13 @@ class Lookout(NamedTuple):
     order: IntArray
 
 
-def looks_of(agent: IAgent, names: Sequence[str], *, may_lack_forms: bool = False) -> list[AgentLook]:
+def looks_of(
+    agent: IAgent, names: Sequence[str], *, may_lack_forms: bool = False, left_out: Collection[str] = ()
+) -> list[AgentLook]:
     """Return how the sensors of an agent show agents: those of these names, or all that show agents."""
     carried, found = getattr(agent, "sensors", {}), []
     for name in names or carried:
-        if name in carried and carried[name].type in SHOWING_AGENTS:
+        if name in carried and carried[name].type in SHOWING_AGENTS and name not in left_out:
             why = why_not_seen(agent, name)
             if why is not None:
                 if may_lack_forms:
@@ -175,7 +178,28 @@ def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     return sorted({name for one in carried for name, sensor in one.items() if sensor.type in SHOWING_AGENTS})
 
 
-def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str], *, may_lack_forms: bool = False) -> list[Lookout]:
+def noted_sensors(agent: IAgent) -> list[str]:
+    """Return the sensors of an agent that only the turn engine can ask in games that are played one by one.
+
+    These look from the air, turn with the agent, report late, or are of a class of their own.
+    """
+    found = []
+    for name, sensor in getattr(agent, "sensors", {}).items():
+        look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else "is of a class of its own"
+        is_odd = not isinstance(look, AgentLook) or look.turns or look.delay
+        if sensor.type in _FROM_THE_AIR or (sensor.type in SHOWING_AGENTS and is_odd):
+            found.append(name)
+    return found
+
+
+def lookouts(
+    roster: Roster,
+    numbers: IntArray,
+    names: Sequence[str],
+    *,
+    may_lack_forms: bool = False,
+    left_out: Mapping[int, Collection[str]] | None = None,
+) -> list[Lookout]:
     """Return the sensors of agents of a roster, those that look alike together; of these names, or all.
 
     Args:
@@ -183,6 +207,7 @@ def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str], *, may_lac
         numbers: of the agents.
         names: of sensors.
         may_lack_forms: whether those without an array form are left out.
+        left_out: agent -> its sensors that are left out.
 
     Raises:
         UnknownName (KeyError): no agent carries one of a name.
@@ -195,7 +220,9 @@ def lookouts(roster: Roster, numbers: IntArray, names: Sequence[str], *, may_lac
     found: dict[tuple[AgentLook, int], tuple[AgentLook, list[tuple[int, int]], list[tuple[str, str] | None]]] = {}
     for column, number in enumerate(numbers.tolist()):
         carried = Counter[AgentLook]()  # an agent may carry several that look alike
-        for order, look in enumerate(looks_of(agents[number], names, may_lack_forms=may_lack_forms)):
+        without = (left_out or {}).get(number, ())
+        looks = looks_of(agents[number], names, may_lack_forms=may_lack_forms, left_out=without)
+        for order, look in enumerate(looks):
             key = look.what
             _, columns, draws = found.setdefault((key, carried[key]), (look, [], []))
             columns.append((column, order))

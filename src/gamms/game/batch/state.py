@@ -180,7 +180,8 @@ class GameArrays:
         deeds: what agents may do besides moving, and did.
         radio: by what agents send messages, and what was sent; None: by nothing.
         places, heights: where agents are in games that are played one by one; None: on their nodes.
-        sighted: the game and the agent that looks from the air -> others, and the rows of nodes where they are.
+        noted: agent -> its sensors of which the turn engine says what they show, where it plays one by one.
+        sighted: game and agent -> such a sensor -> others, and the rows of nodes where they are reported.
         over: of each game how it ended: reason, winner, truncated; None while it goes on.
         is_going: (games,) which have not ended.
         ground: (games,) the number of the map of each, which differ in the roads that are closed.
@@ -229,7 +230,8 @@ class GameArrays:
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
         self.heights: FloatArray | None = None
-        self.sighted: dict[tuple[int, int], tuple[IntArray, IntArray]] = {}
+        self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
+        self.noted: dict[int, list[str]] = {}
         self.now: dict[Hashable, Any] = {}
         self.headings: Headings | None = None
         self.memory_of = np.arange(len(roster.names))

@@ -306,10 +306,16 @@ class ArrayView(Mapping[str, Any]):
         if known is not None:
             return known if are_all else known.in_games(self.games)
         if key not in state.shared:
-            state.shared[key] = lookouts(state.roster, self.agents, names)
+            state.shared[key] = lookouts(state.roster, self.agents, names, left_out=state.noted)
         found = seen(state, self.games, self.agents, self._whole, state.shared[key], with_own=bool(names))
-        if state.sighted and not names:
-            found = found.with_sights(state.sighted, self.games, self.agents, self._whole)
+        if state.sighted:
+            sights = [
+                (*who, *sight)
+                for who, of_agent in state.sighted.items()
+                for name, sight in of_agent.items()
+                if name in names or not names
+            ]
+            found = found.with_sights(sights, self.games, self.agents, self._whole)
         if are_all:
             state.now[key] = found
         return found
