@@ -89,6 +89,7 @@ export class App {
       setTimeout(() => this.readOn(), 0);
       return;
     }
+    for (const { scene } of this.views) scene.known = undefined;
     const position = this.position; // drawings and what was sensed are known only now
     for (const view of this.views) {
       view.replay.show(view.replay.state.turn ? 0 : Math.min(1, view.replay.turns));

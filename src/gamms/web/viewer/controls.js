@@ -97,7 +97,8 @@ export class Controls {
     const hasScores = scores.size > 0 || replay.overview.scores.length > 0;
     refill(this.teams, ...names.map((name) => {
       const side = sides.get(name);
-      const count = side !== undefined && side.all > 1 ? `${side.living < side.all ? `${side.living} of ${side.all}` : side.all} agents` : "";
+      const isForeign = app.options.audience !== undefined && app.options.audience !== name;
+      const count = isForeign ? `${side?.living ?? 0} in sight` : side !== undefined && side.all > 1 ? `${side.living < side.all ? `${side.living} of ${side.all}` : side.all} agents` : "";
       const score = hasScores ? Number((scores.get(name) ?? 0).toPrecision?.(5) ?? 0) : "";
       return element("div", { class: "team" }, dot(colors.get(name)), element("span", { class: "who", text: name }), element("span", { class: "count", text: count }), element("span", { class: "score", text: score }));
     }));
@@ -111,8 +112,7 @@ export class Controls {
     const colors = scene.colors(app.look);
     const now = replay.overview.happenings.filter((one) => one.turn <= app.turn && one.turn > app.turn - CAPTION_TURNS && this.#isOpen(one)).slice(-MOST_LINES);
     refill(this.captions, ...now.map((one) => {
-      const agent = one.agent === null ? undefined : replay.state.byName.get(one.agent);
-      const color = colors.get(agent === undefined ? one.agent ?? "" : agent.team ?? agent.name);
+      const color = colors.get(replay.sideOf(one.agent ?? ""));
       return element("p", { class: one.turn === app.turn ? "now" : "" }, dot(color), element("span", { text: one.words }));
     }));
   }
@@ -140,8 +140,7 @@ export class Controls {
       const colors = scene.colors(app.look);
       for (const one of replay.overview.happenings) {
         if (!one.isMarked) continue;
-        const agent = one.agent === null ? undefined : replay.state.byName.get(one.agent);
-        to.fillStyle = colors.get(agent === undefined ? one.agent ?? "" : agent.team ?? agent.name) ?? theme.faint;
+        to.fillStyle = colors.get(replay.sideOf(one.agent ?? "")) ?? theme.faint;
         const x = (one.turn / turns) * width, high = one.isMajor ? 16 : 9;
         to.fillRect(x - (one.isMajor ? 1.5 : 0.75), height / 2 - high / 2, one.isMajor ? 3 : 1.5, high);
       }

@@ -8,7 +8,7 @@ const PAN_PX = 60, ZOOM = 1.25;
 /** Let a person move, point, click and type. @param {App} app */
 export function listen(app) {
   for (const view of app.views) new Pointers(app, view);
-  app.root.addEventListener("keydown", (event) => onKey(app, event));
+  document.addEventListener("keydown", (event) => onKey(app, event));
 }
 
 /** The pointers that are down on a view: one moves the map, two zoom it. */

@@ -19,6 +19,7 @@ export class Overview {
     /** @type {{turn: number, artist: string, data: () => any}[]} */ this.drawings = [];
     /** @type {{turn: number, data: () => any}[]} */ this.visuals = [];
     /** @type {{turn: number, data: () => any}[]} */ this.worlds = [];
+    /** @type {Map<string, string>} */ this.sides = new Map(); // of agents that come during the game, by their names
     this.hasSensed = false;
     this.hasMessages = false;
   }
@@ -41,11 +42,18 @@ export class Overview {
         else if (kind === KINDS.WORLD) this.worlds.push({ turn, data });
         else if (kind === KINDS.SENSED) this.hasSensed = true;
         else if (kind === KINDS.MESSAGE) this.hasMessages = true;
+        else if (kind === KINDS.AGENT_CREATE) this.#addAgent(chunk.data(event));
       }
       for (const { words, agent } of captionsOf(events)) this.#add({ turn, words, agent, isMajor: false, isMarked: events.some(isMarked) });
     }
     this.turns = chunk.first + chunk.turns;
     return true;
+  }
+
+  /** @param {Map<string, any>} data */
+  #addAgent(data) {
+    const name = String(data.get("name"));
+    if (this.sides.size < MOST_MARKS) this.sides.set(name, teamText(data.get("kwargs")?.get("team")) ?? name);
   }
 
   /** @param {Happening} happening */
@@ -78,6 +86,7 @@ export class Replay {
     this.world = new World(world);
     this.knowledge = new Knowledge(recording, this.world);
     /** @type {State} */ this.state = stateAt(recording, 0);
+    this.first = [...this.state.agents.values()].map(sideOf);
     /** @type {Map<number, import("./state.js").Agent>} */ this.before = new Map();
     /** @type {import("./motion.js").Way[]} */ this.ways = [];
     /** @type {Map<number, import("./sensed.js").Look[]> | null} */ this.sensed = null;
@@ -186,9 +195,15 @@ export class Replay {
     return counts;
   }
 
-  /** Return the sides of the game, in the order of their first agents. */
+  /** Return the sides of the game, in the order of their first agents, also while no agent of theirs is there. */
   sides() {
-    return [...new Set([...this.state.agents.values()].map(sideOf))];
+    return [...new Set([...this.first, ...this.overview.sides.values(), ...[...this.state.agents.values()].map(sideOf)])];
+  }
+
+  /** Return the side of an agent by its name; the name itself where there is no such agent. @param {string} name */
+  sideOf(name) {
+    const agent = this.state.byName.get(name);
+    return agent === undefined ? this.overview.sides.get(name) ?? name : sideOf(agent);
   }
 }
 
