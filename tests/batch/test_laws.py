@@ -331,6 +331,7 @@ PACED = {
     "intercept": intercept,
     "cut off": lambda ctx: intercept(ctx, [8, 35]),
     "sweep": lambda ctx: sweep(ctx, repeat=True),
+    "sweep by sight": lambda ctx: sweep(ctx, by_sight=True, repeat=True),
     "flee": flee,
     "guard": lambda ctx: guard(ctx, 23, 1.9),
     "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),

@@ -382,3 +382,41 @@ def test_rules_that_remember_outside_of_the_game_are_refused():
         ctx.game.add(remember)
         with ctx.game.batch(3) as games, pytest.raises(BadValue, match=r"'ends' of remember\(\) .* ctx\.game\.data"):
             games.run()
+
+
+class Counting:
+    """A conflict resolver that remembers how often it was asked."""
+
+    def __init__(self):
+        self.times = 0
+
+    def resolve(self, moves, ctx):
+        self.times += 1
+        return set()
+
+
+def test_checks_and_resolvers_that_remember_outside_of_the_game_are_refused():
+    asked = []
+
+    def rule(ctx):
+        pass
+
+    rule.check = lambda ctx: asked.append(ctx.game.turn)
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.add(rule)
+        with ctx.game.batch(3) as games, pytest.raises(BadValue, match="'asked'"):
+            games.run()
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.conflicts = Counting()
+        with ctx.game.batch(3) as games, pytest.raises(BadValue, match="times"):
+            games.run()
+
+
+def test_scalar_rules_are_called_where_sensors_report_late():
+    late = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0, "delay_turns": 2}}
+    red = {"count": 3, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
+    blue = {"count": 2, "strategy": "gamms.strategies:random_walk"}
+    with scene([TAG], max_turns=9, teams={"red": red, "blue": blue}, sensors=late).build(seed=1) as ctx:
+        for rule in (bonus, strike):
+            ctx.game.add(rule)
+        assert check(ctx, [1, 2, 3], restart=3) == {}

@@ -20,6 +20,7 @@ from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
+    COVERS,
     FITS,
     IS_BLIND,
     IS_LEGAL,
@@ -367,7 +368,7 @@ def offer_form(
     form: Callable[..., IntArray],
     *values: Hashable,
     parts: Iterable[object] = (),
-    looks: bool = False,
+    looks: bool | str = False,
     may_skip: bool | None = None,
     fits: str = "metres",
     portable: Callable[..., Any] | None = None,
@@ -380,7 +381,7 @@ def offer_form(
         form: called with these values, then the forms of the parts, then the view.
         values: numbers, names and the like.
         parts: the strategies that it calls.
-        looks: whether it asks what sensors show, besides its parts.
+        looks: whether it asks what sensors show, besides its parts; `COVERS`: and which nodes they have in view.
         may_skip: whether it may set no action; None: where one of its parts may.
         fits: up to which speeds of agents: those of "edge" (none), "edges" or "metres".
         portable: the form for other array libraries, called alike; None: there is none. Its actions are legal.
@@ -394,6 +395,7 @@ def offer_form(
     made: Any = partial(form, *values, *forms)
     setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
     setattr(made, _BOARDS, tuple(boards))
+    setattr(made, COVERS, looks == COVERS or any(getattr(one, COVERS, False) for one in forms))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
     setattr(made, FITS, min((fits, *(getattr(one, FITS, SPEEDS[-1]) for one in forms)), key=SPEEDS.index))

@@ -10,7 +10,7 @@ from gamms import kernels
 from gamms.arguments import as_context, as_flag
 from gamms.context import Context
 from gamms.game.batch.state import Arrays
-from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.batch.view import COVERS, ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
@@ -79,12 +79,14 @@ def sweep(
             target = memory["sweep target"] = _next_to_visit(ctx, state, ids, visited)
         move_to(ctx, state, target, fallback, "sweep")
 
-    if not sees:
-        offer_form(strategy, _sweep_in_arrays, chosen, again, parts=[fallback], board="sweep")
+    looks = COVERS if sees else False
+    offer_form(strategy, _sweep_in_arrays, chosen, sees, again, parts=[fallback], looks=looks, board="sweep")
     return strategy
 
 
-def _sweep_in_arrays(chosen: tuple[int, ...] | None, again: bool, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+def _sweep_in_arrays(
+    chosen: tuple[int, ...] | None, sees: bool, again: bool, fallback: ArrayStrategy, view: ArrayView
+) -> IntArray:
     nodes = len(view.streets.counts)
     rows = np.arange(nodes) if chosen is None else np.unique(view.streets.rows(chosen))
     board, memory = _Visited(view), view.memory_of[view.agents]
@@ -92,15 +94,25 @@ def _sweep_in_arrays(chosen: tuple[int, ...] | None, again: bool, fallback: Arra
     are_left = np.zeros(nodes, np.bool_)
     are_left[rows] = True
     left = board.left(rows)[:, memory]  # (games, agents) how many
-    is_new = ~board.has(here)
-    is_done = view.mask & again & ((left == 0) | ((left == 1) & is_new & are_left[here]))
-    seeks = view.mask & ((target < 0) | (target == here) | (~is_done & board.has(np.maximum(target, 0))))
+    is_new: BoolArray = ~board.has(here)
+    own_left, now = left - (is_new & are_left[here]), None
+    is_known = board.has(np.maximum(target, 0))
+    if sees:
+        now = view.covered()
+        np.put_along_axis(now, here[..., None], True, axis=-1)
+        fresh = now & ~board.of_all()
+        is_new = np.logical_or.reduce(fresh, axis=-1)
+        own_left = left - (fresh & are_left).sum(axis=-1)
+        is_known = is_known | np.take_along_axis(now, np.maximum(target, 0)[..., None], axis=-1)[..., 0]
+    is_done = view.mask & again & (own_left == 0)
+    seeks = view.mask & ((target < 0) | (target == here) | (~is_done & is_known))
     at, columns = np.nonzero(seeks)
     found, most = np.full(len(at), -1), max(1, _MOST_AT_ONCE // nodes)
     for first in range(0, len(at), most):
         some = slice(first, first + most)
         which = at[some], columns[some]
-        wanted = are_left & ~(board.rows(which) & ~is_done[which][:, None])
+        visited = board.rows(which) if now is None else board.rows(which) | now[which]
+        wanted = are_left & ~(visited & ~is_done[which][:, None])
         wanted[np.arange(len(wanted)), here[which]] = False
         own = wanted & (_parts_in_arrays(view, chosen, which))
         found[some] = _nearest(view, here[which], own)
@@ -108,7 +120,7 @@ def _sweep_in_arrays(chosen: tuple[int, ...] | None, again: bool, fallback: Arra
         found[rest] = _nearest(view, here[at[rest], columns[rest]], wanted[rest - first])
     target[at, columns] = found
     remember(view, "sweep", target=target)
-    board.visit(is_new=is_new, is_done=is_done)
+    board.visit(is_new=is_new, is_done=is_done, now=now)
     return moves_to(view, target, fallback)
 
 
@@ -125,6 +137,7 @@ class _Visited:
         def make(games: int) -> Arrays:
             return {
                 "visited": np.zeros((games, memories, len(view.streets.counts)), np.bool_),
+                "seen": np.zeros((games, memories, len(view.streets.counts)), np.bool_),  # in that turn
                 "turn": np.full((games, memories), -1),
                 "keeps": np.zeros((games, memories), np.bool_),  # whether what was visited before still counts
                 "next": np.full((games, agents), -1),  # what agents have visited in that turn
@@ -145,6 +158,9 @@ class _Visited:
         kept["visited"][games[begins[0]], begins[1]] = False
         kept["visited"][games[at], view.memory_of[agents], kept["next"][games[at], agents]] = True
         kept["next"][games[at], agents] = -1
+        places = games[np.nonzero(written)[0]], np.nonzero(written)[1]
+        kept["visited"][places] |= kept["seen"][places]
+        kept["seen"][places] = False
         kept["keeps"][games] &= ~is_old
         kept["turn"][games] = view.turn[:, None]
 
@@ -158,20 +174,33 @@ class _Visited:
         found: BoolArray = self._kept["visited"][self._view.games[which[0]], self._memory[which[1]]]
         return found
 
+    def of_all(self) -> BoolArray:
+        """Return which nodes were visited, (games, agents, nodes)."""
+        found: BoolArray = self._kept["visited"][self._view.games][:, self._memory]
+        return found
+
     def left(self, nodes: IntArray) -> IntArray:
         """Return how many of these nodes were not visited, (games, memories)."""
         found: IntArray = len(nodes) - self._kept["visited"][self._view.games][:, :, nodes].sum(axis=2)
         return found
 
-    def visit(self, *, is_new: BoolArray, is_done: BoolArray) -> None:
-        """Note that agents have visited the nodes where they are; those that are done begin again."""
+    def visit(self, *, is_new: BoolArray, is_done: BoolArray, now: BoolArray | None) -> None:
+        """Note that agents have visited the nodes where they are, and those in view; those that are done begin again.
+
+        Args:
+            is_new: (games, agents) whether one of these is new.
+            is_done: (games, agents)
+            now: (games, agents, nodes) that are in view; None: those where they are alone count.
+        """
         view, kept = self._view, self._kept
         size = kept["visited"][view.games].sum(axis=2)[:, self._memory]
-        counts = view.mask & np.where(is_done, is_new | (size != 1), is_new)
+        counts = view.mask & np.where(is_done, ~self.has(view.node) | (size != 1), is_new)
         at, columns = np.nonzero(counts)
         kept["next"][view.games[at], view.agents[columns]] = view.node[at, columns]
         at, columns = np.nonzero(counts & ~is_done)
         kept["keeps"][view.games[at], self._memory[columns]] = True
+        if now is not None:
+            np.logical_or.at(kept["seen"], (view.games[at], self._memory[columns]), now[at, columns])
 
 
 def _parts_in_arrays(view: ArrayView, chosen: tuple[int, ...] | None, which: tuple[IntArray, IntArray]) -> BoolArray:

@@ -22,7 +22,7 @@ from gamms.game.batch.sight import DELAYS, sees_from_edges, turns_with_its_agent
 from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import movement_of, why_not_moved
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
-from gamms.game.batch.view import FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
+from gamms.game.batch.view import COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
 from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
@@ -111,8 +111,8 @@ class ArrayEngine:
             why = next(why_not_decided(game, [agent]), None)
             if why is not None:
                 return f"agent {named} comes with {why}"
-            if turns_with_its_agent(agent) and self.state.headings is None:
-                return f"agent {named} comes with a sensor that turns with it"
+            if any(getattr(sensor, "delay_turns", 0) for sensor in agent.sensors.values()):
+                return f"agent {named} comes with a sensor that reports late"
             self._kinds[agent.name], roster.agents[roster.names.index(agent.name)] = kind, agent
             self._here.gather()
             for key in [key for key in self._here.shared if key != DELAYS]:
@@ -487,6 +487,8 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]
             yield f"{as_code(one)}, which may set no action"
         if not _fits(one, speeds):
             yield f"{as_code(one)}, with speeds in {speeds}"
+        if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
+            yield f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
         for name, sensor in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}).items():
             why = why_not_seen(agent, name)
             if why is not None:

@@ -85,11 +85,11 @@ class Ground:
 
     @property
     def forms(self) -> list[Callable[..., object]]:
-        """The array forms, and the rules that have none."""
+        """The array forms, and what is called that has none."""
         rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
-        rules += self.context.functions([one for one in self.game.rules if form_in(self.game, one.rule) is None])
-        others = [form for form in (*self.checks, self.conflicts) if form is not None]
-        return [*(group.form for group in self.groups), *rules, *others]
+        checks = [form_of(getattr(one.rule, "check", None)) for one in self.game.rules]
+        declared = [form for form in (*checks, self.conflicts) if form is not None]
+        return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions()]
 
 
 class ViewOfGrounds(ArrayView):

@@ -8,7 +8,7 @@ import numpy as np
 from gamms.deciding import phase_of
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.forms import form_in
+from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.moves import Refusals, TurnMoves
@@ -265,6 +265,14 @@ class RuleFork:
         return self._last_attributes
 
     # -- what is called -----------------------------------------------------------------------------------------------
+
+    def called(self) -> list[Callable[..., object]]:
+        """Return what of the game has no array form."""
+        rules, conflicts = self._game.rules, self._game.settings()["conflicts"]
+        checks = [check for one in rules if (check := getattr(one.rule, "check", None)) is not None]
+        found = [one.rule for one in rules if form_in(self._game, one.rule) is None]
+        found += [check for check in checks if form_of(check) is None]
+        return found + ([conflicts.resolve] if conflicts is not None and form_of(conflicts) is None else [])
 
     def call(self, rules: Sequence[NamedRule]) -> None:
         """Call rules in the game that was loaded."""

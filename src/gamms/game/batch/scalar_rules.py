@@ -42,7 +42,6 @@ def why_not_called(game: PlayedGame) -> str | None:
     reasons = [
         (block.has_arrays, "agents of a team in arrays"),
         (not settings["team_memory"], "team_memory=False"),  # by memories it is known who looks at observations
-        (any(getattr(one, "delay_turns", 0) for one in sensors), "sensors with delays"),
         (not all(getattr(one, "sees_world_only", False) for one in sensors), "sensors that may see more than the map"),
     ]
     return next((why for is_so, why in reasons if is_so), None)
@@ -83,9 +82,9 @@ class RuleContext:
             self._known = RuleFork(self.start(), self._state, self._admit)
         return self._known
 
-    def functions(self, rules: Sequence[NamedRule]) -> list[Callable[..., object]]:
-        """Return the rules as they are called."""
-        return [self._fork.functions[one.name] for one in rules]
+    def functions(self) -> list[Callable[..., object]]:
+        """Return the rules, checks and the conflict resolver that are called game by game."""
+        return self._fork.called() if called_one_by_one(self.start()) else []
 
     def call(self, rules: Sequence[NamedRule], turn: ArrayTurn) -> None:
         """Call rules of one phase in each game of a turn."""

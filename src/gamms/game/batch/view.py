@@ -14,7 +14,7 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.movement import STOP, Places
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.sight import Seen, in_turned_cone, lookouts, names_of, seen
+from gamms.game.batch.sight import SHOWING_AGENTS, Seen, in_turned_cone, lookouts, names_of, seen
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
@@ -30,6 +30,7 @@ ArrayStrategy = Callable[["ArrayView"], Any]
 
 
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
+COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, which must not turn with their agents
 FITS = "fits"  # an attribute of forms: up to which speeds they are those of strategies, of `SPEEDS`
 SPEEDS = ("edge", "edges", "metres")
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
@@ -335,6 +336,24 @@ class ArrayView(Mapping[str, Any]):
         if key not in shared:
             shared[key] = node_lookouts(self.streets, self.roster.agents, self.agents, names)
         return seen_nodes(self.node, self.mask, shared[key], len(self.streets.counts), self._are_ahead)
+
+    def covered(self) -> BoolArray:
+        """Return on which nodes the sensors would show agents with some probability, (games, agents, nodes).
+
+        It is worked out for each sensor and node when one first looks from there; none may turn with its agent.
+        """
+        found = np.zeros((*self.node.shape, len(self.streets.counts)), np.bool_)
+        for column, agent in enumerate(self.roster.agents[number] for number in self.agents.tolist()):
+            name = self.roster.names[self.agents[column]]
+            for sensor in [one for one in agent.sensors.values() if one.type in SHOWING_AGENTS]:
+                known = self._state.shared.setdefault(("covered by", name, sensor.sensor_id), {})
+                games = np.flatnonzero(self.mask[:, column])
+                for node in np.unique(self.node[games, column]).tolist():
+                    if node not in known:
+                        there = sensor.coverage(int(self.streets.ids(node)), name)
+                        known[node] = self.streets.rows(there.node_ids[there.detection > 0.0])
+                    found[games[self.node[games, column] == node, None], column, known[node]] = True
+        return found
 
     def _are_ahead(
         self, at: IntArray, viewers: IntArray, nodes: IntArray, cone: tuple[tuple[float, float], float]
