@@ -45,6 +45,12 @@ def test_a_simulated_robot_goes_where_its_agent_goes_and_the_turn_waits_for_it(c
     assert robot.clock.now() == pytest.approx(9.7, abs=0.06)  # 100 m at 10 m/s, less 3 m
 
 
+def test_a_robot_in_another_phase_than_after_the_turn_is_refused(ctx):
+    ctx.game.add(drive("anna", SimulatedRobot(ctx, "anna")), phase="before")
+    with pytest.raises(BadValue, match="without phase="):
+        ctx.game.step()
+
+
 def test_two_games_with_simulated_robots_are_the_same(tmp_path):
     def play(path):
         with gamms.create_context(seed=4, logger_config={"level": "ERROR"}) as ctx:

@@ -141,6 +141,12 @@ class Drive:
 
     def check(self, ctx: Context) -> None:
         """Hold the turn for all robots of the game; the first of their rules does it for all."""
+        phase = next(one.phase for one in ctx.game.rules if one.rule is self)
+        if phase != "after":
+            raise BadValue(
+                f"{self!r} was added with phase={phase!r}, and it puts the agent of a late robot where that is after a "
+                "turn: add it with ctx.game.add(rule), without phase=."
+            )
         drives = [one for one in drives_of(ctx) if one.is_live]
         if drives and drives[0] is self:
             hold(ctx, drives)
