@@ -2,6 +2,7 @@
 
 import sys
 
+import numpy as np
 import pytest
 from solved_games import pursuit, scene
 
@@ -12,7 +13,7 @@ from open_spiel.python import policy
 from open_spiel.python.algorithms import cfr, expected_game_score, exploitability
 
 from gamms.errors import BadValue, MissingExtra
-from gamms.solve import openspiel, solve
+from gamms.solve import matrix_game, openspiel, solve
 
 EYES = {"eyes": {"type": "AGENT"}}
 TEAMS = {"red": {"count": 1, "sensors": ["eyes"]}, "blue": {"count": 1, "sensors": ["eyes"]}}
@@ -112,3 +113,27 @@ def test_games_that_openspiel_cannot_have_are_refused(monkeypatch):
     monkeypatch.setitem(sys.modules, "gamms.solve.teams_game", None)
     with pytest.raises(MissingExtra, match=r"gamms\[solve\]"):
         openspiel(PENNIES)
+
+
+def test_psro_comes_to_an_equilibrium():
+    pytest.importorskip("cvxpy", reason="PSRO of OpenSpiel needs cvxpy")
+    from open_spiel.python.algorithms import policy_aggregator
+    from open_spiel.python.algorithms.psro_v2 import best_response_oracle, psro_v2
+
+    def nash(solver, return_joint=False):
+        _, rows, columns = matrix_game(solver.get_meta_game()[0])
+        return ([rows, columns], np.outer(rows, columns).ravel()) if return_joint else [rows, columns]
+
+    turned = pyspiel.convert_to_turn_based(openspiel(PENNIES))
+    oracle = best_response_oracle.BestResponseOracle(game=turned)
+    solver, found = psro_v2.PSROSolver(turned, oracle, sims_per_entry=1, meta_strategy_method=nash), []
+    for _ in range(14):
+        solver.iteration()
+        mixed = policy_aggregator.PolicyAggregator(turned).aggregate(
+            range(2), solver.get_policies(), solver.get_meta_strategies()
+        )
+        found.append(exploitability.exploitability(turned, mixed))
+        if found[-1] < 1e-6:
+            break
+    assert found[0] > 0.5
+    assert found[-1] < 1e-6
