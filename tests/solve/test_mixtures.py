@@ -1,11 +1,16 @@
-"""Matrix games of strategies, beside a linear program of SciPy."""
+"""Mixtures of strategies, beside a linear program of SciPy, brute force and value iteration."""
 
 import numpy as np
 import pytest
-from solved_games import matrix_value
+from solved_games import GRAPHS, matrix_value, pursuit, scene, simultaneous
 
-from gamms.errors import BadValue
-from gamms.solve import matrix_game
+from gamms.errors import BadValue, UnknownName
+from gamms.solve import double_oracle, evaluate, matrix_game, solve
+from gamms.strategies import chase, stay
+
+TEAMS = {"red": {"count": 1}, "blue": {"count": 1}}
+PENNIES = scene("pair", TEAMS, ["solved_games:pennies"], turns=2)
+CHASE = pursuit("fan", [0], [2], turns=2)
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 4), (5, 3), (20, 20)])
@@ -29,3 +34,55 @@ def test_no_action_gains_against_an_equilibrium_whose_value_is_that_of_scipy(sha
 def test_a_matrix_that_is_none_is_refused(payoffs):
     with pytest.raises(BadValue, match="payoffs"):
         matrix_game(payoffs)
+
+
+def test_a_double_oracle_ends_at_the_value_that_brute_force_finds():
+    found = double_oracle(CHASE)
+    assert found.value == pytest.approx(simultaneous(GRAPHS["fan"], 0, 2, 2), abs=1e-9)
+    assert found.gap < 1e-9
+    assert found.gaps[0] > found.gap
+
+
+@pytest.mark.parametrize("order", [None, [["red"], ["blue"]], [["blue"], ["red"]]])
+def test_it_ends_at_the_value_of_value_iteration_whichever_team_moves_first(order):
+    game = PENNIES if order is None else PENNIES.replace(settings={"order": order})
+    found = double_oracle(game, team="blue", discount=0.9)
+    assert found.value == pytest.approx(solve(game, team="blue", discount=0.9).value, abs=1e-9)
+    assert found.payoffs.shape == (len(found.mixtures["blue"]), len(found.mixtures["red"]))
+
+
+def test_its_mixtures_play_as_the_matrix_says():
+    found = double_oracle(CHASE)
+    assert max(found.mixtures["robbers"]) < 1.0, "it is drawn which strategy is played"
+    strategies = {team: found.strategy(team) for team in found.teams}
+    scores = [CHASE.play(seed, strategies).scores.get("cops", 0) for seed in range(40)]
+    assert np.mean(scores) == pytest.approx(found.value, abs=0.2)
+
+
+def test_an_oracle_that_is_cut_short_says_by_how_much_it_may_be_off():
+    found = double_oracle(CHASE, iterations=2)
+    assert len(found.gaps) == 2
+    assert found.gap > 0.1
+
+
+def test_games_without_a_last_turn_and_unknown_teams_are_refused():
+    with pytest.raises(BadValue, match="turns="):
+        double_oracle(pursuit("path", [0], [2]))
+    with pytest.raises(UnknownName, match="police"):
+        double_oracle(CHASE, team="police")
+    with pytest.raises(UnknownName, match="police"):
+        double_oracle(PENNIES).strategy("police")
+
+
+def test_a_strategy_is_evaluated_on_average_and_at_worst():
+    eyes = {"eyes": {"type": "AGENT"}}
+    seeing = {"teams.cops.sensors": ["eyes"], "teams.robbers.sensors": ["eyes"]}
+    game = pursuit("path", [0], [2], turns=3, sensors=eyes).replace(**seeing)
+    found = evaluate(game, chase, team="cops", opponents={"stay": stay, "chase": chase}, games=2)
+    assert found.by_opponent == {"stay": 1.0, "chase": 1.0}
+    assert found.average == 1.0
+    assert found.worst == -found.response.value
+    assert found.worst <= 1.0
+    assert evaluate(game, chase, team="cops", opponents={"stay": stay}, method=None, games=1).worst == 1.0
+    with pytest.raises(BadValue, match="opponents="):
+        evaluate(game, chase, team="cops", opponents={})

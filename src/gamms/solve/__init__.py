@@ -7,24 +7,29 @@
 `worlds.py` plays a turn from any state by the scenario's own rules; read it first. `table.py` finds all states,
 `stages.py` iterates values over them, `solution.py` makes of both what users see, `information.py` says what sensors
 show of states. `responses.py` has best responses to strategies of any kind, `teams_game.py` the game for OpenSpiel,
-`mixtures.py` matrix games of strategies.
+`mixtures.py` matrix games of strategies and the double
+oracle.
 A client of scenarios, batches, planning and learning: May import: `planning`, `rl` and below. To add a method of best
 responses, write it into `responses.py`.
 """
 
-from gamms.solve.mixtures import MatrixGame, matrix_game
-from gamms.solve.responses import Response, best_response, exploitability, nash_conv, openspiel
+from gamms.solve.mixtures import DoubleOracle, MatrixGame, double_oracle, matrix_game
+from gamms.solve.responses import Evaluation, Response, best_response, evaluate, exploitability, nash_conv, openspiel
 from gamms.solve.solution import Choice, Solution, SolvedStrategy, solve
 from gamms.solve.table import Transition
 
 __all__ = [
     "Choice",
+    "DoubleOracle",
+    "Evaluation",
     "MatrixGame",
     "Response",
     "Solution",
     "SolvedStrategy",
     "Transition",
     "best_response",
+    "double_oracle",
+    "evaluate",
     "exploitability",
     "matrix_game",
     "nash_conv",

@@ -1,13 +1,36 @@
-"""Mixtures of strategies, and what they are worth at worst: matrix games."""
+"""Mixtures of strategies, and what they are worth at worst: matrix games and the double oracle."""
 
-from typing import NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from gamms import kernels
-from gamms.errors import BadValue
+from gamms.arguments import as_count
+from gamms.context import Context
+from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.ir.graph import FloatArray
+from gamms.scenario import Scenario
+from gamms.solve.solution import (
+    MAX_STATES,
+    Reward,
+    TableStrategy,
+    checked_discount,
+    looks_at_winners,
+    rewards_of,
+    setup_of,
+    teams_of,
+)
+from gamms.solve.stages import Rewards
+from gamms.solve.table import Table, explore
+from gamms.text import shown
+from gamms.typing.game import State
+
+_MEMORY = "gamms.solve.mixture"  # the key of the memory of agents
+_MOST_NODES = 1_000_000  # of a best response: what a team can have seen
+_TOLERANCE = 1e-9  # at which gap it ends
+_MOST_TURNS = 300  # which a recursion can go back from
 
 
 class MatrixGame(NamedTuple):
@@ -46,3 +69,326 @@ def matrix_game(payoffs: ArrayLike) -> MatrixGame:
         raise BadValue(f"payoffs[{row}][{column}] is {matrix[row, column]}: all have to be finite numbers.")
     values, rows, columns = kernels.solve_matrix_games(matrix[None].astype(np.float64))
     return MatrixGame(float(values[0]), rows[0], columns[0])
+
+
+class DoubleOracle:
+    """An equilibrium of mixtures over strategies that were found as best responses; made by `double_oracle`.
+
+    Attributes:
+        team: whose values these are; the other one gets the opposite.
+        teams: both, this one first.
+        value: what it gets where both draw a strategy by their mixture before the game.
+        gaps: by iteration what both teams together could gain by answering best to the mixtures: their `nash_conv`.
+        payoffs: (strategies of the team, strategies of the other one) what the team gets.
+        mixtures: team -> the share of each of its strategies.
+        information: "full": each team knows where all are, and its agents decide together.
+    """
+
+    information = "full"
+
+    def __init__(self, game: "_Game", payoffs: FloatArray, gaps: Sequence[float]) -> None:
+        self._game, self.payoffs, self.gaps = game, payoffs, tuple(gaps)
+        self.teams: tuple[str, ...] = game.table.setup.teams
+        self.team = self.teams[0]
+        self.value, rows, columns = matrix_game(payoffs)
+        self.mixtures = dict(zip(self.teams, (rows, columns), strict=True))
+
+    @property
+    def gap(self) -> float:
+        """What both teams together could gain by answering best; 0 in equilibrium."""
+        return self.gaps[-1]
+
+    def __repr__(self) -> str:
+        """Show the value, and by how much it may be off."""
+        rows, columns = self.payoffs.shape
+        return f"DoubleOracle(value={self.value:.6g}, gap={self.gap:.3g}, {rows} x {columns} strategies)"
+
+    def strategy(self, team: str | None = None) -> TableStrategy:
+        """Return how a team plays, for `scenario.play(strategies={team: …})`; it draws a strategy at first.
+
+        Args:
+            team: either of the two; None: the one whose values these are.
+
+        Raises:
+            UnknownName (KeyError): there is no such team.
+        """
+        one = self.team if team is None else team
+        if one not in self.teams:
+            raise UnknownName("team that was solved for", one, self.teams)
+        side = self.teams.index(one)
+        return _MixedStrategy(self._game, side, self.mixtures[one])
+
+
+def double_oracle(
+    scenario: Scenario,
+    *,
+    team: str | None = None,
+    reward: Reward = "score",
+    turns: int | None = None,
+    discount: float = 1.0,
+    seed: int | None = None,
+    iterations: int = 100,
+    max_states: int = MAX_STATES,
+) -> DoubleOracle:
+    """Return mixtures of strategies that no strategy beats, found by best responses to mixtures of fewer strategies.
+
+    Each team begins with one strategy, by which all its agents stay. In each iteration the matrix of the strategies is
+    solved, and each team gets the best response to the other's mixture, if that gains (McMahan, Gordon, Blum: Planning
+    in the presence of cost functions controlled by an adversary, ICML 2003). A best response knows the mixture, but
+    not which strategy was drawn, and finds that out by what it sees. It ends in equilibrium, since there are finitely
+    many strategies.
+
+    Args:
+        scenario: of two teams, with a last turn; see `solve` for what is refused.
+        team: whose values are given; None: the first one.
+        reward: see `solve`.
+        turns: see `solve`; the game needs a last turn.
+        discount: see `solve`.
+        seed: see `solve`.
+        iterations: how many at most; see `DoubleOracle.gaps`.
+        max_states: see `solve`.
+
+    Raises:
+        BadType, BadValue: see `solve`; the game has no last turn.
+        UnknownName (KeyError): there is no such team.
+        TooLarge: see `solve`; or a team can see too much.
+    """
+    teams, share = teams_of(scenario, team), checked_discount(reward, discount)
+    most = as_count(iterations, "iterations")
+    if len(teams) != 2:
+        raise BadValue(
+            f"double_oracle is for games of two teams, not of {len(teams)} ({', '.join(map(shown, teams))}): let all "
+            "but one play strategies, and use best_response."
+        )
+    table = explore(
+        setup_of(scenario, teams, {}, turns=turns, seed=seed, max_states=max_states),
+        by_winner=looks_at_winners(reward),
+    )
+    if table.last_turn is None or table.last_turn > _MOST_TURNS:
+        raise BadValue(
+            f"double_oracle needs a game with a last turn, up to {_MOST_TURNS}, not {table.last_turn}: give turns=, or "
+            "use solve, which needs none."
+        )
+    game = _Game(table, rewards_of(table, reward, share, teams[0]))
+    payoffs, gaps = np.array([[game.played(0, 0)]]), list[float]()
+    for _ in range(most):
+        _, rows, columns = matrix_game(payoffs)
+        upper, lower = _Answer(game, 0, columns), _Answer(game, 1, rows)
+        gaps.append(max(0.0, upper.value - lower.value))
+        if gaps[-1] <= _TOLERANCE:
+            break
+        value = float(rows @ payoffs @ columns)
+        if upper.value - value > _TOLERANCE / 2.0:
+            game.strategies[0].append(upper)
+        if value - lower.value > _TOLERANCE / 2.0:
+            game.strategies[1].append(lower)
+        payoffs = game.grown(payoffs)
+    return DoubleOracle(game, payoffs, gaps)
+
+
+# -- strategies without chance ------------------------------------------------------------------------------------
+
+
+class _Pure(Protocol):
+    """A strategy of a team: what it does by what it has seen, which has a number; 0 is the start."""
+
+    def act(self, turn: int, state: int, seen: int, other: int | None) -> int:
+        """Return its joint action; `other` is that of the other team, if that has moved before it."""
+
+    def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
+        """Return what it has seen after a turn which has led to another state."""
+
+
+class _Stay:
+    """All agents stay, and nothing is remembered."""
+
+    def act(self, turn: int, state: int, seen: int, other: int | None) -> int:  # noqa: ARG002 - as `_Pure` says
+        """Return the first joint action."""
+        return 0
+
+    def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:  # noqa: ARG002
+        """Return 0."""
+        return 0
+
+
+class _Game:
+    """A table, rewards, and the strategies of both teams."""
+
+    def __init__(self, table: Table, rewards: Rewards) -> None:
+        self.table, self._rewards = table, rewards
+        self.strategies: tuple[list[_Pure], list[_Pure]] = [_Stay()], [_Stay()]
+        self.turns: int = table.last_turn or 0
+        self._is_over = (np.diff(table.offsets) == 0).tolist()
+        self.later: list[int] = table.usual.after.tolist()
+        last = rewards.usual if rewards.last is None else rewards.last
+        self._usual, self._last = rewards.usual.tolist(), last.tolist()
+
+    def reward(self, turn: int, row: int) -> float:
+        """Return what the first team gets in a turn, discounted from the start."""
+        now: list[float] = self._last if turn == self.turns - 1 else self._usual
+        return now[row] * self._rewards.discount**turn
+
+    def is_over(self, turn: int, state: int) -> bool:
+        """Return whether the game is over."""
+        return bool(turn >= self.turns or self._is_over[state])
+
+    def moves_second(self, side: int) -> bool:
+        """Return whether a team sees what the other one does in a turn."""
+        return self.table.order == (1 if side == 0 else -1)
+
+    def row(self, state: int, side: int, own: int, other: int) -> int:
+        """Return the row of the table for a joint action of a team and one of the other team."""
+        return self.table.row_of(state, (own, other) if side == 0 else (other, own))
+
+    def played(self, first: int, second: int) -> float:
+        """Return what the first team gets where each team plays the strategy of a number."""
+        pair = self.strategies[0][first], self.strategies[1][second]
+        seen, state, total = [0, 0], 0, 0.0
+        late = 0 if self.moves_second(0) else 1
+        for turn in range(self.turns):
+            if self.is_over(turn, state):
+                break
+            actions = [0, 0]
+            actions[1 - late] = pair[1 - late].act(turn, state, seen[1 - late], None)
+            shown_to_late = actions[1 - late] if self.moves_second(late) else None
+            actions[late] = pair[late].act(turn, state, seen[late], shown_to_late)
+            row = self.table.row_of(state, actions)
+            total += self.reward(turn, row)
+            later = self.later[row]
+            seen[1 - late] = pair[1 - late].after(turn, state, seen[1 - late], None, actions[1 - late], later)
+            seen[late] = pair[late].after(turn, state, seen[late], shown_to_late, actions[late], later)
+            state = later
+        return total
+
+    def grown(self, payoffs: FloatArray) -> FloatArray:
+        """Return the matrix with the strategies that it lacks."""
+        rows, columns = payoffs.shape
+        found = np.zeros((len(self.strategies[0]), len(self.strategies[1])))
+        found[:rows, :columns] = payoffs
+        for row, column in np.ndindex(found.shape):
+            if row >= rows or column >= columns:
+                found[row, column] = self.played(row, column)
+        return found
+
+
+class _Answer:
+    """The best response of a team to a mixture of the other one's strategies.
+
+    What it has seen is which of these strategies it can be, and what each of them has seen then.
+
+    Args:
+        game: the table and the strategies.
+        side: the team that answers, 0 or 1.
+        shares: of the strategies of the other one.
+
+    Attributes:
+        value: what the first team gets.
+    """
+
+    def __init__(self, game: _Game, side: int, shares: FloatArray) -> None:
+        self._game, self._side, self._shares = game, side, shares.tolist()
+        self._others = tuple(game.strategies[1 - side])
+        self._beliefs: list[tuple[tuple[int, int], ...]] = []  # seen -> (strategy, what that has seen), …
+        self._numbers: dict[tuple[tuple[int, int], ...], int] = {}
+        self._best: dict[tuple[int, int, int, int | None], tuple[float, int]] = {}
+        self._sign = 1.0 if side == 0 else -1.0
+        self._number(tuple((k, 0) for k, share in enumerate(self._shares) if share > 0.0))
+        self.value = self._sign * self._worth(0, 0, 0)
+
+    def act(self, turn: int, state: int, seen: int, other: int | None) -> int:
+        """Return its joint action; `other` is that of the other team, if that has moved before it."""
+        return self._chosen(turn, state, seen, other)[1]
+
+    def after(self, turn: int, state: int, seen: int, other: int | None, own: int, later: int) -> int:
+        """Return what it has seen after a turn which has led to another state."""
+        found, is_second = [], other is not None
+        for k, its in self._beliefs[seen]:
+            does = self._does(turn, state, k, its, own)
+            if does == other if is_second else self._game.later[self._row(state, own, does)] == later:
+                found.append((k, does, its))
+        # Where none of them would have done that, each of them is taken to go on from there.
+        every = found or [(k, self._does(turn, state, k, its, own), its) for k, its in self._beliefs[seen]]
+        given = None if is_second or not self._game.moves_second(1 - self._side) else own
+        return self._number(
+            tuple((k, self._others[k].after(turn, state, its, given, does, later)) for k, does, its in every)
+        )
+
+    def _number(self, beliefs: tuple[tuple[int, int], ...]) -> int:
+        if beliefs not in self._numbers:
+            self._numbers[beliefs] = len(self._beliefs)
+            self._beliefs.append(beliefs)
+        return self._numbers[beliefs]
+
+    def _row(self, state: int, own: int, other: int) -> int:
+        return self._game.row(state, self._side, own, other)
+
+    def _does(self, turn: int, state: int, k: int, its: int, own: int) -> int:
+        """Return what the other team does by one of its strategies."""
+        return self._others[k].act(turn, state, its, own if self._game.moves_second(1 - self._side) else None)
+
+    def _worth(self, turn: int, state: int, seen: int) -> float:
+        """Return what the team gets from there on, times the shares of the strategies that it can be."""
+        if self._game.is_over(turn, state):
+            return 0.0
+        if not self._game.moves_second(self._side):
+            return self._chosen(turn, state, seen, None)[0]
+        others = {self._does(turn, state, k, its, 0) for k, its in self._beliefs[seen]}
+        return sum(self._chosen(turn, state, seen, other)[0] for other in sorted(others))
+
+    def _chosen(self, turn: int, state: int, seen: int, other: int | None) -> tuple[float, int]:
+        """Return what the team gets by its best joint action, and that action."""
+        key = turn, state, seen, other
+        if key not in self._best:
+            if len(self._best) >= _MOST_NODES:
+                raise TooLarge(
+                    f"In this game a team can see more than {_MOST_NODES:,} different things: use fewer turns=, a "
+                    "smaller map, or solve."
+                )
+            own = range(int(self._game.table.sizes[state, self._side]))
+            worths = [self._worth_of(turn, state, seen, other, action) for action in own]
+            best = max(worths)
+            self._best[key] = best, worths.index(best)
+        return self._best[key]
+
+    def _worth_of(self, turn: int, state: int, seen: int, other: int | None, own: int) -> float:
+        total, laters = 0.0, dict[int, None]()
+        for k, its in self._beliefs[seen]:
+            does = self._does(turn, state, k, its, own)
+            if other is None or does == other:
+                row = self._row(state, own, does)
+                total += self._shares[k] * self._sign * self._game.reward(turn, row)
+                laters[self._game.later[row]] = None
+        if not laters and other is not None:  # none of the strategies does that: only seen in games with others
+            row = self._row(state, own, other)
+            total, laters = self._sign * self._game.reward(turn, row), {self._game.later[row]: None}
+        for later in laters:
+            if not self._game.is_over(turn + 1, later):
+                total += self._worth(turn + 1, later, self.after(turn, state, seen, other, own, later))
+        return total
+
+
+class _MixedStrategy(TableStrategy):
+    """A mixture of strategies, one of which is drawn before the first turn."""
+
+    def __init__(self, game: _Game, side: int, shares: FloatArray) -> None:
+        super().__init__(game.table, side)
+        self._game, self._shares = game, shares
+
+    def __repr__(self) -> str:
+        return f"DoubleOracle.strategy({shown(self.team)})"
+
+    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
+        strategies, turn = self._game.strategies[self._side], state["turn"]
+        before = state["memory"].get(_MEMORY)
+        if before is None:
+            chance = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, 0))
+            drawn, known = (
+                min(int(np.searchsorted(np.cumsum(self._shares), chance, side="right")), len(strategies) - 1),
+                0,
+            )
+        else:
+            drawn, known, *last = before
+            known = strategies[drawn].after(last[0], last[1], known, last[2], last[3], number)
+        own = strategies[drawn].act(turn, number, known, seen)
+        state["memory"][_MEMORY] = (drawn, known, turn, number, seen, own)
+        return own

@@ -133,6 +133,84 @@ def best_response(
     return Response(team, method, solution.value, interval, solution.strategy(), solution)
 
 
+@dataclass(frozen=True)
+class Evaluation:
+    """What a strategy gets against several opponents, and at worst; made by `evaluate`.
+
+    Attributes:
+        team: that plays it.
+        by_opponent: name of an opponent -> the mean of what the team gets.
+        response: the best response of the other team, which is one more opponent; None: it was not asked for.
+    """
+
+    team: str
+    by_opponent: Mapping[str, float]
+    response: Response | None
+
+    @property
+    def average(self) -> float:
+        """The mean over the named opponents."""
+        return sum(self.by_opponent.values()) / len(self.by_opponent)
+
+    @property
+    def worst(self) -> float:
+        """The least against a named opponent or the best response."""
+        answered = [] if self.response is None else [-self.response.value]
+        return min(*self.by_opponent.values(), *answered, float("inf"))
+
+
+def evaluate(
+    scenario: Scenario,
+    strategy: object,
+    *,
+    team: str,
+    opponents: Mapping[str, object],
+    method: Method | None = "exact",
+    games: int = 20,
+    turns: int | None = None,
+    seed: int | None = None,
+) -> Evaluation:
+    """Return by how much a team scores more than others with a strategy: on average, and at worst.
+
+    The worst case is that against a best response to the strategy, as research on pursuit games reports it.
+
+    Args:
+        scenario: of two teams.
+        strategy: of all agents of the team.
+        team: that plays it.
+        opponents: name -> the strategy of the other team; games against each have the same seeds.
+        method: how the best response is found, see `best_response`; None: there is none. "exact" is that to the
+            start of `seed`, and refuses strategies that draw.
+        games: how many are played against each opponent, from `seed` on.
+        turns: games are cut after so many turns; None: as the scenario says.
+        seed: of the first game; None: that of the scenario, or 0.
+
+    Raises:
+        BadType, BadValue: see `best_response`; there is no opponent, or the game is not of two teams.
+        UnknownName (KeyError): there is no such team.
+        TooLarge, MissingExtra: see `best_response`.
+    """
+    teams, named = teams_of(scenario, team), as_mapping(opponents, "opponents")
+    if len(teams) != 2 or not named:
+        raise BadValue(
+            f"evaluate needs a game of two teams and opponents=, name -> strategy, not {list(teams)} and {list(named)}."
+        )
+    last = [one for one in (scenario.spec.max_turns, turns) if one is not None]
+    cut = scenario if turns is None else scenario.replace(max_turns=min(as_count(one, "turns") for one in last))
+    start = seed if seed is not None else 0 if scenario.spec.seed is None else scenario.spec.seed
+    first, number = as_int(start, "seed"), as_count(games, "games")
+    found = {
+        name: float(_played(cut, team, {team: strategy, teams[1]: other}, "score", first, number).mean())
+        for name, other in named.items()
+    }
+    response = None
+    if method is not None:
+        response = best_response(
+            scenario, team=teams[1], against={team: strategy}, method=method, turns=turns, seed=first
+        )
+    return Evaluation(team, found, response)
+
+
 def nash_conv(
     scenario: Scenario,
     strategies: Mapping[str, object],

@@ -1,5 +1,6 @@
 """What a game is worth and how to play it: `solve`, and what it returns."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
@@ -42,31 +43,31 @@ class Choice(NamedTuple):
     nodes: Mapping[str, int]
 
 
-class SolvedStrategy:
-    """How a team plays in a solved game: `scenario.play(strategies={"red": solution.strategy("red")})`.
+class TableStrategy(ABC):
+    """How a team plays in the states of a table: `scenario.play(strategies={"red": strategy})`.
 
     It reads where all agents are from the context, whatever their sensors show. Where a joint action is drawn, all
     agents of the team draw the same one.
 
     Args:
-        stages: of the game.
-        team: the number of the team, 0 or 1.
+        table: the states.
+        side: the number of the team, 0 or 1.
 
     Attributes:
         team: its name.
     """
 
-    def __init__(self, stages: Stages, team: int) -> None:
-        self._stages, self._side = stages, team
-        self.team = stages.table.setup.teams[team]
+    def __init__(self, table: Table, side: int) -> None:
+        self._table, self._side = table, side
+        self.team = table.setup.teams[side]
 
     def __repr__(self) -> str:
         """Name the team."""
-        return f"SolvedStrategy({shown(self.team)})"
+        return f"{type(self).__name__}({shown(self.team)})"
 
     def __call__(self, ctx: Context) -> Strategy:
         """Return the strategy of an agent in a game."""
-        table, roster = self._stages.table, self._stages.table.roster
+        table, roster = self._table, self._table.roster
 
         def strategy(state: State) -> None:
             memory, turn = state["memory"], state["turn"]
@@ -78,15 +79,77 @@ class SolvedStrategy:
             nodes = [
                 -1 if one is None else one.prev_node_id if one.name in moved else one.current_node_id for one in living
             ]
-            number = self._state_at(nodes, turn, memory.get(_MEMORY))
-            memory[_MEMORY] = number
-            choice = self._choice(number, turn, {name: agents[name].current_node_id for name in moved})
-            drawn = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, turn))
-            action = int(np.searchsorted(np.cumsum(choice), drawn * choice.sum(), side="right"))
-            action = min(action, int(np.flatnonzero(choice)[-1]))
+            number = memory[_MEMORY] = self._state_at(nodes, turn, memory.get(_MEMORY))
+            seen = self._action_seen(number, {name: agents[name].current_node_id for name in moved})
+            action = self._action(ctx, state, number, seen)
             state["action"] = table.actions_of(number, self._side, action)[state["name"]]
 
         return strategy
+
+    @abstractmethod
+    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
+        """Return the joint action of the team.
+
+        Args:
+            ctx: of the game.
+            state: of an agent.
+            number: of the state of the table.
+            seen: the joint action of the other team, if that has moved already in this turn.
+        """
+
+    def _action_seen(self, number: int, moved: Mapping[str, int]) -> int | None:
+        """Return the joint action of the other team by where its agents have moved in this turn."""
+        table, other = self._table, 1 - self._side
+        for action in range(int(table.sizes[number, other]) if moved and len(table.setup.teams) == 2 else 0):
+            wanted = table.actions_of(number, other, action)
+            if all(moved.get(name, node) == node for name, node in wanted.items()):
+                return action
+        return None  # the other team does not move before this one, or a conflict has stopped it
+
+    def _moved_before(self, ctx: Context) -> list[str]:
+        """Return the living agents that move before this team in a turn."""
+        agents = ctx.agent.agents
+        names = self._table.earlier[self._side]
+        return [name for name in names if name in agents and agents[name].alive]
+
+    def _state_at(self, nodes: list[int], turn: int, before: int | None) -> int:
+        """Return the state in which agents are on these nodes, -1: out; of several one that follows the one before."""
+        table = self._table
+        found = table.states_at(nodes, turn)
+        if len(found) > 1 and before is not None:
+            later = table.usual.after[table.offsets[before] : table.offsets[before + 1]]
+            found = [number for number in found if number in later] or found
+        if not found:
+            raise BadValue(
+                f"In turn {turn} agents are where the solved game does not get to: {self._named(nodes)}. Its start is "
+                f"that of seed={table.setup.seed}, and its rules and other strategies those that were given to solve."
+            )
+        return found[0]
+
+    def _named(self, nodes: Sequence[int]) -> dict[str, int | None]:
+        names = self._table.roster.names
+        return {name: None if node < 0 else node for name, node in zip(names, nodes, strict=True)}
+
+
+class SolvedStrategy(TableStrategy):
+    """How a team plays in a solved game; made by `Solution.strategy`.
+
+    Args:
+        stages: of the game.
+        side: the number of the team, 0 or 1.
+    """
+
+    def __init__(self, stages: Stages, side: int) -> None:
+        super().__init__(stages.table, side)
+        self._stages = stages
+
+    def _action(self, ctx: Context, state: State, number: int, seen: int | None) -> int:
+        turn = state["turn"]
+        shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
+        choice = shares[:, 0 if seen is None else seen]
+        drawn = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, turn))
+        action = int(np.searchsorted(np.cumsum(choice), drawn * choice.sum(), side="right"))
+        return min(action, int(np.flatnonzero(choice)[-1]))
 
     def is_of(self, scenario: Scenario, last_turn: int | None) -> bool:
         """Return whether it is from a solution of a scenario that is cut after a turn; None: it is not."""
@@ -117,40 +180,6 @@ class SolvedStrategy:
         rewards = rewards_of(table, reward, stages.rewards.discount, of)
         answers = Responses(table, rewards, stages.tolerance, stages, side)
         return Solution(table, answers, table.setup.teams[side], reward)
-
-    def _moved_before(self, ctx: Context) -> list[str]:
-        """Return the living agents that move before this team in a turn."""
-        agents = ctx.agent.agents
-        names = self._stages.table.earlier[self._side]
-        return [name for name in names if name in agents and agents[name].alive]
-
-    def _state_at(self, nodes: list[int], turn: int, before: int | None) -> int:
-        """Return the state in which agents are on these nodes, -1: out; of several one that follows the one before."""
-        table = self._stages.table
-        found = table.states_at(nodes, turn)
-        if len(found) > 1 and before is not None:
-            later = table.usual.after[table.offsets[before] : table.offsets[before + 1]]
-            found = [number for number in found if number in later] or found
-        if not found:
-            raise BadValue(
-                f"In turn {turn} agents are where the solved game does not get to: {self._named(nodes)}. Its start is "
-                f"that of seed={table.setup.seed}, and its rules and other strategies those that were given to solve."
-            )
-        return found[0]
-
-    def _named(self, nodes: Sequence[int]) -> dict[str, int | None]:
-        names = self._stages.table.roster.names
-        return {name: None if node < 0 else node for name, node in zip(names, nodes, strict=True)}
-
-    def _choice(self, number: int, turn: int, moved: Mapping[str, int]) -> FloatArray:
-        """Return the shares of the joint actions of the team, given where others have moved in this turn."""
-        shares = shares_of(self._stages, number, self._stages.left(turn, self._side), self._side)
-        table, other = self._stages.table, 1 - self._side
-        for action in range(shares.shape[1] if moved and len(table.setup.teams) == 2 else 0):
-            wanted = table.actions_of(number, other, action)
-            if all(moved.get(name, node) == node for name, node in wanted.items()):
-                return shares[:, action]
-        return shares[:, 0]  # the other team does not move before this one, or a conflict has stopped it
 
 
 def shares_of(stages: Stages, number: int, left: int, side: int) -> FloatArray:
