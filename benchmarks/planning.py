@@ -1,12 +1,13 @@
 """Search against scripts, in scenarios that come with GAMMS, and what a turn of a model costs.
 
     python benchmarks/planning.py grid_tag              # 20 games by the script and by the search, the same seeds
-    python benchmarks/planning.py pursuit --games 4
+    python benchmarks/planning.py pursuit --games 4 --first 1
     python benchmarks/planning.py speed                 # a turn of a model, in turn with `ctx.game.step`
 
-Scenarios, teams, seeds and budgets are fixed here. Each game is played twice with one seed: the team as its file says,
-and by a plan of `gamms.planning.mcts`; the other team is that of the file. The figure is the mean difference of the
-team's scores, with a bootstrap interval of 95 %.
+Scenarios, teams, seeds and budgets are fixed here; settings were chosen on other seeds. Each game is played three times
+with one seed: the team as its file says, by the rollout policy of the search alone, and by a plan of
+`gamms.planning.mcts`; the other team is that of the file. The figures are the mean differences of the team's scores,
+with bootstrap intervals of 95 %.
 """
 
 import argparse
@@ -23,11 +24,18 @@ import gamms
 from gamms import planning, scenario
 
 DATA = Path(gamms.__file__).parent / "data"
-HUNT = {"rollout": "gamms.strategies:chase", "opponents": "gamms.strategies:flee", "value": "gamms.planning:closeness"}
+
+
+def hunt(ctx):
+    """Cut off the enemies in sight; without any, go to places that are drawn."""
+    return gamms.strategies.intercept(ctx, otherwise=gamms.strategies.random_waypoints(ctx))
+
+
+HUNT = {"rollout": hunt, "opponents": "gamms.strategies:flee", "value": "gamms.planning:closeness"}
 CASES = {  # scenario -> team, and keywords of `mcts`
-    "grid_tag": ("red", {"iterations": 40, "depth": 8, **HUNT}),
-    "pursuit": ("pursuers", {"iterations": 40, "depth": 8, **HUNT}),
-    "helsinki_pursuit": ("red", {"iterations": 40, "depth": 20, **HUNT}),
+    "grid_tag": ("red", {"iterations": 16, "depth": 8, **HUNT}),
+    "pursuit": ("pursuers", {"iterations": 16, "depth": 8, **HUNT}),
+    "helsinki_pursuit": ("red", {"iterations": 12, "depth": 15, **HUNT}),
 }
 FIRST_SEED = 1000
 
@@ -39,36 +47,46 @@ def loaded(name):
         return scenario.load(DATA / f"{name}.yaml")
     folder = Path(tempfile.gettempdir()) / f"gamms_planning_{os.getuid()}_{name}"
     folder.mkdir(exist_ok=True)
-    (folder / f"{name}.yaml").write_bytes((DATA / f"{name}.yaml").read_bytes())
-    (folder / "strategies.py").write_bytes(code.read_bytes())
+    for source, file in ((DATA / f"{name}.yaml", f"{name}.yaml"), (code, "strategies.py")):
+        if not (folder / file).exists() or (folder / file).read_bytes() != source.read_bytes():
+            (folder / file).write_bytes(source.read_bytes())
     return scenario.load(folder / f"{name}.yaml")
 
 
-def scores(job):
-    """Return the score of the team by its script and by the search, and the seconds of CPU of the latter."""
-    name, seed = job
+def played(job):
+    """Return the score of the team, the turns of the game, and the seconds of CPU."""
+    name, seed, by = job
     team, options = CASES[name]
-    found = []
-    for searches in (False, True):
-        began = time.process_time()
-        with loaded(name).build(seed) as ctx:
-            ctx.logger.setLevel("ERROR")
-            if searches:
-                ctx.game.command(team, planning.mcts(**options))
-            found.append(ctx.game.run().scores.get(team, 0))
-    return *found, time.process_time() - began
+    began = time.process_time()
+    with loaded(name).build(seed) as ctx:
+        ctx.logger.setLevel("ERROR")
+        if by == "search":
+            ctx.game.command(team, planning.mcts(**options))
+        elif by == "rollout":
+            policy = options["rollout"](ctx)
+            for agent in ctx.agent.create_iter():
+                if agent.team == team:
+                    agent.register_strategy(policy)
+        result = ctx.game.run()
+    return result.scores.get(team, 0), result.turns, time.process_time() - began
 
 
-def compare(name, games):
-    """Play games by both, and print a line of JSON."""
+def compare(name, games, first):
+    """Play games by all three, and print a line of JSON."""
+    seeds = range(first, first + games)
+    loaded(name)  # which writes its files before the processes read them
     with ProcessPoolExecutor() as pool:
-        pairs = np.array(list(pool.map(scores, [(name, FIRST_SEED + number) for number in range(games)])))
-    gains = pairs[:, 1] - pairs[:, 0]
-    means = np.random.default_rng(1).choice(gains, (10_000, games)).mean(axis=1)
-    low, high = np.percentile(means, [2.5, 97.5])
-    record = {"scenario": name, "team": CASES[name][0], "games": games, "script": pairs[:, 0].mean()}
-    record |= {"search": pairs[:, 1].mean(), "gain": gains.mean(), "from": low, "to": high, "cpu_s": pairs[:, 2].mean()}
-    print(json.dumps({key: round(one, 3) if isinstance(one, float) else one for key, one in record.items()}))
+        jobs = [(name, seed, by) for by in ("script", "rollout", "search") for seed in seeds]
+        found = np.array(list(pool.map(played, jobs))).reshape(3, games, 3)
+    script, rollout, search = found[:, :, 0]
+    record = {"scenario": name, "team": CASES[name][0], "games": games}
+    for by, (score, turns, seconds) in zip(("script", "rollout", "search"), found.mean(axis=1), strict=True):
+        record |= {by: score, f"turns of {by}": turns, f"cpu_s of {by}": seconds}
+    for by, others in (("script", script), ("rollout", rollout)):
+        gains = search - others
+        means = np.random.default_rng(1).choice(gains, (10_000, games)).mean(axis=1)
+        record[f"gain on {by}"] = [gains.mean(), *np.percentile(means, [2.5, 97.5])]
+    print(json.dumps(record, default=float), flush=True)
 
 
 def speed(name="grid_tag", turns=20, rounds=40):
@@ -104,5 +122,6 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("case", choices=[*CASES, "speed"])
     parser.add_argument("--games", type=int, default=20)
+    parser.add_argument("--first", type=int, default=FIRST_SEED, help="the seed of the first game")
     given = parser.parse_args()
-    speed() if given.case == "speed" else compare(given.case, given.games)
+    speed() if given.case == "speed" else compare(given.case, given.games, given.first)
