@@ -23,7 +23,8 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms import experiment as experiment, game as game
     from gamms import limits as limits, llm as llm, osm as osm, planning as planning
     from gamms import recorder as recorder, recordings as recordings, rendering as rendering, rl as rl, rules as rules
-    from gamms import scenario as scenario, solve as solve, strategies as strategies, testing as testing
+    from gamms import scenario as scenario, solve as solve, strategies as strategies, suite as suite
+    from gamms import testing as testing
     from gamms import tournament as tournament, web as web
     from gamms.context import Context, InternalContext, create_context
     from gamms.game.batch import array_rule, array_strategy, portable_form
@@ -66,7 +67,20 @@ _MODULES = {
         "recordings",
         "rendering",
     ),
-    *("rl", "rules", "scenario", "sensor", "solve", "strategies", "testing", "tournament", "typing", "visual", "web"),
+    *(
+        "rl",
+        "rules",
+        "scenario",
+        "sensor",
+        "solve",
+        "strategies",
+        "suite",
+        "testing",
+        "tournament",
+        "typing",
+        "visual",
+        "web",
+    ),
 }
 _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),

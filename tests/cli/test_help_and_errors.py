@@ -7,7 +7,9 @@ from typer.testing import CliRunner
 
 from gamms import cli
 
-COMMANDS = ["demo", "new", "run", "tournament", "replay", "render", "info", "verify", "diff", "convert"]
+COMMANDS = [
+    *("demo", "new", "run", "tournament", "replay", "render", "info", "verify", "diff", "convert", "suite"),
+]
 GAME = """
 map: {grid: {width: 4, height: 4}}
 seed: 1

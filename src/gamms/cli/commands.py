@@ -11,7 +11,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 import gamms
-from gamms.cli import experiments, play, recordings
+from gamms.cli import experiments, play, recordings, suites
 from gamms.cli.new import new
 from gamms.cli.output import console, echo, guarded, rich_table, warn
 from gamms.cli.tournaments import tournament
@@ -126,6 +126,7 @@ _COMMANDS: _Commands = {
         "gamms convert game.ggr red.ggr --team red",
         "gamms convert old.ggr new.ggr --map map.gamms",
     ),
+    suites.suite: ("gamms suite mine.py:strategy", "gamms suite random_walk --only pursuit --out walk"),
 }
 _ON_SCENARIOS: _Commands = {
     check: ("gamms scenario check match.yaml", "gamms scenario check match.yaml --build"),

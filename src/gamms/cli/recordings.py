@@ -97,7 +97,7 @@ def convert(
         str | None, typer.Option(help="Only what this team knew; OUT is a .ggr.", metavar="NAME", show_default=False)
     ] = None,
 ) -> None:
-    """Make tables, tracks or lines of JSON of a recording, or one of what a team knew.
+    """Make tables, tracks, JSON, or one team's part of a recording.
 
     A map, .gamms, becomes .geojson, .gpkg, .graphml or .csv. Tracks, .gpx or .csv, become a recording on a --map.
     """

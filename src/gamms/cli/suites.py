@@ -1,0 +1,83 @@
+"""The command of the benchmark suite: `gamms suite STRATEGY`."""
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gamms.cli.output import echo
+from gamms.cli.play import Allow
+
+if TYPE_CHECKING:
+    from gamms.suite import Results
+
+
+def suite(
+    strategy: Annotated[
+        str,
+        typer.Argument(
+            help="Code, mine.py:strategy; a baseline: scripted, random_walk, stay; or references: all of these.",
+            metavar="STRATEGY",
+            show_default=False,
+        ),
+    ],
+    out: Annotated[Path, typer.Option(help="The folder for rows, recordings and table.json.", metavar="FOLDER")] = Path(
+        "gamms-suite"
+    ),
+    only: Annotated[list[str] | None, typer.Option("--only", help="Only this kind or task.", metavar="TASK")] = None,
+    workers: Annotated[
+        int | None,
+        typer.Option(min=0, help="In how many processes; 0: in this one. By default as many as cores.", metavar="N"),
+    ] = None,
+    seeds: Annotated[
+        str | None, typer.Option(help="Other seeds than those of the protocol: 0:5.", metavar="SEEDS")
+    ] = None,
+    allow: Allow = None,
+) -> None:
+    """Play a strategy on the ten tasks of the benchmark suite."""
+    from gamms import suite as suites
+    from gamms.experiment.executors import cores
+    from gamms.experiment.files import seeds_of
+    from gamms.suite.results import measured_references
+
+    count = cores() if workers is None else workers or None
+    if strategy == "references":
+        out.mkdir(parents=True, exist_ok=True)
+        file = out / "references.json"
+        file.write_text(json.dumps(measured_references(count, only), indent=1) + "\n", encoding="utf-8")
+        echo(f"Wrote {file}.")
+        return
+    reference, code = _found(strategy, allow or [])
+    by_seed = None if seeds is None else seeds_of(seeds)
+    results = suites.run(reference, only=only, seeds=by_seed, workers=count, out=out, progress=True, **code)
+    _print(results, strategy)
+    if seeds is not None:
+        echo("These are not the seeds of the protocol: do not compare them with other results.")
+    file = out / "table.json"
+    columns = {name: column.tolist() for name, column in results.table.items()}
+    file.write_text(json.dumps(columns, indent=1) + "\n", encoding="utf-8")
+    echo(f"\nWrote {file}, the rows of each task, and recordings (gamms replay).")
+
+
+def _found(strategy: str, allow: list[str]) -> tuple[str, dict[str, Any]]:
+    """Return how a scenario names a strategy, and where its code is."""
+    from gamms.scenario.code import chosen
+    from gamms.suite import BASELINES
+
+    if strategy in BASELINES:
+        return strategy, {}
+    found, folder = chosen(strategy, "STRATEGY")
+    package = [] if found.file is not None or found.module.startswith("gamms.") else [found.module.partition(".")[0]]
+    reference = f"{found.module}:{found.function}" if found.function else found.module
+    return reference, {"folder": folder, "allow": [*allow, *package]}
+
+
+def _print(results: "Results", strategy: str) -> None:
+    """Print the table, and the games that have raised."""
+    echo(f"{strategy}: the share of games that it wins, and that against the worst opponent\n")
+    echo(str(results.table))
+    for name, rows in results.rows.items():
+        errors = rows.errors()
+        if errors:
+            echo(f"{name}: {len(errors)} of {len(rows)} games have raised; {errors[0]['error']}", err=True)

@@ -1,0 +1,178 @@
+"""Draws scenarios of the suite by seed: where teams start, where flags and goals are, and where towers stand."""
+
+import hashlib
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.arguments import as_choice, as_int
+from gamms.plain import Plain
+from gamms.scenario import Scenario
+
+Values = dict[str, Plain]
+
+MAPS: dict[str, Values] = {"grid": {"grid": {"width": 16, "height": 12, "spacing": 10}}, "helsinki": {"helsinki": {}}}
+_SIGHT_M = {"grid": 40.0, "helsinki": 200.0}
+_TOWER_M = {"grid": 50.0, "helsinki": 250.0}
+_START_M = {"grid": 30.0, "helsinki": 120.0}  # around its base a team starts
+_TAG_M = {"grid": 5.0, "helsinki": 12.0}  # how far a tag reaches, in a straight line
+_TURNS = {"grid": 120, "helsinki": 250}
+_TURNS_OF_HUNTS = {"grid": 18, "helsinki": 40}
+_APART = {  # how far bases lie from each other, as shares of the diagonal of the map
+    **{(kind, "grid"): (0.3, 0.6) for kind in ("pursuit", "evasion")},
+    **{(kind, "helsinki"): (0.05, 0.1) for kind in ("pursuit", "evasion")},
+    **{("flags", map): (0.25, 0.4) for map in MAPS},
+}
+_ELSE_APART = (0.4, 1.0)
+_TRIES = 1000
+_SPEEDS: dict[tuple[str, str], dict[str, float]] = {  # in edges a turn, of teams that do not go one
+    **{(kind, "grid"): {"blue": 0.9} for kind in ("pursuit", "evasion")},
+    **{(kind, "helsinki"): {"blue": 0.7} for kind in ("pursuit", "evasion")},
+    ("flags", "helsinki"): {"red": 2, "blue": 2},
+}
+
+
+class Drawn(NamedTuple):
+    """A scenario, and who plays whom in it.
+
+    Attributes:
+        scenario: with the baseline of the team.
+        team: that the strategy under test plays for.
+        opponent: the other team.
+        opponents: strategies of the other team, by name.
+    """
+
+    scenario: Scenario
+    team: str
+    opponent: str
+    opponents: dict[str, Plain]
+
+
+def generate(kind: str, map: str = "grid", seed: int = 0) -> Drawn:
+    """Return a scenario of a kind, with starts, flags, goals and towers that follow from a seed.
+
+    Args:
+        kind: "pursuit" and "evasion" (red tags blue), "breach" and "defence" (red gets to a goal that blue guards), or
+            "flags" (both capture the flag of the other); the first named side is under test.
+        map: "grid" or "helsinki".
+        seed: from which all that is drawn follows.
+
+    Raises:
+        BadValue: there is no such kind or map.
+    """
+    chosen, where = as_choice(kind, "kind", list(KINDS)), as_choice(map, "map", list(MAPS))
+    return KINDS[chosen](_Ground(where, as_int(seed, "seed"), chosen))
+
+
+class _Ground:
+    """A map with two bases and two towers that are drawn, and what all kinds have in common."""
+
+    def __init__(self, map: str, seed: int, kind: str) -> None:
+        self.map, self._seed, self._kind = map, seed, kind
+        columns = Scenario(map=MAPS[map], teams={"one": {"count": 1}}).columns()
+        self._ids, self._xy = columns.node_ids, columns.xy
+        self.bases = self._bases(map)
+        self.towers = [self._node("tower", number) for number in range(2)]
+        self.turns = (_TURNS_OF_HUNTS if kind in ("pursuit", "evasion") else _TURNS)[map]
+
+    def _node(self, *names: object) -> int:
+        """Draw a node, by SHA-256 of the seed and names."""
+        text = "/".join(map(str, (self._seed, *names)))
+        return int(self._ids[int.from_bytes(hashlib.sha256(text.encode()).digest()[:8], "big") % len(self._ids)])
+
+    def _bases(self, map: str) -> tuple[int, int]:
+        """Draw two nodes that are far from each other."""
+        xy_of = dict(zip(self._ids.tolist(), self._xy.tolist(), strict=True))
+        diagonal = float(np.hypot(*np.ptp(self._xy, axis=0)))
+        least, most = (share * diagonal for share in _APART.get((self._kind, map), _ELSE_APART))
+        pairs = ((self._node("red", trial), self._node("blue", trial)) for trial in range(_TRIES))
+        return next(pair for pair in pairs if least <= np.hypot(*np.subtract(*(xy_of[node] for node in pair))) <= most)
+
+    def scenario(
+        self, strategies: tuple[Plain, Plain], counts: tuple[int, int], rules: list[Plain], task: Values
+    ) -> Scenario:
+        """Return the scenario of a red and a blue team around their bases; both see, and blue has a tower."""
+        near = {"within": _START_M[self.map], "sensors": ["seen"]}
+        teams: dict[str, Values] = {
+            team: {"count": count, "near": base, **near, "strategy": strategy}
+            for team, count, base, strategy in zip(("red", "blue"), counts, self.bases, strategies, strict=True)
+        }
+        for team, speed in _SPEEDS.get((self._kind, self.map), {}).items():
+            teams[team]["speed"] = speed
+        teams["blue"]["sensors"] = ["seen", "blue_tower"]
+        sensors: dict[str, Values] = {"seen": {"type": "AGENT_RANGE", "sensor_range": _SIGHT_M[self.map]}}
+        sensors["blue_tower"] = {"type": "AGENT_RANGE", "sensor_range": _TOWER_M[self.map], "at": self.towers[0]}
+        if self._kind == "flags":
+            teams["red"]["sensors"] = ["seen", "red_tower"]
+            sensors["red_tower"] = {**sensors["blue_tower"], "at": self.towers[1]}
+        return Scenario(
+            name=f"{self._kind} {self.map} {self._seed}",
+            map=MAPS[self.map],
+            sensors=sensors,
+            teams=teams,
+            facts={"task": {"kind": self._kind, **task}},
+            rules=rules,
+        )
+
+    def tag(self, taggers: str, tagged: str, **more: Plain) -> Values:
+        """Return the rule by which a team tags another from near by."""
+        given = {"taggers": taggers, "tagged": tagged, "euclid": _TAG_M[self.map], "then": "eliminate", "score": 0}
+        return {"rule": "tag", "with": {**given, **more}}
+
+
+def _named(function: str, **given: Plain) -> Values:
+    return (
+        {"function": f"gamms.strategies:{function}", "with": given}
+        if given
+        else {"function": f"gamms.strategies:{function}"}
+    )
+
+
+def _pursuit(ground: _Ground, team: str = "red") -> Drawn:
+    limit = {"rule": "time_limit", "with": {"turns": ground.turns, "winner": "blue"}}
+    rules: list[Plain] = [ground.tag("red", "blue"), "last_team", limit]
+    made = ground.scenario((_named("assign"), _named("flee")), (4, 2), rules, {"team": team})
+    if team == "red":
+        opponents = {"flee": _named("flee"), "waypoints": _named("random_waypoints"), "walk": _named("random_walk")}
+        return Drawn(made, "red", "blue", opponents)
+    opponents = {"assign": _named("assign"), "intercept": _named("intercept"), "chase": _named("chase")}
+    return Drawn(made, "blue", "red", opponents)
+
+
+def _breach(ground: _Ground, team: str = "red") -> Drawn:
+    goal = ground.bases[1]
+    limit = {"rule": "time_limit", "with": {"turns": ground.turns, "winner": "blue"}}
+    reach = {"rule": "reach", "with": {"team": "red", "nodes": goal}}
+    rules: list[Plain] = [ground.tag("blue", "red"), reach, "last_team", limit]
+    radius = _SIGHT_M[ground.map]
+    strategies = _named("safest_exit", exits=[goal]), _named("guard", node=goal, radius=radius)
+    made = ground.scenario(strategies, (3, 2), rules, {"team": team, "goal": goal})
+    if team == "red":
+        guards = {"guard": strategies[1], "intercept": _named("intercept", goals=[goal]), "chase": _named("chase")}
+        return Drawn(made, "red", "blue", guards)
+    runners = {"exit": strategies[0], "straight": _named("goto", target=goal), "waypoints": _named("random_waypoints")}
+    return Drawn(made, "blue", "red", runners)
+
+
+def _flags(ground: _Ground) -> Drawn:
+    bases = dict(zip(("red", "blue"), ground.bases, strict=True))
+    nodes = {"function": "gamms.rules.territory:by_distance", "with": {"bases": bases}}
+    rules: list[Plain] = [
+        {"rule": "gamms.rules.territory:published", "with": {"nodes": nodes}},
+        ground.tag("red", "blue", territory="territory", mutual=True, then="respawn"),
+        {"rule": "capture_flag", "with": {"flags": bases, "territory": "territory", "goal": 1}},
+        {"rule": "time_limit", "with": {"turns": ground.turns}},
+    ]
+    players = [{"function": "gamms.demo.strategies:player", "with": {"defenders": number}} for number in (1, 0, 3)]
+    made = ground.scenario((players[0], players[0]), (4, 4), rules, {"team": "red", "flags": bases})
+    return Drawn(made, "red", "blue", dict(zip(("balanced", "rush", "siege"), players, strict=True)))
+
+
+KINDS: dict[str, Callable[[_Ground], Drawn]] = {
+    "pursuit": _pursuit,
+    "evasion": lambda ground: _pursuit(ground, "blue"),
+    "breach": _breach,
+    "defence": lambda ground: _breach(ground, "blue"),
+    "flags": _flags,
+}

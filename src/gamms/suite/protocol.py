@@ -1,0 +1,85 @@
+"""The tasks of a version of the suite: fixed scenarios with a protocol, each named by its content."""
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gamms.arguments import as_int
+from gamms.errors import BadFile, BadValue
+from gamms.plain import Plain
+from gamms.scenario import Scenario
+from gamms.suite.generator import KINDS, MAPS, generate
+
+VERSION = 1
+_DATA = Path(__file__).parent.parent / "data"
+_SEED = 1  # from which the scenarios of version 1 were generated
+_SEEDS = range(20)  # of the games against each opponent
+
+
+class Task(NamedTuple):
+    """A scenario and how a strategy is measured on it.
+
+    Attributes:
+        name: kind and map, and the first eight digits of the SHA-256 of all that follows.
+        scenario: as plain values; the team plays its baseline in it.
+        team: that the strategy plays for, each of its agents.
+        opponent: the other team.
+        opponents: strategies that the other team plays, by name; each counts the same.
+        seeds: of the games against each of them.
+        metric: what counts: `wins.<team>`, the share of games that the team wins.
+    """
+
+    name: str
+    scenario: dict[str, Plain]
+    team: str
+    opponent: str
+    opponents: dict[str, Plain]
+    seeds: list[int]
+    metric: str
+
+
+def tasks(version: int = VERSION) -> list[Task]:
+    """Return the tasks of a version of the suite, which never change.
+
+    Raises:
+        BadValue: there is no such version.
+        BadFile: the file of the version is damaged.
+    """
+    file = task_file(as_int(version, "version"))
+    if not file.is_file():
+        raise BadValue(f"There is no version {version} of the suite; the last one is {VERSION}.")
+    found = [Task(**one) for one in json.loads(file.read_text(encoding="utf-8"))]
+    for task in found:
+        if task.name != _named(task).name:
+            raise BadFile(f"{str(file)!r} is damaged: task {task.name!r} is not what its name says.")
+    return found
+
+
+def task_file(version: int, suffix: str = "") -> Path:
+    """Return the file of a version of the suite."""
+    return _DATA / f"suite_{version}{suffix}.json"
+
+
+def scenario_of(task: Task, strategy: Plain = None, **code: Any) -> Scenario:
+    """Return the scenario of a task, with another strategy of the team; `code` says where that is: folder, allow."""
+    scenario = Scenario(**task.scenario, **code)
+    return scenario if strategy is None else scenario.replace(**{f"teams.{task.team}.strategy": strategy})
+
+
+def drawn_tasks(seed: int = _SEED) -> list[Task]:
+    """Return tasks like those of the suite, of all kinds on all maps, drawn with a seed."""
+    made = []
+    for map in MAPS:
+        for kind in KINDS:
+            drawn = generate(kind, map, seed)
+            played = drawn.team, drawn.opponent, drawn.opponents, list(_SEEDS), f"wins.{drawn.team}"
+            made.append(_named(Task(f"{kind}-{map}", drawn.scenario.to_dict(), *played)))
+    return made
+
+
+def _named(task: Task) -> Task:
+    """Return a task with the name that follows from its content."""
+    kind, map = task.name.split("-")[:2]
+    content = json.dumps(task[1:], sort_keys=True)
+    return task._replace(name=f"{kind}-{map}-{hashlib.sha256(content.encode()).hexdigest()[:8]}")

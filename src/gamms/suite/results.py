@@ -1,0 +1,137 @@
+"""Plays a strategy on the tasks of the suite: a table with intervals and the worst case, and a replay of each."""
+
+import json
+import os
+from collections.abc import Callable, Iterable, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from gamms.arguments import as_path
+from gamms.errors import UnknownName
+from gamms.experiment import Rows, Table
+from gamms.experiment import run as run_experiment
+from gamms.experiment.executors import executor_for
+from gamms.plain import Plain
+from gamms.suite.protocol import VERSION, Task, scenario_of, task_file, tasks
+
+BASELINES: dict[str, Plain] = {  # name -> strategy; None for that which the scenario names
+    "scripted": None,
+    "random_walk": "gamms.strategies:random_walk",
+    "stay": "gamms.strategies:stay",
+}
+
+
+class Results(NamedTuple):
+    """What a strategy has achieved.
+
+    Attributes:
+        table: a row for each task: task, games, errors, mean (the share of games won) with its Wilson interval, worst
+            (the same against the worst opponent), worst_opponent, and replay: the file of the first game against that.
+        rows: of the games of each task, by its name.
+    """
+
+    table: Table
+    rows: dict[str, Rows]
+
+
+def run(
+    strategy: str | Callable[..., Any],
+    *,
+    folder: str | os.PathLike[str] | None = None,
+    allow: Iterable[str] = (),
+    only: Sequence[str] | None = None,
+    seeds: Iterable[int] | None = None,
+    workers: int | None = None,
+    out: str | os.PathLike[str] | None = None,
+    progress: bool = False,
+) -> Results:
+    """Play a strategy on all tasks of the suite, and return what it has achieved.
+
+    Args:
+        strategy: a function of the state, or one that makes it of a context, as scenarios take them; a reference to
+            one, such as `mine:strategy`; or the name of a baseline. `state["facts"]["task"]` says what is played.
+        folder: that of the code of a reference; None: that is of GAMMS or of a package.
+        allow: see `scenario.load`.
+        only: kinds, or names of tasks; None: all.
+        seeds: other seeds than those of the protocol; what comes of them is not comparable.
+        workers: see `experiment.run`.
+        out: a folder that keeps the rows, and a recording of each task; None: nothing is kept.
+        progress: show how far it is on a line of stderr, where that is a terminal.
+
+    Raises:
+        UnknownName (KeyError): there is no such task.
+        ScenarioError: there is no such strategy.
+        MissingExtra: SciPy is not installed.
+    """
+    chosen = _chosen(only)
+    into = None if out is None else as_path(out, "out")
+    by_seed = None if seeds is None else list(seeds)
+    executor, is_own = executor_for(None, workers)
+    rows, made = {}, []
+    with executor if is_own else nullcontext():
+        for task in chosen:
+            reference = BASELINES.get(strategy, strategy) if isinstance(strategy, str) else None
+            vary: dict[str, Any] = {f"strategies.{task.opponent}": task.opponents}
+            if callable(strategy):
+                vary[f"strategies.{task.team}"] = [strategy]
+            found = rows[task.name] = run_experiment(
+                scenario_of(task, reference, folder=folder, allow=allow),
+                task.seeds if by_seed is None else by_seed,
+                vary,
+                workers=workers,
+                executor=executor,
+                out=None if into is None else into / task.name,
+                progress=progress,
+            )
+            made.append(_measured(task, found, into))
+    return Results(Table.of(made), rows)
+
+
+def _chosen(only: Sequence[str] | None) -> list[Task]:
+    every = tasks()
+    wanted = [task.name for task in every] if only is None else list(only)
+    known = [*dict.fromkeys(task.name.partition("-")[0] for task in every), *(task.name for task in every)]
+    for one in wanted:
+        if one not in known:
+            raise UnknownName("task", one, known)
+    return [task for task in every if task.name in wanted or task.name.partition("-")[0] in wanted]
+
+
+def _measured(task: Task, rows: Rows, out: Path | None) -> dict[str, Any]:
+    """Return the row of a task, and record the first game against the opponent that was the worst."""
+    key = f"strategies.{task.opponent}"
+    overall = rows.summary([], [task.metric])
+    against = rows.summary([key], [task.metric])
+    worst = min(range(len(task.opponents)), key=lambda number: (against["mean"][number], number))
+    name = against[key][worst]
+    first = next(row for row in rows if row[key] == name)
+    row = {"task": task.name, **{column: overall[column][0] for column in ("games", "errors", "mean", "low", "high")}}
+    row |= {"worst": against["mean"][worst], "worst_opponent": name, "replay": first["id"]}
+    if out is not None and first["error"] is None:
+        file = out / f"{task.name}.ggr"
+        rows.play(first["id"], record=file)
+        row["replay"] = str(file)
+    return {column: value.item() if hasattr(value, "item") else value for column, value in row.items()}
+
+
+def references(version: int = VERSION) -> Table:
+    """Return what the baselines that come with GAMMS have achieved on the tasks of a version of the suite on the grid.
+
+    It has the columns of `Results.table` but for replay, and before them the baseline.
+    """
+    rows: list[dict[str, Any]] = json.loads(task_file(version, "_references").read_text(encoding="utf-8"))
+    return Table.of(rows)
+
+
+def measured_references(workers: int | None = None, only: Sequence[str] | None = None) -> list[dict[str, Any]]:
+    """Play all baselines on the tasks; return the rows of `references`."""
+    made = []
+    for name in BASELINES:
+        table = run(name, workers=workers, only=only).table
+        columns = [column for column in table if column != "replay"]
+        made += [
+            {"baseline": name, **dict(zip(columns, cells, strict=True))}
+            for cells in zip(*(table[column].tolist() for column in columns), strict=True)
+        ]
+    return made

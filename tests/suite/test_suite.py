@@ -1,0 +1,111 @@
+"""The benchmark suite: fixed tasks, and what a strategy achieves on them."""
+
+import json
+
+import pytest
+from typer.testing import CliRunner
+
+from gamms import cli, recorder, suite
+from gamms.errors import BadValue, UnknownName
+from gamms.scenario import ScenarioError
+from gamms.suite import protocol
+
+FEW = ["pursuit-grid-c0505f71"]
+
+
+def stay(state):
+    state["action"] = state["curr_pos"]
+
+
+def fail(state):
+    raise ValueError("no")
+
+
+def test_there_are_ten_tasks_of_five_kinds_on_two_maps():
+    names = [task.name for task in suite.tasks()]
+    assert names[0] == FEW[0]
+    assert [name.rpartition("-")[0] for name in names] == [
+        f"{kind}-{map}" for map in suite.MAPS for kind in suite.KINDS
+    ]
+    with pytest.raises(BadValue, match="no version 9 of the suite; the last one is 1"):
+        suite.tasks(9)
+
+
+def test_the_name_of_a_task_follows_from_its_content(tmp_path, monkeypatch):
+    changed = [task._replace(seeds=[1]) for task in suite.tasks()]
+    (tmp_path / "suite_1.json").write_text(json.dumps([task._asdict() for task in changed]))
+    monkeypatch.setattr(protocol, "_DATA", tmp_path)
+    with pytest.raises(ValueError, match="task 'pursuit-grid-c0505f71' is not what its name says"):
+        suite.tasks()
+
+
+def test_the_tasks_are_those_that_the_generator_draws():
+    assert protocol.drawn_tasks() == suite.tasks()
+
+
+@pytest.mark.parametrize("kind", suite.KINDS)
+def test_a_generated_scenario_follows_from_its_seed_and_can_be_played(kind):
+    one, same, other = (suite.generate(kind, seed=seed) for seed in (5, 5, 6))
+    assert one == same
+    assert one.scenario != other.scenario
+    assert one.team in one.scenario.spec.teams
+    assert len(one.opponents) == 3
+    for strategy in one.opponents.values():
+        game = one.scenario.replace(**{f"teams.{one.opponent}.strategy": strategy, "max_turns": 3})
+        assert game.play(seed=1).turns <= 3
+    with pytest.raises(BadValue, match=f"Did you mean '{kind}'"):
+        suite.generate(f"{kind}x")
+
+
+def test_a_strategy_has_a_row_with_its_worst_case_and_a_replay(tmp_path):
+    results = suite.run(stay, only=FEW, seeds=range(3), out=tmp_path)
+    table = {name: column.tolist() for name, column in results.table.items()}
+    assert list(table) == ["task", "games", "errors", "mean", "low", "high", "worst", "worst_opponent", "replay"]
+    assert table["games"] == [9]
+    assert all(low <= mean <= high for low, mean, high in zip(table["low"], table["mean"], table["high"], strict=True))
+    rows = results.rows[FEW[0]]
+    wins = {row["strategies.blue"]: 0 for row in rows}
+    for row in rows:
+        wins[row["strategies.blue"]] += row["winner"] == "red"
+    assert table["worst"][0] == min(wins.values()) / 3
+    assert wins[table["worst_opponent"][0]] == min(wins.values())
+    with recorder.open(table["replay"][0]) as recording:
+        assert recording.turns == next(
+            row["turns"] for row in rows if row["strategies.blue"] == table["worst_opponent"][0]
+        )
+
+
+def test_a_strategy_that_raises_has_errors():
+    results = suite.run(fail, only=FEW, seeds=[1])
+    assert results.table["errors"].tolist() == [3]
+
+
+def test_unknown_tasks_and_strategies_are_refused():
+    with pytest.raises(UnknownName, match="Did you mean 'pursuit'"):
+        suite.run(stay, only=["pursiut"])
+    with pytest.raises(ScenarioError, match=r"teams\.red\.strategy"):
+        suite.run("gamms.strategies:chas", only=FEW)
+
+
+def test_the_results_of_a_baseline_are_those_of_its_games():
+    pinned = suite.references()
+    rows = [
+        dict(zip(pinned, cells, strict=True)) for cells in zip(*(one.tolist() for one in pinned.values()), strict=True)
+    ]
+    assert len(rows) == len(suite.BASELINES) * 5  # tasks on the grid
+    (row,) = (row for row in rows if row["task"] in FEW and row["baseline"] == "random_walk")
+    table = suite.run("random_walk", only=FEW).table
+    assert {name: table[name].tolist()[0] for name in table if name != "replay"} == {
+        name: one for name, one in row.items() if name != "baseline"
+    }
+
+
+def test_the_command_plays_code_in_a_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "players.py").write_text("def stay(state):\n    state['action'] = state['curr_pos']\n")
+    given = ["suite", "players.py:stay", "--only", FEW[0], "--seeds", "0:2", "--workers", "0"]
+    done = CliRunner().invoke(cli.app, given, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "pursuit-grid-c0505f71      6       0" in done.stdout
+    assert json.loads((tmp_path / "gamms-suite" / "table.json").read_text())["games"] == [6]
+    assert (tmp_path / "gamms-suite" / "pursuit-grid-c0505f71.ggr").exists()
