@@ -2,6 +2,7 @@
 
 import json
 import struct
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -377,6 +378,30 @@ def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
         rl.policy(tmp_path / "bad.onnx")
     with pytest.raises(BadFile, match="does not take observations as its game has them"):
         rl.save_policy(tmp_path / "net.onnx", tmp_path / "r.onnx", scene(width=1, sensors=False), team="red")
+
+
+@pytest.mark.parametrize("kind", ["memory", "time"])
+def test_an_onnx_model_without_an_end_is_stopped(kind, tmp_path, monkeypatch):
+    pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install "gamms[onnx]"')
+    onnx = pytest.importorskip("onnx", reason="onnx is not installed")
+    monkeypatch.setattr("gamms.rl.networks._MOST_SECONDS", 20.0 if kind == "memory" else 0.2)
+    make, value = onnx.helper.make_node, onnx.helper.make_tensor_value_info
+    names, weights = ["observation", *(f"n{number}" for number in range(1000))], []
+    if kind == "memory":  # twice as wide with each node
+        nodes = [make("Concat", [one, one], [after], axis=1) for one, after in pairwise(names[:41])]
+        nodes.append(make("ReduceMean", [names[40]], ["numbers"]))
+    else:
+        large = np.ones((500, 500), np.float32)
+        weights = [onnx.numpy_helper.from_array(large[:ENTRIES], "w"), onnx.numpy_helper.from_array(large, "v")]
+        nodes = [make("MatMul", ["observation", "w"], ["n0"])]
+        nodes += [make("MatMul", [one, "v"], [after]) for one, after in pairwise(names[1:])]
+        nodes.append(make("ReduceMean", [names[-1]], ["numbers"]))
+    given = [value("observation", onnx.TensorProto.FLOAT, ["n", ENTRIES])]
+    graph = onnx.helper.make_graph(nodes, "policy", given, [value("numbers", onnx.TensorProto.FLOAT, None)], weights)
+    opset = [onnx.helper.make_opsetid("", 17)]
+    onnx.save(onnx.helper.make_model(graph, ir_version=9, opset_imports=opset), tmp_path / "net.onnx")
+    with pytest.raises(BadFile, match="takes longer than 0.2 seconds" if kind == "time" else "does not take"):
+        rl.save_policy(tmp_path / "net.onnx", tmp_path / "red.onnx", scene(), team="red")
 
 
 def linear_only(layer):

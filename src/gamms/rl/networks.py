@@ -5,13 +5,17 @@ game alone: NumPy sums up in 64 bits and rounds to 32 after each layer, onnxrunt
 """
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import suppress
+from functools import cache
+from threading import Timer
 from typing import Annotated, Any, Literal, NamedTuple
 
 import msgspec
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra
+from gamms.limits import max_memory
 from gamms.rl.learners import Float32Array
 from gamms.text import shown
 
@@ -21,6 +25,7 @@ Logits = Callable[[Mapping[str, Any]], Float32Array]
 
 _MOST_LAYERS = 64
 _BLOCK = 64  # rows
+_MOST_SECONDS = 10.0  # of one evaluation of an ONNX model
 _EXTERNAL = re.compile(rb"(\x0a|\x8a\x80*\x00)(\x08|\x88\x80*\x00)location")
 """The key of an entry by which an ONNX file names another file that has its weights, however numbers are written."""
 _FUNCTIONS: dict[str, Callable[[DoubleArray], DoubleArray]] = {
@@ -192,7 +197,8 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
     """Return what evaluates an ONNX model with onnxruntime on the CPU, and its metadata.
 
     It takes `observation`, (rows, …) float32, and may take `action_mask`, (rows, actions) float32; its first output has
-    a number for each action, (rows, actions).
+    a number for each action, (rows, actions). As a file may hold any computation, nothing is worked out when it is
+    loaded, and an evaluation may take 10 seconds and, with those of all other models, `limits.max_memory`.
 
     Raises:
         MissingExtra (ImportError): onnxruntime is not installed.
@@ -207,7 +213,10 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
+    options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_DISABLE_ALL  # it would fold constants
+    options.add_session_config_entry("session.use_env_allocators", "1")
     try:
+        _bound_memory(max_memory())
         session = onnxruntime.InferenceSession(model, options, providers=["CPUExecutionProvider"])
         names = [one.name for one in session.get_inputs()]
         metadata = dict(session.get_modelmeta().custom_metadata_map)
@@ -217,7 +226,16 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
         raise BadFile(f"{what} takes {names}: a policy takes 'observation', and may take 'action_mask'.")
 
     def evaluate(parts: Mapping[str, Any]) -> Float32Array:
-        found = []
+        run = onnxruntime.RunOptions()
+        timer = Timer(_MOST_SECONDS, setattr, (run, "terminate", True))
+        timer.daemon = True
+        timer.start()
+        try:
+            return np.concatenate([*blocks(parts, run)])
+        finally:
+            timer.cancel()
+
+    def blocks(parts: Mapping[str, Any], run: Any) -> Iterator[Float32Array]:
         for first in range(0, len(parts["action_mask"]), _BLOCK):
             given = {name: np.asarray(parts[name][first : first + _BLOCK], np.float32) for name in names}
             rows = len(given["observation"])
@@ -226,12 +244,24 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
                 for name, one in given.items()
             }
             try:
-                found.append(np.asarray(session.run(None, full)[0], np.float32)[:rows])
+                yield np.asarray(session.run(None, full, run)[0], np.float32)[:rows]
             except Exception as error:  # noqa: BLE001 - see above
+                if run.terminate:
+                    raise BadFile(f"{what} takes longer than {_MOST_SECONDS:g} seconds: it is no policy.") from None
                 raise BadFile(f"{what} does not take observations as its game has them: {error}") from None
-        return np.concatenate(found)
 
     return evaluate, metadata
+
+
+@cache
+def _bound_memory(most: int) -> None:
+    """Let all models that are evaluated take so much memory together, bytes; what is set first counts."""
+    import onnxruntime
+
+    kind = onnxruntime.OrtAllocatorType.ORT_ARENA_ALLOCATOR
+    memory = onnxruntime.OrtMemoryInfo("Cpu", kind, 0, onnxruntime.OrtMemType.DEFAULT)
+    with suppress(Exception):  # it was set before
+        onnxruntime.create_and_register_allocator(memory, onnxruntime.OrtArenaCfg({"max_mem": most}))
 
 
 def with_metadata(model: bytes, key: str, value: str) -> bytes:
