@@ -1,8 +1,10 @@
 """The scenarios that come with GAMMS, as environments that `gymnasium.make` and `gymnasium.make_vec` know by name."""
 
-import tempfile
+import atexit
 from functools import cache
 from pathlib import Path
+from shutil import rmtree
+from tempfile import mkdtemp
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import gymnasium
@@ -58,14 +60,11 @@ def scenario(name: str) -> Scenario:
 @cache
 def _folder(shipped: Shipped) -> Path:
     """Return a folder that has a scenario and its code until the program ends."""
-    folder = tempfile.TemporaryDirectory(prefix="gamms-")
-    _kept.append(folder)
+    folder = Path(mkdtemp(prefix="gamms-"))
+    atexit.register(rmtree, folder, ignore_errors=True)
     for file, source in ((shipped.name, shipped.name), *shipped.code):
-        (Path(folder.name) / file).write_bytes((_FOLDER / source).read_bytes())
-    return Path(folder.name)
-
-
-_kept: list[tempfile.TemporaryDirectory[str]] = []
+        (folder / file).write_bytes((_FOLDER / source).read_bytes())
+    return folder
 
 
 def make(id: str, agent: str | None = None, **options: Any) -> "AgentEnv":
