@@ -2,17 +2,19 @@
 
 import os
 import pickle
+import runpy
 import signal
+import subprocess
+import sys
 import threading
 import traceback
 from collections.abc import Callable
 from concurrent.futures import BrokenExecutor, Executor, Future, ThreadPoolExecutor
 from contextlib import suppress
+from functools import cache
 from importlib.util import find_spec
-from multiprocessing import get_context
-from multiprocessing.connection import Connection, wait
-from multiprocessing.process import BaseProcess
-from typing import Any, ParamSpec, TypeVar
+from multiprocessing.connection import wait
+from typing import Any, BinaryIO, ParamSpec, TypeVar, cast
 
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, GammsError, MissingExtra
@@ -22,7 +24,8 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 _LOOK_S = 1.0  # how often a process that says nothing is looked at
-_READY = b"ready"
+_IN_WORKER = "GAMMS_EXPERIMENT_WORKER"
+_SCRIPT = "from gamms.experiment.executors import serve; serve()"
 
 
 class WorkerDied(BrokenExecutor):
@@ -65,7 +68,7 @@ class Here(Executor):
 class WorkerPool(ThreadPoolExecutor):
     """Processes of which each may die without the others: its task raises `WorkerDied`, and another takes its place.
 
-    They are spawned, on every system, and end with this process however that ends.
+    They are fresh processes on every system, and end with this one however that ends.
 
     Args:
         workers: how many.
@@ -108,78 +111,96 @@ class WorkerPool(ThreadPoolExecutor):
 
 
 class _Worker:
-    """A process, and the connection to it."""
+    """A process that does tasks: a Python of its own, into which the user's script is not imported unasked."""
 
     def __init__(self) -> None:
-        for is_last in (False, True):  # the first may be killed while it starts
-            self._connection, self._process = _started()
-            try:
-                if self._receive() == _READY:
-                    return
-            except WorkerDied:
-                if is_last:
-                    raise BadValue(
-                        "Worker processes cannot start: a program that uses workers has its calls under "
-                        'if __name__ == "__main__":, since each worker imports it.'
-                    ) from None
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        self._process = subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us
+            [sys.executable, "-c", _SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+        )
 
     def ask(self, task: bytes) -> tuple[bool, Any]:
         """Return whether a task was done, and what it gave, or raised."""
+        stdin, stdout = cast("BinaryIO", self._process.stdin), cast("BinaryIO", self._process.stdout)
+        script = getattr(sys.modules["__main__"], "__file__", None) if b"__main__" in task else None
         try:
-            self._connection.send_bytes(task)
+            _send(stdin, pickle.dumps((script, task)))
         except OSError:
             raise self._died() from None
-        answer: tuple[bool, Any] = pickle.loads(self._receive())  # noqa: S301 - from our own process
-        return answer
+        while os.name == "posix" and not wait([stdout.fileno()], _LOOK_S):
+            if self._process.poll() is not None:  # though a child of its own keeps the pipe open
+                raise self._died()
+        answer = _received(stdout)
+        if answer is None:
+            raise self._died()
+        found: tuple[bool, Any] = pickle.loads(answer)  # noqa: S301 - from our own process
+        return found
 
     def end(self) -> None:
         """End the process; what it is doing is lost."""
         self._process.kill()
-        self._process.join()
-
-    def _receive(self) -> bytes:
-        while not wait([self._connection, self._process.sentinel], _LOOK_S):
-            if not self._process.is_alive():  # though a child of its own keeps the connection open
-                raise self._died()
-        try:
-            if self._connection.poll():
-                return self._connection.recv_bytes()
-        except (EOFError, OSError):
-            pass
-        raise self._died()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):  # what could not be written is lost, too
+                cast("BinaryIO", pipe).close()
 
     def _died(self) -> WorkerDied:
-        self._process.join()
-        self._connection.close()
-        return WorkerDied(f"the process that played it ended, with exit code {self._process.exitcode}")
+        self.end()
+        return WorkerDied(f"the process that played it ended, with exit code {self._process.returncode}")
 
 
-def _started() -> tuple[Connection, BaseProcess]:
-    spawn = get_context("spawn")
-    own, theirs = spawn.Pipe()
-    process = spawn.Process(target=_serve, args=(theirs,), daemon=True)
-    process.start()
-    theirs.close()
-    return own, process
+def _send(stream: BinaryIO, data: bytes) -> None:
+    stream.write(len(data).to_bytes(8, "little") + data)
+    stream.flush()
 
 
-def _serve(connection: Connection) -> None:
-    """Do tasks until the other end of the connection is closed."""
+def _received(stream: BinaryIO) -> bytes | None:
+    """Return what was sent; None: nothing more comes."""
+    size = stream.read(8)
+    data = stream.read(int.from_bytes(size, "little"))
+    return data if len(size) == 8 and len(data) == int.from_bytes(size, "little") else None
+
+
+def serve() -> None:
+    """Work as one of the processes: do tasks until there are no more."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has started this one
-    connection.send_bytes(_READY)
-    with suppress(EOFError, OSError):
-        while True:
-            connection.send_bytes(_answer(connection.recv_bytes()))
+    tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what strategies print is no answer
+    os.environ[_IN_WORKER] = "1"
+    with suppress(OSError):
+        while (task := _received(tasks)) is not None:
+            _send(answers, _answer(*pickle.loads(task)))  # noqa: S301 - from our own process
 
 
-def _answer(task: bytes) -> bytes:
+def _answer(script: str | None, task: bytes) -> bytes:
     try:
+        if script is not None:  # where functions are that the task names
+            _import_script(script)
         fn, args, kwargs = pickle.loads(task)  # noqa: S301 - from our own process
         return pickle.dumps((True, fn(*args, **kwargs)))
     except GammsError as error:
         return pickle.dumps((False, error))
     except Exception:  # noqa: BLE001 - raised by the process that has asked
         return pickle.dumps((False, BadValue(f"A worker could not begin:\n{traceback.format_exc()}")))
+
+
+@cache
+def _import_script(path: str) -> None:
+    """Let this process have what the user's script defines, as the processes of `multiprocessing` have it."""
+    vars(sys.modules["__main__"]).update(runpy.run_path(path, run_name="__mp_main__"))
+
+
+def refuse_in_worker() -> None:
+    """Refuse to begin an experiment in a process that plays one.
+
+    Raises:
+        BadValue: this is such a process.
+    """
+    if _IN_WORKER in os.environ:
+        raise BadValue(
+            "Workers import this program for the functions that it defines: put what it does under "
+            'if __name__ == "__main__":, or define the functions in another module.'
+        )
 
 
 def _on_ray() -> Executor:

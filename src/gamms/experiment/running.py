@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_bool, as_ids, as_mapping, as_path
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
-from gamms.experiment.executors import Here, WorkerPool, cores, executor_for
+from gamms.experiment.executors import Here, WorkerPool, cores, executor_for, refuse_in_worker
 from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play, without_address
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
@@ -106,6 +106,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         BadType, BadValue: an argument is not what it should be, or cannot be sent to other processes.
         WriteConflict: another run is writing into `out`, or another version has written its rows.
     """
+    refuse_in_worker()
     plan = _planned(scenario, seeds, vary, collect)
     chosen, part = executor_for(executor, workers), folders.shard_of(shard)
     if part is not None and out is None:
