@@ -259,3 +259,17 @@ def test_agents_that_fly_need_actions():
         ctx.agent.get_agent("hawk").register_strategy(search)
         ctx.game.run(2)
         assert ctx.agent.get_agent("hawk").position[0] == 20.0
+
+
+def test_it_beats_the_script_of_a_scenario_that_comes_with_gamms():
+    small = load(DATA / "grid_tag.yaml").replace(**{"map.grid.width": 8, "map.grid.height": 8, "max_turns": 20})
+    small = small.replace(**{"teams.blue.from.at_least": 30})
+    search = mcts(8, depth=5, rollout="intercept", opponents="flee", value="closeness")
+    tags = {"script": 0.0, "search": 0.0}
+    for seed in range(3):
+        for by in tags:
+            with small.build(seed) as ctx:
+                if by == "search":
+                    ctx.game.command("red", search)
+                tags[by] += ctx.game.run().scores.get("red", 0)
+    assert tags["search"] >= tags["script"] + 3
