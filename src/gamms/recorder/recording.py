@@ -355,7 +355,7 @@ class Recording(Opened):
             MissingExtra (ImportError): what the format needs is not installed.
             RecordingError (ValueError): the recording is damaged.
         """
-        if Path(path).suffix.lower() == ".html":
+        if as_path(path, "path").suffix.lower() == ".html":
             if width is not None or height is not None:
                 raise BadValue("A page is as large as its window; leave width and height out.")
             self._save_page(path, {"turn": turn or 0, "audience": audience, **options})
