@@ -2,6 +2,7 @@
 
 import gc
 import logging
+import signal
 import sys
 from functools import cache
 
@@ -9,6 +10,9 @@ import pytest
 from hypothesis import settings
 
 import gamms
+
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what runs in the background
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # or no program of a test would hear Ctrl-C
 
 settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=40)  # none is about time, or luck
 settings.load_profile("gamms")

@@ -84,10 +84,10 @@ def test_a_server_that_misbehaves_is_one_clear_error(server, tmp_path, where, wh
 @pytest.mark.parametrize("where", ["search", "interpreter"])
 @pytest.mark.parametrize("how", [hangs, drips, drips_slowly, drips_its_head], ids=lambda how: how.__name__)
 def test_a_server_that_takes_too_long_is_left(server, settings, monkeypatch, tmp_path, where, how):
-    monkeypatch.setattr(settings, "requests_timeout", 0.3)
+    monkeypatch.setattr(settings, "requests_timeout", 0.15)
     server.misbehaviour[where] = how
     is_refused(
-        NetworkError, r"127\.0\.0\.1:\d+ timed out.*begin within 0\.3 s .*\(gamms\.osm\.settings\.requests_timeout\)"
+        NetworkError, r"127\.0\.0\.1:\d+ timed out.*begin within 0\.15 s .*\(gamms\.osm\.settings\.requests_timeout\)"
     )
     assert server.asked.count(where) == 1
     assert nothing_is_kept(tmp_path)
