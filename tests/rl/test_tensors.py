@@ -131,6 +131,11 @@ def test_agents_that_fly_have_a_box_without_masks(settings):
     env = rl.torchrl_env(scene(teams=teams, sensors={}, settings=settings), num_games=2)
     check_env_specs(env, seed=3)
     played = env.rollout(4, break_when_any_done=False)
-    assert played["red", "action"].shape == (2, 4, 2, 8 if settings else 3)
+    assert played["red", "action"].shape == (
+        2,
+        4,
+        2,
+        9 if settings else 3,
+    )  # a direction, and what each deed and none is worth
     assert ("red", "action_mask") not in played.keys(include_nested=True)
     assert ("blue", "action_mask") in played.keys(include_nested=True)
