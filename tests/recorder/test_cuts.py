@@ -56,7 +56,7 @@ def test_others_are_there_while_sensors_of_the_team_see_them():
     assert names_in(data) == [alone, both, alone, both, both]  # nothing was sensed behind the last turn
 
 
-def test_who_sees_nobody_finds_nothing_of_others():
+def test_without_sightings_there_is_nothing_of_others():
     ctx = pair_on_a_grid()
     ctx.game.add(lambda ctx: ctx.game.data.update(secret="kept by a rule"))
     data = cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "blue")
@@ -78,7 +78,7 @@ def test_of_others_there_is_their_team_and_their_place_alone():
         assert agents["speed"].tolist() == [None, None]
 
 
-def test_neither_seed_nor_scenario_is_told():
+def test_seed_and_scenario_are_left_out():
     data = cut_of(recorded(lambda ctx: ctx.game.run(1), pair_on_a_grid(seed=12345), sensed=True), "red")
     assert "12345" not in everything_in(data)
     with opened(io.BytesIO(data)) as recording:
@@ -114,12 +114,14 @@ def test_a_team_has_its_own_memories_facts_and_messages():
     assert "from blue_0" not in text
 
 
-def test_an_event_that_names_nobody_in_sight_is_not_told():
+def test_an_event_whose_agents_are_all_out_of_sight_is_left_out():
     ctx = pair_on_a_grid()
     ctx.game.add(lambda ctx: ctx.game.emit("moved", agent="blue_0", at=ctx.agent.get_agent("blue_0").current_node_id))
+    ctx.game.add(lambda ctx: ctx.game.emit("met", where={"agents": ["blue_0", "blue_9"]}))
     ctx.game.add(lambda ctx: ctx.game.emit("noon"))
     with opened(io.BytesIO(cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "red"))) as red:
         assert [event["turn"] for event in red.events() if event["kind"] == "moved"] == [2, 4]
+        assert [event["turn"] for event in red.events() if event["kind"] == "met"] == [2, 4]
         assert [event["turn"] for event in red.events() if event["kind"] == "noon"] == [1, 2, 3, 4]
 
 

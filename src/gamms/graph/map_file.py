@@ -425,14 +425,18 @@ def _scenery_state(scenery: str | Scenery | None) -> dict[str, Plain]:
     """Return what a file says of a scenery: its name, or all of it."""
     if not isinstance(scenery, Scenery):
         return {} if scenery is None else {"scenery": scenery}
-    columns = {
+    return {"base_map": base_map_of(scenery)}
+
+
+def base_map_of(scenery: Scenery) -> dict[str, Plain]:
+    """Return the columns of a scenery, as a file holds them."""
+    return {
         "kinds": scenery.kinds,
         "sizes": np.diff(scenery.offsets),
         "points": scenery.points,
         "face_types": scenery.buildings.types,
         "face_corners": scenery.buildings.corners.reshape(-1, 12),
     }
-    return {"base_map": columns}
 
 
 def _scenery_of(state: dict[str, Plain]) -> str | Scenery | None:

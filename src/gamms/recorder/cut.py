@@ -47,23 +47,18 @@ class Cut:
         nearest: gives the node below a place, (x, y).
     """
 
-    def __init__(
-        self,
-        keyframe: Keyframe,
-        is_own: Callable[[str, Any], bool],
-        nearest: Nearest,
-    ) -> None:
+    def __init__(self, keyframe: Keyframe, is_own: Callable[[str, Any], bool], nearest: Nearest) -> None:
         self._is_own, self._nearest = is_own, nearest
         self._ids: dict[str, int] = {}  # name -> number while a turn waits
         self._seen: dict[str, Sighting] = {}  # others that the team sees, in the turn that waits
-        self._in_view: Collection[str] = ()  # whom it sees in the turn that is added, and its own
+        self._in_view: Collection[str] = ()  # those that it sees in the turn that is added
         self._later: dict[int, list[_Event]] = {}  # turn -> messages that arrive in it
         self._turn = 0  # of the log that is added
         self._waiting: list[_Event] | None = None  # the turn that was added last
         self._all = DetachedState(deepcopy(keyframe))  # where the events that are added have led to
         self._look_around()
-        self._flags: dict[Any, Any] = {}
         self._first = self._restricted(keyframe)
+        self._flags = self._flags_in_view()  # that are known
         self._known = DetachedState(deepcopy(self._first))  # where those that were given out have led to
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
         self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}  # that are known
@@ -72,12 +67,13 @@ class Cut:
         """Add the log of the next turn; yields the one before it, which is complete by what is sensed now."""
         own: list[_Event] = []
         seen: dict[str, Sighting] | None = None
-        data_then: dict[Any, Any] = {}  # what rules kept when it was sensed
+        flags: dict[Any, Any] = {}  # as they were when it was sensed
         for kind, data in events_of(log):
             if kind == kinds.SENSED:
                 looks = self._own_looks(data)
-                seen, data_then = (seen or {}) | self._sightings(looks), deepcopy(self._all.game.data)
-                self._in_view = self._own.keys() | seen.keys()
+                seen = (seen or {}) | self._sightings(looks)
+                self._in_view = seen.keys()
+                flags = self._flags_in_view()
                 own.append((kind, sensed.renumbered(sensed.columns_of(looks), self._id_of)))
             else:
                 own.extend(self._cut(kind, data))
@@ -85,8 +81,8 @@ class Cut:
             own.extend(self._after(kind, data))
         own.extend(self._later.pop(self._turn, ()))
         self._all.agents.settle()
-        shown = [] if seen is None else [*self._show(seen), *self._new_flags(data_then)]
-        own.extend(self._new_flags(self._all.game.data))
+        shown = [] if seen is None else [*self._show(seen), *self._new_flags(flags)]
+        own.extend(self._new_flags(self._flags_in_view()))
         if self._waiting is None:
             self._given(shown)
         else:
@@ -131,10 +127,8 @@ class Cut:
 
     def _restricted(self, of: Keyframe) -> Keyframe:
         """Return the state as its own agents know it; what is not in columns is taken from a keyframe or snapshot."""
-        columns, names = (
-            self._all.agents.columns,
-            [name for name in self._all.agents.columns["names"] if name in self._own],
-        )
+        columns = self._all.agents.columns
+        names = [name for name in columns["names"] if name in self._own]
         rows = [self._all.agents.row(name) for name in names]
         own = {name: [columns[name][row] for row in rows] for name in LISTS}
         own |= {name: columns[name][rows] for name in ARRAYS} | {"numbers": np.arange(len(rows))}
@@ -173,25 +167,30 @@ class Cut:
         for name, memory in self._of_own(whole.memories).items():
             game.memory_of(name).update(memory)
         game.agent_facts = self._of_own(whole.agent_facts)
-        game.data.update(self._flags_in(whole.data))
+        game.data.update(self._flags_in_view())
         for field in ("team_facts", "team_memories"):
             setattr(game, field, {team: each for team, each in getattr(whole, field).items() if team in teams})
         return deepcopy(game)
 
-    def _flags_in(self, data: Mapping[Any, Any]) -> dict[Any, Any]:
+    def _flags_in_view(self) -> dict[Any, Any]:
         """Return the flags that rules keep: where they begin, and that one is carried, but not by whom out of sight."""
-        self._flags = {}
-        for key, kept in data.items():
+        found = {}
+        for key, kept in self._all.game.data.items():
             if isinstance(kept, dict) and all(isinstance(kept.get(part), dict) for part in ("bases", "carriers")):
-                seen = {None, *self._own, *self._seen}
-                carriers = {team: name if name in seen else "" for team, name in kept["carriers"].items()}
-                self._flags[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
-        return self._flags
+                carriers = {
+                    team: name if name is None or self._is_in_view(name) else ""
+                    for team, name in kept["carriers"].items()
+                }
+                found[key] = {"bases": dict(kept["bases"]), "carriers": carriers}
+        return found
 
-    def _new_flags(self, data: Mapping[Any, Any]) -> Iterator[_Event]:
-        before, now = self._flags, self._flags_in(data)
+    def _new_flags(self, now: dict[Any, Any]) -> Iterator[_Event]:
+        before, self._flags = self._flags, now
         if now != before:
             yield kinds.GAME_DATA, {"set": now, "removed": [key for key in before if key not in now]}
+
+    def _is_in_view(self, name: str) -> bool:
+        return name in self._own or name in self._in_view
 
     def _of_own(self, by_name: Mapping[str, Any]) -> dict[str, Any]:
         return {name: value for name, value in by_name.items() if name in self._own}
@@ -253,13 +252,13 @@ class Cut:
         yield kind, {**data, **({"starts": self._of_own(data["starts"])} if "starts" in data else {})}
 
     def _deed(self, kind: int, data: Plain) -> Iterator[_Event]:
-        if data["agent"] in self._in_view or data["agent"] in self._own:
+        if self._is_in_view(data["agent"]):
             yield kind, data
 
     def _emitted(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield an event unless it names agents, all of them out of sight: rules emit for those who watch a game."""
-        named = {value for value in data.values() if isinstance(value, str) and value in self._ids}
-        if not named or any(name in self._own or name in self._in_view for name in named):
+        named = [text for text in _texts_in(data) if text in self._ids]
+        if not named or any(map(self._is_in_view, named)):
             yield kind, data
 
     def _message(self, kind: int, data: Plain) -> Iterator[_Event]:
@@ -277,8 +276,10 @@ class Cut:
         """Yield what follows from an event that has happened: the state it set, who joined or left, new sensors."""
         if kind == kinds.SNAPSHOT:
             yield from self._hide(list(self._seen))
+            self._in_view = ()
             self._look_around()
             yield kind, self._restricted(data)
+            self._flags = self._flags_in_view()
             self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}
         elif self._all.agents.version != self._version:
             before = self._own
@@ -325,7 +326,7 @@ class Cut:
         looks: dict[int, list[Look]] = {number: [] for number in numbers}
         for number, look in sensed.looks_of(data):
             if number in looks:
-                looks[number].append(sensed.as_told(look, self._nearest, self._names))
+                looks[number].append(sensed.as_reported(look, self._nearest, self._names))
         return [(self._id_of(number), each) for number, each in looks.items()]
 
     def _sightings(self, observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Sighting]:
@@ -414,6 +415,17 @@ def _coming(name: str, given: dict[str, Any], position: tuple[float, ...] | None
         "kwargs": {**given, "type": 1},
         "state": {"position": position, "node": given["start_node_id"]},
     }
+
+
+def _texts_in(value: Plain) -> Iterator[str]:
+    """Yield all texts in a plain value, those in lists and dicts in it, too."""
+    if isinstance(value, str):
+        yield value
+    elif isinstance(value, Mapping):
+        yield from _texts_in([*value.keys(), *value.values()])
+    elif isinstance(value, (list, tuple, set, frozenset)):
+        for one in value:
+            yield from _texts_in(one)
 
 
 def _nothing(_cut: Cut, _kind: int, _data: Plain) -> Iterator[_Event]:

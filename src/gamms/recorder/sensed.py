@@ -196,13 +196,13 @@ def sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sightin
             yield agent, Sighting(node, None)
 
 
-def as_told(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
+def as_reported(look: Look, nearest: Nearest, names: Mapping[int, str]) -> Look:
     """Return a look that says what its agent knows of it, and neither true places nor numbers of agents beside."""
     if look.form == _IN_SPACE:
         return look._replace(second=[nearest(position[:2]) for _, position in look.other])
     if look.form == _AGENTS and look.kind not in _OF_AGENTS:
-        told = {names[agent]: node for agent, node in zip(look.first, look.second, strict=True)}
-        return look._replace(form=_OTHER, first=[], second=[], other=told)
+        places = {names[agent]: node for agent, node in zip(look.first, look.second, strict=True)}
+        return look._replace(form=_OTHER, first=[], second=[], other=places)
     return look
 
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from gamms.arguments import as_int
 from gamms.errors import BadValue
-from gamms.graph.map_file import scenery_called
+from gamms.graph.map_file import base_map_of, scenery_called
 from gamms.ir import events as kinds
 from gamms.ir import packing
 from gamms.limits import Allowance
@@ -91,7 +91,7 @@ def page_of_two(
 
 
 def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
-    """Return what the viewer is told, with the title that it has by default.
+    """Return the options of the viewer, with the title that it has by default.
 
     Raises:
         BadValue: there is no such option, turn or theme.
@@ -205,17 +205,7 @@ def _drawn_event(entry: Any) -> Any:
 def _drawn_map(world: bytes) -> bytes:
     """Return a map with what is drawn of it: rounded, with its scenery, without most attributes."""
     state = _opened(world)
-    if "base_map" in state:
-        base = state["base_map"]
-    else:
-        scenery = scenery_called(state.pop("scenery", None))
-        base = {
-            "kinds": scenery.kinds,
-            "sizes": np.diff(scenery.offsets),
-            "points": scenery.points,
-            "face_types": scenery.buildings.types,
-            "face_corners": scenery.buildings.corners.reshape(-1, 12),
-        }
+    base = state["base_map"] if "base_map" in state else base_map_of(scenery_called(state.pop("scenery", None)))
     if len(state["face_ids"]):  # which are drawn instead
         base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
     step = _step(state["xy"])

@@ -412,7 +412,7 @@ class Noted(Movement):
         self._count[rows], self._nodes[rows, : legal.shape[1]] = self.streets.counts[node], legal
 
     def _widen(self, most: int) -> None:
-        """Have room for so many legal nodes of each agent."""
+        """Make the columns of legal nodes so wide for each agent."""
         more = most - self._nodes.shape[1]
         if more > 0:
             self._nodes = np.pad(self._nodes, ((0, 0), (0, more)))

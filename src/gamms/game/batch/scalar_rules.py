@@ -92,7 +92,7 @@ class RuleContext:
         self._each(turn, rules[0].phase, named, lambda fork, _: fork.call(rules))
 
     def check(self, named: NamedRule, turn: ArrayTurn, _ends: IntArray) -> BoolArray:
-        """Let the check of a rule refuse moves, (games, agents) are returned, and deeds, which the turn is told."""
+        """Let the check of a rule refuse moves, (games, agents) are returned, and deeds, which the turn notes."""
         refused = np.zeros(turn.node.shape, np.bool_)
 
         def act(fork: "RuleFork", at: int) -> None:

@@ -198,7 +198,7 @@ export class Scene {
 
   /** Paint what artists of a program's own drew. @param {(layer: number) => boolean} isChosen @param {Look} look @param {number} share */
   #paintDrawings(isChosen, look, share) {
-    if (look.fog !== null) return; // nobody says what of it a team may see
+    if (look.fog !== null) return; // what of it a team may see is not recorded
     const drawings = [...this.replay.state.drawings.values()].filter((one) => isChosen(one.get("layer")));
     for (const drawing of drawings.sort((a, b) => a.get("layer") - b.get("layer"))) {
       const commands = commandsOf(drawing.get("commands"));
