@@ -140,6 +140,28 @@ export class App {
     this.panel.renew(true);
   }
 
+  /** A pointer goes down on the map. */
+  press() {
+    this.settings.close();
+  }
+
+  /** Select the agent near a pixel, or none. @param {View} view @param {number} px @param {number} py @param {number} far */
+  click(view, px, py, far) {
+    const found = view.scene.agentAt(px, py, far);
+    this.select(found === null ? null : found.name);
+    if (found !== null) this.panel.open();
+  }
+
+  /** Show what is pointed at. @param {View} view @param {number | null} px @param {number} py */
+  point(view, px, py) {
+    const found = px === null ? null : view.scene.agentAt(px, py);
+    view.canvas.style.cursor = found === null ? "" : "pointer";
+    if (this.look.hovered === (found?.name ?? null)) return;
+    this.look.hovered = found?.name ?? null;
+    this.needsPaint = true;
+    this.panel.explain(view, found);
+  }
+
   /** Change how all is painted. @param {Partial<import("./scene.js").Look>} changes */
   change(changes) {
     Object.assign(this.look, changes);

@@ -5,6 +5,15 @@ const PAN_PX = 60, ZOOM = 1.25;
 
 /** @typedef {import("./app.js").App} App @typedef {import("./app.js").View} View */
 
+/**
+ * @typedef {object} Target what pointers on a canvas act on
+ * @property {boolean} isFollowing whether the camera follows an agent
+ * @property {(move: (camera: import("./camera.js").Camera) => void) => void} moveCamera
+ * @property {() => void} press a pointer goes down
+ * @property {(view: any, px: number, py: number, far: number) => void} click near a pixel, at most so far from it
+ * @property {(view: any, px: number | null, py: number) => void} point to a pixel; null: to none
+ */
+
 /** Let a person move, point, click and type. @param {App} app */
 export function listen(app) {
   for (const view of app.views) new Pointers(app, view);
@@ -12,8 +21,8 @@ export function listen(app) {
 }
 
 /** The pointers that are down on a view: one moves the map, two zoom it. */
-class Pointers {
-  /** @param {App} app @param {View} view */
+export class Pointers {
+  /** @param {Target} app @param {{canvas: HTMLCanvasElement}} view */
   constructor(app, view) {
     this.app = app;
     this.view = view;
@@ -32,7 +41,7 @@ class Pointers {
   #onDown(event) {
     this.view.canvas.setPointerCapture(event.pointerId);
     this.view.canvas.focus({ preventScroll: true });
-    this.app.settings.close();
+    this.app.press();
     if (this.down.size === 0) this.travelled = 0;
     this.down.set(event.pointerId, { x: event.offsetX, y: event.offsetY });
   }
@@ -67,9 +76,7 @@ class Pointers {
     const isClick = this.down.size === 1 && this.travelled < CLICK_PX && event.type === "pointerup";
     this.down.delete(event.pointerId);
     if (!isClick) return;
-    const found = this.view.scene.agentAt(event.offsetX, event.offsetY, event.pointerType === "touch" ? 22 : 12);
-    this.app.select(found === null ? null : found.name);
-    if (found !== null) this.app.panel.open();
+    this.app.click(this.view, event.offsetX, event.offsetY, event.pointerType === "touch" ? 22 : 12);
   }
 
   /** @param {WheelEvent} event */
@@ -82,13 +89,8 @@ class Pointers {
 
   /** Show what is pointed at. @param {PointerEvent | null} event */
   #point(event) {
-    const { app, view } = this;
-    const found = event === null || event.pointerType === "touch" ? null : view.scene.agentAt(event.offsetX, event.offsetY);
-    view.canvas.style.cursor = found === null ? "" : "pointer";
-    if (app.look.hovered === (found?.name ?? null)) return;
-    app.look.hovered = found?.name ?? null;
-    app.needsPaint = true;
-    app.panel.explain(view, found);
+    const isNone = event === null || event.pointerType === "touch";
+    this.app.point(this.view, isNone ? null : event.offsetX, isNone ? 0 : event.offsetY);
   }
 }
 
