@@ -268,6 +268,32 @@ def test_what_is_observed_where_roads_are_closed_is_what_is_there():
             assert (games.observe("red")["curr_pos"] == last).all()
 
 
+@pytest.mark.parametrize("options", [{}, {"speed": 2.5}, {"speed": 15.0, "settings": {"speed_unit": "metres"}}])
+def test_what_is_observed_of_games_that_left_the_arrays_is_what_is_there(options):
+    speed = {"speed": options["speed"]} if options else {}
+    sensors = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
+    walkers = {"count": 2, "strategy": "gamms.strategies:random_walk", "sensors": [*sensors], **speed}
+    teams = {"red": walkers, "blue": walkers}
+    with scene(teams=teams, sensors=sensors, settings=options.get("settings", {})).build(seed=1) as ctx:
+        ctx.game.add(storm)
+        with ctx.game.batch(seeds=[1, 1, 1, 1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            for _ in range(6):
+                games.step()
+            assert 4 in games.detached
+            view, xy = games.observe("red"), games.observe("red")["xy"]
+            sees, vectors, legal = view.sees(), view.vector(), view["legal"]
+            for number in (0, 4):
+                alone.game.reset(seed=games.seeds[number])
+                alone.game.run(6)
+                for agent in range(2):
+                    state = alone.game.observation(f"red_{agent}")
+                    assert [node for node in legal[number, agent] if node >= 0] == list(state["legal"])
+                    assert vectors.legal[number, agent].sum() == view.counts[number, agent] == len(state["legal"])
+                    assert tuple(xy[number, agent]) == tuple(alone.agent.agents[f"red_{agent}"].xy)
+                    seen = [view.roster.names[one] for one in np.flatnonzero(sees[number, agent])]
+                    assert seen == sorted(state["sensor"]["near"][1])
+
+
 def test_games_of_which_few_have_the_same_roads_closed_go_on_one_by_one():
     with scene([TAG], max_turns=12).build(seed=1) as ctx:
         ctx.game.add(storm)

@@ -1,7 +1,7 @@
 """Plays all games of a batch at once, in arrays; for games of which every part has an array form."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from functools import partial
 from typing import Any
 
@@ -162,12 +162,12 @@ class ArrayEngine:
             self.state.ground[those] = self._changed_roads[change]
 
     @contextmanager
-    def _on(self, ground: Ground) -> Iterator[None]:
+    def _on(self, ground: Ground) -> Iterator[GameArrays]:
         """Play games on a ground."""
         before, self._here = self._here, ground
         self.state.stand_on(ground)
         try:
-            yield
+            yield self.state
         finally:
             self._here = before
             self.state.stand_on(before)
@@ -400,10 +400,19 @@ class ArrayEngine:
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games."""
-        games = np.arange(len(self.state))
-        if self.state.ground.any():
-            return ViewOfGrounds(self.state, agents, self._by_ground(games), self._on)
-        return ArrayView(self.state, games, agents)
+        state, games = self.state, np.arange(len(self.state))
+        alone, observed = np.isin(games, [*state.apart]), state.observed_apart
+        if observed is None or not alone.any():
+            if not state.ground.any():
+                return ArrayView(state, games, agents)
+            alone[:] = False
+        parts: list[tuple[IntArray, Callable[[], AbstractContextManager[GameArrays]]]] = [
+            (those, partial(self._on, ground)) for ground, those in self._by_ground(games[~alone])
+        ]
+        if observed is not None and alone.any():
+            there = nullcontext(observed)
+            parts.append((games[alone], lambda: there))
+        return ViewOfGrounds(state, agents, parts)
 
     def over(self, game: int) -> dict[str, Any] | None:
         """Return how a game has ended; None: it goes on."""

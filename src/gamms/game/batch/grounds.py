@@ -9,8 +9,9 @@ import numpy as np
 
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.forms import form_in, form_of
-from gamms.game.batch.movement import Movement
+from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.scalar_rules import RuleContext
+from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.turn import ArrayRule
@@ -18,7 +19,7 @@ from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.game.settings import PHASES as RULE_PHASES
 from gamms.game.settings import NamedRule, Plan
-from gamms.ir.graph import GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import as_code
 from gamms.typing import IAgent
 
@@ -93,64 +94,88 @@ class Ground:
 
 
 class ViewOfGrounds(ArrayView):
-    """A view of games on several grounds: what is legal and which nodes are seen is that of the map of each game.
+    """A view of games that are played apart from each other: on several grounds, or by the turn engine.
+
+    What is legal, where on edges agents are and what sensors show is that of each game where it is played.
 
     Args:
         state: of all games.
         agents: of the view.
-        parts: the games of each ground.
-        on: has the state be on a ground.
+        parts: games, and what has the state in which they are.
     """
 
     def __init__(
         self,
         state: GameArrays,
         agents: IntArray,
-        parts: Sequence[tuple[Ground, IntArray]],
-        on: Callable[[Ground], AbstractContextManager[None]],
+        parts: Sequence[tuple[IntArray, Callable[[], AbstractContextManager[GameArrays]]]],
     ) -> None:
         super().__init__(state, np.arange(len(state)), agents)
-        self._parts, self._on = parts, on
+        self._parts = parts
 
     def _each(self, asked: Callable[[ArrayView], T]) -> Iterator[tuple[IntArray, T]]:
-        """Yield the games of each ground, and what a view of them gives."""
-        for ground, games in self._parts:
-            with self._on(ground):
-                yield games, asked(ArrayView(self._state, games, self.agents))
+        """Yield the games of each part, and what a view of them gives."""
+        for games, there in self._parts:
+            with there() as state:
+                yield games, asked(ArrayView(state, games, self.agents))
 
-    def _joined(self, asked: Callable[[ArrayView], IntArray], fill: int) -> IntArray:
-        """Return what views of games on each ground give, one value or several for each agent."""
+    def _joined(self, asked: Callable[[ArrayView], Any], fill: float) -> Any:
+        """Return what views of the parts give, one value or several for each agent."""
         parts = list(self._each(asked))
-        most = max((part.shape[2:] for _, part in parts), default=())
-        found = np.full((*self.node.shape, *most), fill, np.int64)
+        most = np.max([part.shape[2:] for _, part in parts], axis=0).astype(int)
+        found = np.full((*self.node.shape, *most), fill)
         for games, part in parts:
-            padded = np.full((*part.shape[:2], *most), fill, np.int64)
-            padded[..., : part.shape[-1]] = part
-            found[games] = padded
+            found[np.ix_(games, *map(np.arange, part.shape[1:]))] = part
         return found
 
     @property
     def counts(self) -> IntArray:
         """How many nodes are legal for each agent, its own included."""
-        return self._joined(lambda view: view.counts, 1)
+        found: IntArray = self._joined(lambda view: view.counts, 1)
+        return found
 
     def _legal(self) -> IntArray:
-        return self._joined(lambda view: view["legal"], -1)
+        found: IntArray = self._joined(lambda view: view["legal"], -1)
+        return found
+
+    def _heights(self) -> FloatArray:
+        found: FloatArray = self._joined(lambda view: view["z"], 0.0)
+        return found
+
+    def places(self) -> Places:
+        """Return where the agents are: in games by metres some may be on edges."""
+        return Places(
+            self._joined(lambda view: view.places().edge, -1),
+            self._joined(lambda view: view.places().offset_m, 0.0),
+            self._joined(lambda view: view.places().xy, 0.0),
+        )
 
     def action_to(self, nodes: Any) -> IntArray:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal."""
         wanted = np.broadcast_to(nodes, self.node.shape)
-        return self._joined(lambda view: view.action_to(wanted[view.games]), -1)
+        found: IntArray = self._joined(lambda view: view.action_to(wanted[view.games]), -1)
+        return found
+
+    def looked(self, names: tuple[str, ...]) -> Seen:
+        """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
+        parts = [(games[one.at], one) for games, one in self._each(lambda view: view.looked(names))]
+        at, order = self._order(parts)
+        pairs = (np.concatenate([one[i] for _, one in parts])[order] for i in (2, 3, 4))
+        return Seen((*self.node.shape, len(self.roster.names)), at, *pairs)
 
     def seen_nodes(self, *names: str) -> SeenNodes:
         """Return which nodes the sensors show to those in the mask."""
         parts = [(games[one.at], one) for games, one in self._each(lambda view: view.seen_nodes(*names))]
+        at, order = self._order(parts)
+        pairs = (np.concatenate([one[i] for _, one in parts])[order] for i in (2, 3))
+        return SeenNodes((*self.node.shape, len(self.streets.counts)), at, *pairs)
+
+    @staticmethod
+    def _order(parts: Sequence[tuple[IntArray, Any]]) -> tuple[IntArray, IntArray]:
+        """Return the games of pairs, ascending, and where these are in the parts."""
         at = np.concatenate([games for games, _ in parts])
         order = np.argsort(at, kind="stable")
-        viewers, nodes = (
-            np.concatenate([getattr(one, name) for _, one in parts])[order] for name in ("viewers", "nodes")
-        )
-        return SeenNodes((*self.node.shape, len(self.streets.counts)), at[order], viewers, nodes)
+        return at[order], order
 
     def encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere while all roads are open."""

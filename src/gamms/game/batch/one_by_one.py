@@ -132,6 +132,7 @@ class OneByOneEngine:
         state.alive[number], state.is_there[number] = seen.alive[number], seen.is_there[number]
         state.over[number], state.is_going[number] = over, over is None
         state.set_scores(number, self._scores[number])
+        state.observed_apart = seen
         state.now.clear()
 
     def _nothing_observed(self) -> GameArrays:

@@ -187,6 +187,7 @@ class GameArrays:
         ground: (games,) the number of the map of each, which differ in the roads that are closed.
         change_roads: opens or closes roads in games, by ids of edges; None: that is not possible.
         apart: games that the turn engine plays, by their numbers, and why.
+        observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         facts: what rules have published, by name, in a form that each says.
@@ -206,6 +207,7 @@ class GameArrays:
         self.start = start
         self.node = start.copy()
         self.apart: dict[int, str] = {}
+        self.observed_apart: GameArrays | None = None
         self.ground = np.zeros(games, np.int64)
         self.change_roads: Callable[[IntArray, tuple[int, ...], bool], None] | None = None
         self.alive: BoolArray = np.tile(roster.is_first, (games, 1))
