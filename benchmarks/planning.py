@@ -12,18 +12,13 @@ with bootstrap intervals of 95 %.
 
 import argparse
 import json
-import os
-import tempfile
 import time
 from concurrent.futures import ProcessPoolExecutor
-from pathlib import Path
 
 import numpy as np
 
 import gamms
 from gamms import planning, scenario
-
-DATA = Path(gamms.__file__).parent / "data"
 
 
 def hunt(ctx):
@@ -38,19 +33,8 @@ CASES = {  # scenario -> team, and keywords of `mcts`
     "helsinki_pursuit": ("red", {"iterations": 12, "depth": 15, **HUNT}),
 }
 FIRST_SEED = 1000
-
-
-def loaded(name):
-    """Return a scenario; one that `gamms new` copies, with its code in a folder."""
-    code = DATA / f"{name}.py.txt"
-    if not code.exists():
-        return scenario.load(DATA / f"{name}.yaml")
-    folder = Path(tempfile.gettempdir()) / f"gamms_planning_{os.getuid()}_{name}"
-    folder.mkdir(exist_ok=True)
-    for source, file in ((DATA / f"{name}.yaml", f"{name}.yaml"), (code, "strategies.py")):
-        if not (folder / file).exists() or (folder / file).read_bytes() != source.read_bytes():
-            (folder / file).write_bytes(source.read_bytes())
-    return scenario.load(folder / f"{name}.yaml")
+CHASE = {"teams.red.strategy": "gamms.strategies:chase", "teams.blue.speed": None}
+SCRIPTS = {"grid_tag": CHASE, "helsinki_pursuit": CHASE}  # what is searched against, in place of the files' own
 
 
 def played(job):
@@ -58,7 +42,7 @@ def played(job):
     name, seed, by = job
     team, options = CASES[name]
     began = time.process_time()
-    with loaded(name).build(seed) as ctx:
+    with scenario.from_gallery(name).replace(**SCRIPTS.get(name, {})).build(seed) as ctx:
         ctx.logger.setLevel("ERROR")
         if by == "search":
             ctx.game.command(team, planning.mcts(**options))
@@ -74,7 +58,6 @@ def played(job):
 def compare(name, games, first):
     """Play games by all three, and print a line of JSON."""
     seeds = range(first, first + games)
-    loaded(name)  # which writes its files before the processes read them
     with ProcessPoolExecutor() as pool:
         jobs = [(name, seed, by) for by in ("script", "rollout", "search") for seed in seeds]
         found = np.array(list(pool.map(played, jobs))).reshape(3, games, 3)
@@ -108,7 +91,7 @@ def speed(name="grid_tag", turns=20, rounds=40):
             timed("game", lambda: played.game.run(turns))
         state["action"] = state["curr_pos"]
 
-    with loaded(name).build(1, {"red_0": look}) as ctx, loaded(name).build(1) as played:
+    with scenario.from_gallery(name).build(1, {"red_0": look}) as ctx, scenario.from_gallery(name).build(1) as played:
         chase, flee = gamms.strategies.chase(ctx), gamms.strategies.flee(ctx)
         ctx.game.step()
     per_turn = {what: 1e6 * spent[what] / rounds / turns for what in ("model", "game")}

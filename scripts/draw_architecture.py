@@ -57,6 +57,7 @@ def imports_of_modules() -> Imports:
     paths = {
         ".".join(path.relative_to(SRC).with_suffix("").parts).removesuffix("__init__").strip("."): path
         for path in sorted(SRC.rglob("*.py"))
+        if "data" not in path.relative_to(SRC).parts  # there: code of games, as users write it
     }
     found: Imports = {}
     for module, path in paths.items():

@@ -18,7 +18,9 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
 import draw_architecture
 
 SRC = Path(gamms.__file__).parent
-MODULES = sorted(SRC.rglob("*.py"))
+MODULES = sorted(
+    path for path in SRC.rglob("*.py") if "data" not in path.relative_to(SRC).parts
+)  # there: code of games, as users write it
 PACKAGES = sorted(path for path in MODULES if path.name == "__init__.py")
 MAX_LINES = 600
 

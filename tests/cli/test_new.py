@@ -1,14 +1,9 @@
 """`gamms new`: a game to begin with."""
 
-from pathlib import Path
-
 import pytest
 from typer.testing import CliRunner
 
-import gamms
 from gamms import cli, scenario
-
-DATA = Path(gamms.__file__).parent / "data"
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +34,7 @@ def test_a_new_game_can_be_played_at_once(folder, options, agents):
     assert run("scenario", "check", "hunt/hunt.yaml", "--build").exit_code == 0
 
 
-@pytest.mark.parametrize("source", [path.stem for path in sorted(DATA.glob("*.yaml"))])
+@pytest.mark.parametrize("source", list(scenario.gallery()))
 def test_every_game_that_comes_with_gamms_can_be_begun_with_and_run(folder, source):
     assert run("new", "mine", "--from", source).exit_code == 0
     assert run("scenario", "check", "mine/mine.yaml").exit_code == 0

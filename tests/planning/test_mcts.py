@@ -12,7 +12,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.planning import mcts
 from gamms.scenario import load
 
-DATA = Path(gamms.__file__).parent / "data"
+DATA = Path(gamms.__file__).parent / "data" / "gallery"
 
 
 def moves_of(ctx, turns):
@@ -263,7 +263,7 @@ def test_agents_that_fly_need_actions():
 
 def test_it_beats_the_script_of_a_scenario_that_comes_with_gamms():
     small = load(DATA / "grid_tag.yaml").replace(**{"map.grid.width": 8, "map.grid.height": 8, "max_turns": 20})
-    small = small.replace(**{"teams.blue.from.at_least": 30})
+    small = small.replace(**{"teams.blue.from.at_least": 30, "teams.red.strategy": "gamms.strategies:chase"})
     search = mcts(8, depth=5, rollout="intercept", opponents="flee", value="closeness")
     tags = {"script": 0.0, "search": 0.0}
     for seed in range(3):

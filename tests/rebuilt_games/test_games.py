@@ -6,7 +6,7 @@ Both draw the same random numbers (`keyed.py`). By default a few plays of each a
 
 import os
 import random
-from functools import cache, partial
+from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -26,12 +26,8 @@ import gamms
 from gamms import scenario
 
 ROOT = Path(__file__).parents[2]
-DATA = ROOT / "src" / "gamms" / "data"
-CUP = {
-    "competition.yaml": "competition.yaml",
-    "rules.py": "competition_rules.py.txt",
-    "strategies.py": "competition.py.txt",
-}
+DATA = ROOT / "src" / "gamms" / "data" / "gallery"
+CUP = ("competition.yaml", "competition_rules.py", "competition.py")
 ALL = 36
 IS_COMPLETE = os.environ.get("GAMMS_ALL_PLAYS") == "1"
 
@@ -94,10 +90,8 @@ def nodes_of_helsinki():
         return ctx.graph.columns().node_ids.tolist()
 
 
-def match_of_competition(folder, seed):
-    for name, source in CUP.items():
-        (folder / name).write_text((DATA / source).read_text())
-    ctx = scenario.load(folder / "competition.yaml").build(seed=seed)
+def match_of_competition(seed):
+    ctx = scenario.from_gallery("competition").build(seed=seed)
     faces = [ctx.graph.get_obstacle_face(face) for face in ctx.graph.get_obstacle_faces()]
     walls = [(face.br[:2], face.bl[:2], face.br[2], face.tr[2]) for face in faces]
     game = places_in(ctx), list(ctx.game.facts["candidates"]), walls
@@ -117,9 +111,9 @@ MATCHES = {  # game -> what begins a play, whether its rules end it, how many pl
     ("game", "seed"),
     [(game, seed) for game, (*_, plays, _) in MATCHES.items() for seed in range(ALL if IS_COMPLETE else plays)],
 )
-def test_a_game_goes_the_same_way_without_the_library(game, seed, tmp_path):
+def test_a_game_goes_the_same_way_without_the_library(game, seed):
     make, ends, _, most = MATCHES[game]
-    match = (partial(make, tmp_path) if make is match_of_competition else make)(seed)
+    match = make(seed)
     with match.ctx as ctx:
         for turn, (places, scores, *more) in enumerate(match.turns, 1):
             ctx.game.step()
@@ -168,7 +162,7 @@ def test_a_game_goes_on_the_same_way_from_a_turn_of_its_recording_and_from_a_sna
 HERE, EXAMPLES = ROOT / "tests" / "rebuilt_games", ROOT / "examples"
 ROADS = HERE / "plain_roads.py"
 FILES = {  # the game, as the page calls it -> its files with the library, and without
-    "flag competition": ([DATA / name for name in CUP.values()], [HERE / "plain_competition.py", ROADS]),
+    "flag competition": ([DATA / name for name in CUP], [HERE / "plain_competition.py", ROADS]),
     "periodic visibility": ([EXAMPLES / "periodic_visibility.py"], [HERE / "plain_periodic_visibility.py"]),
     "search from the air, with radio": ([HERE / "radio_search.py"], [HERE / "plain_radio_search.py"]),
     "patrolling": ([EXAMPLES / "patrolling.py"], [HERE / "plain_patrolling.py"]),

@@ -1,23 +1,14 @@
 """The competition that comes with GAMMS: real flags and decoys, towers, both die, pay-offs that add up to 0."""
 
-from pathlib import Path
-
 import pytest
 
 import gamms
 from gamms import scenario
 
-DATA = Path(gamms.__file__).parent / "data"
-FILES = {"competition.yaml": "competition.yaml", "rules.py": "competition_rules.py.txt"}
-FILES["strategies.py"] = "competition.py.txt"
-
 
 @pytest.fixture(scope="module")
-def game(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("competition")
-    for name, source in FILES.items():
-        (folder / name).write_text((DATA / source).read_text())
-    return scenario.load(folder / "competition.yaml")
+def game():
+    return scenario.from_gallery("competition")
 
 
 @pytest.fixture(scope="module")
@@ -27,12 +18,6 @@ def result(game):
 
 def of(result, kind):
     return [event for event in result.events if event["kind"] == kind]
-
-
-def test_it_is_one_file_of_60_lines_and_100_lines_of_rules():
-    lengths = [len((DATA / name).read_text().splitlines()) for name in ("competition.yaml", "competition_rules.py.txt")]
-    assert lengths[0] <= 60
-    assert lengths[1] <= 100
 
 
 def test_the_seed_draws_which_flags_are_real_and_only_the_defenders_know(game):

@@ -1,61 +1,59 @@
-"""`gamms new`: a folder with a small game, or with a copy of one that comes with GAMMS."""
+"""`gamms new`: a folder with a copy of a game that comes with GAMMS."""
 
 import re
 from pathlib import Path
-from typing import Annotated, NamedTuple
+from typing import Annotated
 
 import typer
 
 from gamms import demo
 from gamms.cli.output import echo
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue
+from gamms.scenario import Scenario, from_gallery
 
-_DATA = demo.FILE.parent
-
-
-class _Game(NamedTuple):
-    scenario: Path
-    files: dict[str, Path]  # of the copy -> what is copied
-    module: str = "strategies"  # what the scenario calls its strategies; the copy calls them `strategies`
-
-
-_STRATEGIES, _RULES = "strategies.py", "rules.py"
-_WHAT = {_STRATEGIES: "how its agents play", _RULES: "its own rules"}
-_GAMES = {
-    "pursuit": _Game(_DATA / "pursuit.yaml", {_STRATEGIES: _DATA / "pursuit.py.txt"}),
-    "capture_the_flag": _Game(
-        demo.FILE, {_STRATEGIES: Path(demo.__file__).parent / "strategies.py"}, "gamms.demo.strategies"
-    ),
-    "competition": _Game(
-        _DATA / "competition.yaml",
-        {_STRATEGIES: _DATA / "competition.py.txt", _RULES: _DATA / "competition_rules.py.txt"},
-    ),
-    **{name: _Game(_DATA / f"{name}.yaml", {}) for name in ("grid_tag", "helsinki_pursuit")},  # of shipped strategies
-}
+_DEMO = "gamms.demo.strategies"  # what its scenario calls the strategies of the demo
+_WHAT = {"strategies.py": "how its agents play", "rules.py": "its own rules"}
 
 
 def new(
     name: Annotated[Path, typer.Argument(help="The name of the game, and of its folder.", metavar="NAME")],
     source: Annotated[
-        str, typer.Option("--from", help=f"The game to begin with: {' or '.join(_GAMES)}.", metavar="GAME")
+        str, typer.Option("--from", help="The game to begin with: one of `gamms gallery`.", metavar="GAME")
     ] = "pursuit",
 ) -> None:
     """Write a small game to begin with: a scenario and strategies."""
-    game = _GAMES.get(source)
-    if game is None:
-        raise UnknownName("game", source, _GAMES)
+    game = from_gallery(source)
     if not re.fullmatch(r"\w[\w-]*", name.name):
         raise BadValue(f"{str(name)!r} cannot be the name of a game: use letters, digits, _ and -.")
     if name.exists():
         raise BadValue(f"There is {str(name)!r} already: choose another name, for nothing is written over.")
     scenario = name / f"{name.name}.yaml"
-    text = game.scenario.read_text(encoding="utf-8").replace(f"{game.module}:", "strategies:")
+    text = _text_of(game)
+    files = {}  # of the copy -> what is copied
+    for module, file in _code_of(game).items():
+        copy = module.removeprefix(source).removeprefix("_") or "strategies"
+        copy = "strategies" if module == _DEMO else copy
+        text = re.sub(rf"(?<![\w.]){re.escape(module)}(?=:\w)", copy, text)
+        text = text.replace(f"{module}.py", f"{copy}.py")
+        files[f"{copy}.py"] = file
     text = re.sub(r"^name: .*", f'name: "{name.name}"', text, count=1, flags=re.MULTILINE)
-    text = text.replace(game.scenario.name, scenario.name)
+    text = text.replace(f"{source}.yaml", scenario.name)
     name.mkdir(parents=True)
     scenario.write_text(text, encoding="utf-8")
-    for file, source_file in game.files.items():
-        (name / file).write_bytes(source_file.read_bytes())
-    *most, last = [f"{scenario} (the game)", *(f"{name / file} ({_WHAT[file]})" for file in game.files)]
+    for copy, file in files.items():
+        (name / copy).write_bytes(file.read_bytes())
+    *most, last = [f"{scenario} (the game)", *(f"{name / copy} ({_WHAT[copy]})" for copy in files)]
     echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. Go on with\n")
     echo(f"  gamms run {scenario} --out {name / 'first'}\n  gamms run {scenario} --seeds 0:20")
+
+
+def _text_of(game: Scenario) -> str:
+    return "" if game.file is None else game.file.read_text(encoding="utf-8")
+
+
+def _code_of(game: Scenario) -> dict[str, Path]:
+    """Return the files of a game's own code, by the names of their modules in the scenario."""
+    own = {found.module: found.file for found in game.code() if found.file is not None}
+    if any(found.module == _DEMO for found in game.code()):
+        own[_DEMO] = Path(demo.__file__).parent / "strategies.py"
+    return own

@@ -1,7 +1,8 @@
 """The demo: capture the flag between two teams on the streets of a city.
 
-A client of clients: it plays a scenario. The game is a file, `data/capture_the_flag.yaml`, with other teams or on
-another map if that is asked for; `headline`, `key_events` and `table` tell what happened. Read `strategies.py` next.
+A client of clients: it plays a scenario. The game is a file, `data/gallery/capture_the_flag.yaml`, with other teams
+or on another map if that is asked for; `headline`, `key_events` and `table` tell what happened. Read
+`strategies.py` next.
 """
 
 from collections import Counter
@@ -24,7 +25,7 @@ from gamms.visual.captions import captions_of
 
 __all__ = ["FILE", "Team", "capture_the_flag", "check_ways", "headline", "key_events", "table"]
 
-FILE = Path(__file__).parent.parent / "data" / "capture_the_flag.yaml"
+FILE = Path(__file__).parent.parent / "data" / "gallery" / "capture_the_flag.yaml"
 
 _DEFENDERS = 1  # of five
 _FLAG_AT = 0.12  # how far from either end of the map, as a share of all nodes

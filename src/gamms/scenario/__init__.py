@@ -10,7 +10,7 @@ May import: `context` and below. To add a key, write it into `spec.py`, and what
 """
 
 from gamms.scenario.documents import ScenarioError
-from gamms.scenario.scenario import Scenario, from_recording, load
+from gamms.scenario.scenario import Scenario, from_gallery, from_recording, gallery, load
 from gamms.scenario.spec import Spec, schema
 
-__all__ = ["Scenario", "ScenarioError", "Spec", "from_recording", "load", "schema"]
+__all__ = ["Scenario", "ScenarioError", "Spec", "from_gallery", "from_recording", "gallery", "load", "schema"]

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -17,7 +18,7 @@ from gamms.recorder import Recording
 from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
 from gamms.scenario.builder import Builder, Strategies, digests, written_out
-from gamms.scenario.code import Found, Library, Sources, allowed
+from gamms.scenario.code import ON_REQUEST, Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
 from gamms.scenario.placement import Placing, members, node_at
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
@@ -25,6 +26,8 @@ from gamms.scenario.validation import check_code, check_sense, code_in, unread_d
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
+
+_GALLERY = Path(__file__).parent.parent / "data" / "gallery"
 
 
 class Scenario:
@@ -323,6 +326,23 @@ def load(path: str | os.PathLike[str], allow: Iterable[str] = ()) -> Scenario:
     file = as_path(path, "path")
     with named(file):
         return _from_plain(documents.read(file), file.absolute().parent, file, allow)
+
+
+def gallery() -> dict[str, Path]:
+    """Return the games that come with GAMMS: name -> its scenario file, which has its code beside it."""
+    return {file.stem: file for file in sorted(_GALLERY.glob("*.yaml"))}
+
+
+def from_gallery(name: str) -> Scenario:
+    """Return a game that comes with GAMMS; see docs/gallery.md.
+
+    Raises:
+        UnknownName (KeyError): there is none of this name.
+    """
+    games = gallery()
+    if name not in games:
+        raise UnknownName("game", name, games)
+    return load(games[name], allow=ON_REQUEST)
 
 
 def from_recording(

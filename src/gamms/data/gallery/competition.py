@@ -18,7 +18,9 @@ def attack(ctx, caution):
     go, run = goto(ctx, flag), flee(ctx)
 
     def strategy(state):
-        near = [node for name, node in state["sensor"]["eyes"][1].items() if ctx.agent.get_agent(name).team != state["team"]]
+        near = [
+            node for name, node in state["sensor"]["eyes"][1].items() if ctx.agent.get_agent(name).team != state["team"]
+        ]
         is_danger = any(ctx.graph.distance(state["curr_pos"], node) < caution for node in near)
         (run if is_danger else go)(state)
 

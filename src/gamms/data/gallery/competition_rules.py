@@ -4,8 +4,9 @@
 def flags(attackers, defenders, real, radius):
     """Make the rule of the flags, which are on the nodes of the fact `candidates`.
 
-    Which are real is drawn from the seed. Defenders know; attackers find out about a flag when one of them has it in view,
-    and all of them know then. An attacker that comes within `radius` edges of a real flag captures it, and is out.
+    Which are real is drawn from the seed. Defenders know; attackers find out about a flag when one of them has it in
+    view, and all of them know then. An attacker that comes within `radius` edges of a real flag captures it, and is
+    out.
 
     Args:
         attackers, defenders: the teams.
