@@ -457,6 +457,9 @@ GAME_SCORES = _event(
 GAME_DATA = _event(
     0x04000001, "GAME_DATA", _HOST, "?set ?more ?removed", lambda state, data: change(state.game.data, data)
 )
+DECISIONS = ("choice", "llm")
+"""Kinds of emitted events that say what was decided for an agent: only its own side may know of them."""
+
 GAME_EVENT = _logged(0x04000002, "GAME_EVENT", _ALL, "kind", "events")
 GAME_OVER = _event(0x04000003, "GAME_OVER", _ALL, "?reason ?winner ?truncated", _over)
 GAME_TURN = _event(0x04000004, "GAME_TURN", _ALL, "turn pace ?starts", _count)

@@ -14,7 +14,7 @@ import numpy as np
 
 from gamms.errors import BadValue, UnknownName
 from gamms.ir import events as kinds
-from gamms.ir.events import EVENTS, LOGGED, MOVES, Audience, Log, Role, events_of, renumbered
+from gamms.ir.events import DECISIONS, EVENTS, LOGGED, MOVES, Audience, Log, Role, events_of, renumbered
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import GraphColumns
 from gamms.ir.messages import ARRIVALS
@@ -257,6 +257,10 @@ class Cut:
 
     def _emitted(self, kind: int, data: Plain) -> Iterator[_Event]:
         """Yield an event unless it names agents, all of them out of sight: rules emit for those who watch a game."""
+        if data.get("kind") in DECISIONS and "agent" in data:
+            if data["agent"] in self._own:
+                yield kind, data
+            return
         named = [text for text in _texts_in(data) if text in self._ids]
         if not named or any(map(self._is_in_view, named)):
             yield kind, data

@@ -19,6 +19,7 @@ from gamms.plain import Plain, as_json, is_same
 from gamms.scenario import spec as schema
 from gamms.scenario.code import (
     GIVEN_LATER,
+    HUMAN,
     RULES,
     Function,
     Library,
@@ -299,7 +300,9 @@ class Builder:
         return plans
 
     def _map_strategy(self, code: Code, path: str, listed: list[Member]) -> Mapping[str, Function]:
-        """Call the `map_strategy` of a module for agents."""
+        """Call the `map_strategy` of a module for agents; a person plays all of them."""
+        if code.function == HUMAN:
+            return dict.fromkeys([one.name for one in listed], self._made(code, path, "strategy"))
         config = {one.name: {"start_node_id": self._agents[one.name].node, **self._config(one)} for one in listed}
         function = self.library.get(code.function, path)
         answer = called(function, self._parameters(code.with_, f"{path}.with"), (config,), path)

@@ -32,8 +32,9 @@ from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = (
     *("gamms.strategies", "gamms.rules", "gamms.rules.territory", "gamms.demo.strategies"),
-    *("gamms.planning", "gamms.rl"),
+    *("gamms.planning", "gamms.rl", "gamms.web"),
 )
+HUMAN = "human"  # in place of a reference to a strategy: a person plays
 ON_REQUEST = ("gamms.llm",)  # likewise, but only if the caller allows it: it sends what agents know to a server
 GROUP = "gamms.scenario"  # of entry points
 RULES = "gamms.rules"  # the module of rules that are named without one
@@ -398,6 +399,8 @@ class Library:
 
 
 def _in_full(text: str, short: str | None) -> str:
+    if text == HUMAN:
+        return f"gamms.web:{HUMAN}"
     return f"{short}:{text}" if short and ":" not in text else text
 
 

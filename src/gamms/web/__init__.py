@@ -9,5 +9,9 @@ A client: it uses recordings as any program would.
 """
 
 from gamms.web.pages import page, page_of_two
+from gamms.web.people import human
 
-__all__ = ["page", "page_of_two"]
+__all__ = ["human", "page", "page_of_two"]
+
+FOR_SCENARIOS = {"human": human}
+"""What scenario files may name; `strategy: human` is short for it."""

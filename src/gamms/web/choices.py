@@ -1,0 +1,244 @@
+"""What a person is asked about an agent, and which answers count: a legal move, a direction, declared deeds."""
+
+import os
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from time import monotonic
+from typing import Any
+
+from gamms import recorder
+from gamms.context import Context
+from gamms.errors import BadFile, BadValue, GammsError
+from gamms.game.deeds import field_of, wanted_deeds
+from gamms.plain import Plain, as_json
+from gamms.text import reason, shown
+
+EVENT = "choice"
+"""The kind of the events that choices are in results and recordings."""
+
+CHOSEN = "chosen"
+"""The outcome of a question that a person has answered; any other says why the default has decided."""
+
+_MOST_MOVES = 5000
+_FARTHEST = 1e9  # of a direction
+_KEYS = ("question", "move", "do")  # of a choice
+_KEYS_IN_THE_AIR = ("question", "direction", "distance", "do")
+
+
+class Refused(GammsError, ValueError):
+    """A choice that does not count and moves nothing.
+
+    Attributes:
+        why: "late", "foreign", "illegal" or "duplicate".
+    """
+
+    def __init__(self, why: str, message: str) -> None:
+        super().__init__(message)
+        self.why = why
+
+
+@dataclass
+class Question:
+    """What a person is asked about an agent, and what has come of it.
+
+    Attributes:
+        number: of the question, in the whole game.
+        agent: its name.
+        turn: the number of turns played.
+        moves: the nodes that it may go to, its own first, None: to stop on an edge; no list: it flies.
+        speed: of an agent that flies, map units per turn.
+        here: its node, or its place in space.
+        deeds: what it may do besides: deed -> field -> its kind, its choices (None: any) and whether it is needed.
+        limit_s: how long the person may take.
+        began: when it was asked, or when the person has come, by `time.monotonic()`.
+        until: when the time is over.
+        wake: called when something has changed.
+        action: of `State` or `AerialState`, once it was chosen.
+        chosen: the same as JSON; None: nothing yet.
+        took_s: how long the person took.
+        is_over: whether the game waits no longer.
+    """
+
+    number: int
+    agent: str
+    turn: int
+    moves: tuple[int | None, ...] | None
+    speed: float
+    here: Plain
+    deeds: dict[str, dict[str, dict[str, Plain]]]
+    limit_s: float
+    began: float
+    until: float
+    wake: Callable[[], object]
+    action: Any = None
+    chosen: str | None = None
+    took_s: float = 0.0
+    is_over: bool = False
+
+    def as_message(self) -> dict[str, Plain]:
+        """Return what the person gets to know of the question."""
+        moves: Plain = None if self.moves is None else list(self.moves)
+        asked = {"question": self.number, "agent": self.agent, "turn": self.turn, "here": self.here, "moves": moves}
+        left = round(max(self.until - monotonic(), 0.0), 3)
+        return {**asked, "speed": self.speed, "deeds": self.deeds, "left_s": left, "is_chosen": self.chosen is not None}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """What was decided for an agent of a person, as events of the kind "choice" have it.
+
+    Attributes:
+        turn: from 1.
+        agent: its name.
+        person: who was asked.
+        outcome: "chosen", or why the default has decided.
+        action: what was chosen, as JSON; None: nothing.
+        seconds: that the person took.
+    """
+
+    turn: int
+    agent: str
+    person: str
+    outcome: str
+    action: str | None
+    seconds: float
+
+
+# -- questions ------------------------------------------------------------------------------------------------------
+
+
+def moves_of(state: Mapping[str, Any]) -> tuple[int | None, ...] | None:
+    """Return where an agent may go, its own node first; None for one that flies."""
+    here = state["curr_pos"]
+    if isinstance(here, tuple):
+        return None
+    on_edge = (None,) if state.get("edge") else ()
+    return (*(state.get("legal") or (here,)), *on_edge)[:_MOST_MOVES]
+
+
+def _names_in_sight(state: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the names of agents that the sensors show."""
+    for _, data in state.get("sensor", {}).values():
+        if isinstance(data, Mapping):
+            yield from (name for name in data if isinstance(name, str))
+
+
+def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, dict[str, Plain]]]:
+    """Return the deeds that a person is offered; of agents, those that are their own or in sight are choices."""
+    known = {*own, *_names_in_sight(state)}
+    offered: dict[str, dict[str, dict[str, Plain]]] = {}
+    for deed, fields in state.get("deeds", {}).items():
+        offered[deed] = {}
+        for key, declared in fields.items():
+            kind, choices, is_required = field_of(declared)
+            given: list[Plain] | None = [as_json(one) for one in choices] if kind == "choice" else None
+            if kind == "agent":
+                given = [name for name in sorted(known) if name in ctx.agent.agents]
+            elif kind == "team":
+                given = [as_json(team) for team in ctx.agent.teams]
+            offered[deed][key] = {"kind": kind, "choices": given, "is_required": is_required}
+    return offered
+
+
+# -- choices --------------------------------------------------------------------------------------------------------
+
+
+def written(choice: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return what is recorded of a choice."""
+    return {key: value for key, value in choice.items() if key != "question" and (key != "do" or value)}
+
+
+def as_action(choice: Mapping[str, Any]) -> Any:
+    """Return the action that a checked choice is, for a state."""
+    do = {"do": choice["do"]} if choice.get("do") else {}
+    if "direction" in choice:
+        direction = tuple(map(float, choice["direction"]))
+        distance = {"distance": choice["distance"]} if "distance" in choice else {}
+        return {"direction": direction, **distance, **do} if do or distance else direction
+    if do and choice["move"] is not None:
+        return {"node_id": choice["move"], **do}
+    return do or choice["move"]
+
+
+def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | None) -> Any:
+    """Return the action that a choice is.
+
+    Raises:
+        Refused: it is illegal.
+    """
+    known = _KEYS if question.moves is not None else _KEYS_IN_THE_AIR
+    for key in choice:
+        if key not in known:
+            raise Refused("illegal", f"A choice for {shown(question.agent)} has {', '.join(known)}, not {shown(key)}.")
+    if question.moves is None:
+        _check_flight(choice, question)
+    elif "move" not in choice or not _is_among(choice["move"], question.moves):
+        raise Refused("illegal", f"Agent {shown(question.agent)} may not go to {shown(choice.get('move'))} now.")
+    do = _checked_deeds(choice.get("do") or {}, question, ctx)
+    return as_action({**choice, "do": do})
+
+
+def _is_among(move: Plain, moves: tuple[int | None, ...]) -> bool:
+    return move in moves and (move is None or type(move) is int)
+
+
+def _check_flight(choice: Mapping[str, Plain], question: Question) -> None:
+    direction = choice.get("direction")
+    is_right = isinstance(direction, list) and len(direction) == 3
+    if not is_right or not all(type(one) in (int, float) and abs(one) < _FARTHEST for one in direction or ()):
+        raise Refused("illegal", f"A direction is three numbers, dx, dy and dz, not {shown(direction)}.")
+    distance = choice.get("distance", 0.0)
+    if type(distance) not in (int, float) or not 0.0 <= distance <= question.speed:
+        raise Refused(
+            "illegal", f"Agent {shown(question.agent)} flies 0 to {question.speed} a turn, not {shown(distance)}."
+        )
+
+
+def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dict[str, Any]:
+    if not isinstance(given, Mapping):
+        raise Refused("illegal", f"What an agent does is a mapping from deeds to fields, not {shown(given)}.")
+    done: dict[str, Any] = {}
+    for deed, fields in given.items():
+        offered, values = question.deeds.get(deed), {} if fields is None else fields
+        if offered is None or not isinstance(values, Mapping):
+            raise Refused("illegal", f"There is no deed {shown(deed)} with {shown(fields)}.")
+        for key, value in values.items():
+            choices = offered.get(key, {}).get("choices")
+            if isinstance(choices, list) and value is not None and value not in choices:
+                raise Refused("illegal", f"The field {key!r} of {shown(deed)} cannot be {shown(value)} now.")
+        done[deed] = dict(values)
+    if not done or ctx is None:
+        return {}
+    try:
+        return wanted_deeds(done, ctx.game.deeds, ctx)
+    except GammsError as error:
+        raise Refused("illegal", reason(error)) from None
+
+
+# -- recordings ------------------------------------------------------------------------------------------------------
+
+
+def choices_in(path: str | os.PathLike[str]) -> dict[tuple[int, str], list[Choice]]:
+    """Return the choices in a recording, by turn and agent."""
+    found: dict[tuple[int, str], list[Choice]] = {}
+    with recorder.open(path) as recording:
+        for event in recording.events():
+            if event["kind"] == EVENT:
+                found.setdefault((event["turn"], str(event.get("agent"))), []).append(_choice_of(event))
+    if not found:
+        raise BadValue(f"{str(path)!r} holds no choices of people: it was played by strategies alone.")
+    return found
+
+
+def _choice_of(event: Mapping[str, Plain]) -> Choice:
+    """Return the choice that an event of any origin is.
+
+    Raises:
+        BadFile: it is none.
+    """
+    turn, seconds = event["turn"], event.get("seconds")
+    agent, person, outcome = (event.get(name) for name in ("agent", "person", "outcome"))
+    action = event.get("action")
+    if not all(isinstance(one, str) for one in (agent, person, outcome, action or "")) or type(seconds) is not float:
+        raise BadFile(f"Turn {turn} of the recording has an event {EVENT!r} that is no choice: {shown(event)}.")
+    return Choice(turn, str(agent), str(person), str(outcome), action, seconds)

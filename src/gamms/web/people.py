@@ -1,0 +1,402 @@
+"""People as players: strategies that ask a person, and what carries questions and choices between game and server.
+
+The game asks in its own thread, a server answers in another. `Human` is the strategy, one for each person; `People` is
+a rule of the game that holds what is asked in this turn, takes at most one choice for each question, and writes what
+was chosen into the recording.
+"""
+
+import asyncio
+import json
+import os
+from collections import Counter
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from contextlib import suppress
+from dataclasses import dataclass
+from threading import Lock
+from time import monotonic
+from typing import Any
+
+from gamms.arguments import as_float, as_function_of, as_name
+from gamms.context import Context
+from gamms.errors import BadType, BadValue, Duplicate
+from gamms.game.snapshots import own
+from gamms.plain import Plain, as_json
+from gamms.strategies import stay
+from gamms.text import shown
+from gamms.typing.game import AerialState, State
+from gamms.web.choices import (
+    CHOSEN,
+    EVENT,
+    Choice,
+    Question,
+    Refused,
+    action_of,
+    as_action,
+    choices_in,
+    deeds_of,
+    moves_of,
+    written,
+)
+
+_MARGIN_S = 0.2  # before the deadline of the turn, so that the default of the person decides
+
+
+@dataclass
+class Person:
+    """A person of a game: the agents that are asked of them, and whether they have come.
+
+    Attributes:
+        name: of the person; that of the team or the agent, unless the program has given one.
+        agents: the names of the agents.
+        is_here: whether the person has opened the link at least once.
+    """
+
+    name: str
+    agents: tuple[str, ...]
+    is_here: bool = False
+
+
+class People:
+    """What the people of a game are asked and what they choose; a rule that emits each choice as an event.
+
+    Its methods may be called from any thread. `People.of(ctx)` is that of a game, once a server has opened one.
+    """
+
+    __name__ = "people"
+
+    def __init__(self) -> None:
+        self._lock = Lock()
+        self._ctx: Context | None = None
+        self._persons: dict[str, Person] = {}
+        self._questions: dict[int, tuple[str, Question]] = {}  # of this turn: number -> person, question
+        self._last = 0
+        self._pending: list[Choice] = []
+        self.changed: list[
+            Callable[[], object]
+        ] = []  # called in some thread when a question comes, goes or is answered
+
+    def __repr__(self) -> str:
+        """Name the rule."""
+        return self.__name__
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "People":
+        """Return a rule for a copy of the game, in which no person is asked."""
+        return People()
+
+    @classmethod
+    def of(cls, ctx: Context) -> "People | None":
+        """Return the people of a game; None where no server has opened it for people."""
+        return next((named.rule for named in ctx.game.rules if isinstance(named.rule, cls)), None)
+
+    @classmethod
+    def open(cls, ctx: Context) -> "People":
+        """Return the people of a game, so that its agents may ask them."""
+        people = cls.of(ctx)
+        if people is None:
+            people = cls()
+            ctx.game.add(people)
+        people._ctx = ctx
+        people.look_up()
+        return people
+
+    @property
+    def is_open(self) -> bool:
+        """Whether a server lets people in."""
+        return self._ctx is not None
+
+    @property
+    def persons(self) -> dict[str, Person]:
+        """The people of the game, by name."""
+        with self._lock:
+            return dict(self._persons)
+
+    def look_up(self) -> None:
+        """Find out which agents are played by whom; called again when strategies have changed.
+
+        Raises:
+            Duplicate: two people have the same name.
+        """
+        if self._ctx is None:
+            return
+        found: dict[str, Person] = {}
+        for human, agents in _humans_of(self._ctx):
+            name = human.name or _name_of(agents, self._ctx)
+            if name in found:
+                raise Duplicate("a person", name)
+            known = self._persons.get(name)
+            found[name] = Person(name, agents, is_here=known is not None and known.is_here)
+        with self._lock:
+            self._persons = found
+
+    def person_of(self, agent: str) -> Person:
+        """Return who plays an agent.
+
+        Raises:
+            BadValue: none of them does.
+        """
+        for person in self.persons.values():
+            if agent in person.agents:
+                return person
+        raise BadValue(f"Agent {shown(agent)} is not played by a person.")
+
+    # -- for the server -------------------------------------------------------------------------------------------
+
+    def come(self, person: str) -> None:
+        """Note that a person has opened the link; the time for their first choice begins now."""
+        with self._lock:
+            known = self._persons.get(person)
+            if known is None or known.is_here:
+                return
+            known.is_here = True
+            mine = [question for name, question in self._questions.values() if name == person]
+            for question in mine:
+                now = monotonic()
+                question.until, question.began = now + question.limit_s, now
+        for question in mine:
+            question.wake()
+        self._notify()
+
+    def asked(self, person: str) -> list[dict[str, Plain]]:
+        """Return what a person is asked in this turn, also what is answered already."""
+        with self._lock:
+            return [question.as_message() for name, question in self._questions.values() if name == person]
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether the choice of some person is still missing."""
+        with self._lock:
+            return any(question.chosen is None for _, question in self._questions.values())
+
+    def choose(self, person: str, choice: Mapping[str, Plain]) -> None:
+        """Take the choice of a person: `question`, and `move`, or `direction` and `distance`, and `do`.
+
+        Raises:
+            Refused: it does not count: it is late, foreign, illegal or a duplicate; nothing has changed.
+        """
+        with self._lock:
+            question = self._open_question(person, choice)
+            action = action_of(choice, question, self._ctx)
+            question.took_s = monotonic() - question.began
+            question.action = action
+            question.chosen = json.dumps(as_json(written(choice)), sort_keys=True)
+        question.wake()
+        self._notify()
+
+    def _open_question(self, person: str, choice: Mapping[str, Plain]) -> Question:
+        number = choice.get("question")
+        if type(number) is not int:
+            raise Refused("illegal", f"A choice has the number of its question, not {shown(number)}.")
+        owner, question = self._questions.get(number, (None, None))
+        if question is None:
+            raise Refused("late", f"Question {number} is not open: its time is over, or it was never asked.")
+        if owner != person:
+            raise Refused("foreign", f"Question {number} is asked of another player.")
+        if question.chosen is not None:
+            raise Refused("duplicate", f"Question {number} was answered already; the first choice counts.")
+        if question.is_over or monotonic() >= question.until:
+            raise Refused("late", f"The time for question {number} is over.")
+        return question
+
+    # -- for the game ---------------------------------------------------------------------------------------------
+
+    async def answer(self, state: Mapping[str, Any], seconds: float, joins_within: float) -> tuple[Any, Choice]:
+        """Ask a person about an agent and wait; return the action, None where there is none, and what is recorded."""
+        loop, woken = asyncio.get_running_loop(), asyncio.Event()
+
+        def wake() -> None:
+            with suppress(RuntimeError):  # the loop is closed: the game is over
+                loop.call_soon_threadsafe(woken.set)
+
+        person = self.person_of(state["name"])
+        question = self._put(person, state, wake, seconds, joins_within)
+        try:
+            while question.chosen is None and (left := question.until - monotonic()) > 0:
+                woken.clear()
+                with suppress(TimeoutError):
+                    await asyncio.wait_for(woken.wait(), left)
+        finally:
+            with self._lock:
+                question.is_over = True
+        if question.chosen is not None:
+            outcome, took = CHOSEN, question.took_s
+        else:
+            took = monotonic() - question.began
+            outcome = "no choice in time" if person.is_here else "not there"
+        choice = Choice(state["turn"] + 1, state["name"], person.name, outcome, question.chosen, round(took, 3))
+        return question.action, choice
+
+    def note(self, choice: Choice) -> None:
+        """Keep what was decided in this turn."""
+        self._pending.append(choice)
+
+    def __call__(self, ctx: Context) -> None:
+        """Emit what was chosen in the turn, in the order of the names, and forget what was asked."""
+        with self._lock:
+            self._questions.clear()
+        for choice in sorted(self._pending, key=lambda one: one.agent):
+            if choice.turn == ctx.game.turn:
+                ctx.game.emit(EVENT, **{name: value for name, value in vars(choice).items() if name != "turn"})
+        self._pending = []
+        self._notify()
+
+    def _put(
+        self, person: Person, state: Mapping[str, Any], wake: Callable[[], None], seconds: float, joins_within: float
+    ) -> Question:
+        ctx = self._ctx
+        assert ctx is not None  # noqa: S101 - people are asked where a server has opened the game
+        limit = ctx.game.deadline_s
+        latest = float("inf") if limit is None else max(limit - _MARGIN_S, limit / 2)
+        with self._lock:
+            now = monotonic()
+            until = now + min(seconds if person.is_here else joins_within, latest)
+            self._last += 1
+            question = Question(
+                self._last,
+                state["name"],
+                state["turn"],
+                moves_of(state),
+                ctx.agent.get_agent(state["name"]).speed or 0.0,
+                as_json(state["curr_pos"]),
+                deeds_of(state, person.agents, ctx),
+                *(min(seconds, latest), now, until, wake),
+            )
+            self._questions[question.number] = (person.name, question)
+        self._notify()
+        return question
+
+    def _notify(self) -> None:
+        for callback in tuple(self.changed):
+            callback()
+
+
+class Human:
+    """The strategy of the agents that one person plays; `human` makes it."""
+
+    def __init__(
+        self,
+        name: str | None,
+        seconds: float,
+        joins_within: float,
+        otherwise: Callable[[Any], Awaitable[None] | None],
+        choices: "dict[tuple[int, str], list[Choice]] | None",
+    ) -> None:
+        self.name, self._seconds, self._joins_within = name, seconds, joins_within
+        self._otherwise, self._choices = otherwise, choices
+        self._people: People | None = None
+        self._played: Counter[tuple[int, str]] = Counter()  # choices of a recording
+
+    def __repr__(self) -> str:
+        """Name the person."""
+        return f"human({'' if self.name is None else repr(self.name)})"
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Human":
+        """Return a strategy for a copy of the game, which asks no person."""
+        return Human(self.name, self._seconds, self._joins_within, own(self._otherwise, memo), self._choices)
+
+    def prepare(self, ctx: Context) -> None:
+        """Find what lets people in, once the game begins.
+
+        Raises:
+            BadValue: nothing does.
+        """
+        prepare = getattr(self._otherwise, "prepare", None)
+        if prepare is not None:
+            prepare(ctx)
+        if self._choices is not None:
+            self._people = People.of(ctx)
+            if self._people is None:
+                self._people = People()
+                ctx.game.add(self._people)
+            return
+        self._people = People.of(ctx)
+        if self._people is None or not self._people.is_open:
+            played = [agents for human, agents in _humans_of(ctx) if human is self]
+            names = ", ".join(map(shown, played[0])) if played else "This agent"
+            raise BadValue(
+                f"{names}: a person plays, and nothing lets a person in here. Play it in the browser, with gamms run "
+                "FILE --web or gamms.web.serve(...), or play it without people: give another strategy, with "
+                "--strategy TEAM=CODE or strategies={...}."
+            )
+        self._people.look_up()
+
+    async def __call__(self, state: State | AerialState) -> None:
+        """Ask the person what an agent does, and write it into its state; the default decides if they do not."""
+        if self._people is None or "curr_pos" not in state:
+            raise BadType("gamms.web.human() decides for one agent of ctx.game: make it the strategy of each, no plan.")
+        if self._choices is None:
+            action, choice = await self._people.answer(state, self._seconds, self._joins_within)
+        else:
+            action, choice = self._recorded(state, self._choices)
+        self._people.note(choice)
+        if choice.outcome == CHOSEN:
+            state["action"] = action
+            return
+        answer = self._otherwise(state)
+        if answer is not None:
+            await answer
+
+    def _recorded(self, state: Mapping[str, Any], choices: "dict[tuple[int, str], list[Choice]]") -> tuple[Any, Choice]:
+        """Return the choice of a recording for an agent in a turn."""
+        key = state["turn"] + 1, state["name"]
+        known = choices.get(key)
+        if known is None:
+            raise BadValue(f"The recording has no choice for agent {shown(key[1])} in turn {key[0]}.")
+        choice = known[self._played[key] % len(known)]  # of an agent that is asked where it arrives, there are several
+        self._played[key] += 1
+        return (None if choice.action is None else as_action(json.loads(choice.action))), choice
+
+
+def human(
+    name: str | None = None,
+    *,
+    seconds: float = 60.0,
+    joins_within: float = 600.0,
+    otherwise: Callable[[Any], Awaitable[None] | None] = stay,
+    choices: str | os.PathLike[str] | None = None,
+) -> Human:
+    """Return the strategy of one person, who plays in the browser; give it to each agent that they play.
+
+    `gamms.web.serve` lets people in. Without it, such a game raises a BadValue when it begins.
+
+    Args:
+        name: of the person, in links and recordings; None: that of the team or the agent.
+        seconds: how long the person may take for a choice.
+        joins_within: how long the game waits in the beginning for a person who has not come yet.
+        otherwise: the strategy that decides where the person does not.
+        choices: a recording, `.ggr`, of what people chose: it is played again, and no one is asked.
+
+    Raises:
+        BadType, BadValue (ValueError): an argument is impossible.
+        RecordingError (ValueError): `choices` is no recording.
+    """
+    return Human(
+        None if name is None else as_name(name, "a person"),
+        _positive(seconds, "seconds"),
+        _positive(joins_within, "joins_within"),
+        as_function_of(otherwise, "otherwise", "the state"),
+        None if choices is None else choices_in(choices),
+    )
+
+
+def _positive(value: object, name: str) -> float:
+    number = as_float(value, name)
+    if number <= 0.0:
+        raise BadValue(f"{name} must be more than 0, not {number}.")
+    return number
+
+
+def _humans_of(ctx: Context) -> Iterator[tuple[Human, tuple[str, ...]]]:
+    """Yield the people of a game, and the agents of each in the order of their names."""
+    agents: dict[int, list[str]] = {}
+    humans: dict[int, Human] = {}
+    for agent in ctx.agent.create_iter():
+        if isinstance(agent.strategy, Human):
+            humans[id(agent.strategy)] = agent.strategy
+            agents.setdefault(id(agent.strategy), []).append(agent.name)
+    for key, one in humans.items():
+        yield one, tuple(sorted(agents[key]))
+
+
+def _name_of(agents: tuple[str, ...], ctx: Context) -> str:
+    """Return the name of the agent that a person plays, or of the team of several."""
+    return agents[0] if len(agents) == 1 else str(ctx.agent.get_agent(agents[0]).team)

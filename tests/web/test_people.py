@@ -1,0 +1,225 @@
+"""People as players, without a browser: what they are asked, which choices count, and what is recorded of them."""
+
+from threading import Lock, Thread
+
+import pytest
+
+import gamms
+from gamms import recorder, scenario, web
+from gamms.web.choices import Refused
+from gamms.web.people import People
+
+GRID = {"grid": {"width": 5, "height": 5}}
+
+
+def context(red, blue=gamms.strategies.stay, **settings):
+    """Return a game of two agents on a grid: `red` in a corner, `blue` in the other one, who see two edges far."""
+    ctx = gamms.create_context(seed=1, logger_config={"level": "ERROR"}, game=settings)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+    for name, node, strategy in (("anna", 0, red), ("bert", 24, blue)):
+        eyes = ctx.sensor.create_sensor(f"{name}/eyes", "agent_range", sensor_range=25)
+        team = {"anna": "red", "bert": "blue"}[name]
+        ctx.agent.create_agent(name, start_node_id=node, team=team, sensors={"eyes": eyes}, strategy=strategy)
+    return ctx
+
+
+def play(ctx, answer, turns=1):
+    """Play with people who answer each question at once by a function; return the result and what it returned."""
+    people, found = People.open(ctx), []
+    for name in people.persons:
+        people.come(name)
+
+    def on_change():
+        for name in people.persons:
+            for question in people.asked(name):
+                with lock:
+                    is_new = question["question"] not in seen
+                    seen.add(question["question"])
+                if is_new:
+                    found.append(answer(people, name, question))
+
+    seen, lock = set(), Lock()
+    people.changed.append(lambda: Thread(target=on_change, daemon=True).start())
+    return ctx.game.run(turns), found
+
+
+def going_to(*nodes):
+    """Answer with these nodes, one each turn."""
+
+    def answer(people, name, question):
+        people.choose(name, {"question": question["question"], "move": nodes[question["turn"]]})
+        return question
+
+    return answer
+
+
+def test_a_person_chooses_and_the_choice_is_recorded_with_its_time(tmp_path):
+    path = tmp_path / "game.ggr"
+    with context(web.human(seconds=3.0)) as ctx:
+        ctx.record.start(path)
+        result, asked = play(ctx, going_to(1, 6), turns=2)
+    assert result.agents["anna"]["node"] == 6
+    assert asked[0]["moves"] == [0, 1, 5]
+    with recorder.open(path) as recording:
+        events = [event for event in recording.events() if event["kind"] == "choice"]
+    assert [(one["turn"], one["agent"], one["person"], one["action"]) for one in events] == [
+        (1, "anna", "anna", '{"move": 1}'),
+        (2, "anna", "anna", '{"move": 6}'),
+    ]
+    assert all(0.0 <= one["seconds"] < 60.0 and one["outcome"] == "chosen" for one in events)
+
+
+def test_a_recording_is_played_again_without_the_person(tmp_path):
+    first, second = tmp_path / "game.ggr", tmp_path / "again.ggr"
+    with context(web.human(seconds=0.05)) as ctx:
+        ctx.record.start(first)
+        result, _ = play(ctx, lambda *given: given[2]["turn"] and going_to(None, 1)(*given), turns=2)
+    with context(web.human(choices=first)) as ctx:
+        ctx.record.start(second)
+        assert ctx.game.run(2) == result
+    assert first.read_bytes() == second.read_bytes()
+    assert [event["outcome"] for event in result.events] == ["no choice in time", "chosen"]
+
+
+def east(state):
+    """Go to the next node of the row."""
+    state["action"] = state["curr_pos"] + 1
+
+
+def test_the_default_decides_where_the_time_is_over():
+    with context(web.human(seconds=0.05, otherwise=east)) as ctx:
+        result, _ = play(ctx, lambda *_: None)
+    assert result.agents["anna"]["node"] == 1
+    assert result.table("choice")["outcome"].tolist() == ["no choice in time"]
+
+
+@pytest.mark.parametrize(
+    ("choice", "why"),
+    [
+        ({"move": 12}, "illegal"),
+        ({"move": True}, "illegal"),
+        ({"move": "1"}, "illegal"),
+        ({"move": [1]}, "illegal"),
+        ({}, "illegal"),
+        ({"move": 1, "direction": [1, 0, 0]}, "illegal"),
+        ({"move": 1, "do": {"fly": {}}}, "illegal"),
+        ({"move": 1, "do": {"mark": {"whom": "bert"}}}, "illegal"),  # who is out of sight
+        ({"move": 1, "do": {"mark": None}}, "illegal"),
+        ({"move": 1, "do": [["mark", "anna"]]}, "illegal"),
+        ({"question": 99, "move": 1}, "late"),
+        ({"question": True, "move": 1}, "illegal"),
+        ({"question": "bert", "move": 23}, "foreign"),
+    ],
+)
+def test_choices_that_do_not_count_are_refused_by_name_and_move_nothing(choice, why):
+    found = []
+
+    def on_change():
+        asked = {name: people.asked(name) for name in ("anna", "bert")}
+        if all(asked.values()) and not found:
+            given = {"question": asked["anna"][0]["question"], **choice}
+            given["question"] = asked["bert"][0]["question"] if given["question"] == "bert" else given["question"]
+            with pytest.raises(Refused) as caught:
+                people.choose("anna", given)
+            found.append(caught.value.why)
+
+    with context(web.human(seconds=0.05), web.human(seconds=0.05), deeds={"mark": {"whom": "agent"}}) as ctx:
+        people = People.open(ctx)
+        for name in ("anna", "bert"):
+            people.come(name)
+        people.changed.append(on_change)
+        result = ctx.game.run(1)
+    assert found == [why]
+    assert [result.agents[name]["node"] for name in ("anna", "bert")] == [0, 24]
+
+
+def test_the_first_choice_counts_and_a_second_one_is_refused():
+    def answer(people, name, question):
+        choice = {"question": question["question"], "move": 1}
+        people.choose(name, choice)
+        with pytest.raises(Refused) as caught:
+            people.choose(name, {**choice, "move": 5})
+        return caught.value.why
+
+    with context(web.human(seconds=3.0)) as ctx:
+        result, found = play(ctx, answer)
+    assert result.agents["anna"]["node"] == 1
+    assert found in ([], ["duplicate"], ["late"])  # late, where the turn was over first
+
+
+def test_a_person_who_has_not_come_yet_is_waited_for_in_the_beginning():
+    with context(web.human(seconds=5.0, joins_within=0.05)) as ctx:
+        People.open(ctx)
+        result = ctx.game.run(1)
+    assert result.table("choice")["outcome"].tolist() == ["not there"]
+
+
+def test_flyers_get_a_direction_and_deeds_name_who_is_in_sight():
+    asked = []
+
+    def answer(people, name, question):
+        asked.append(question)
+        for bad in (
+            {"direction": [1, 0]},
+            {"direction": [1, 0, float("nan")]},
+            {"direction": [1, 0, 0], "distance": 9},
+        ):
+            with pytest.raises(Refused):
+                people.choose(name, {"question": question["question"], **bad})
+        deed = {"do": {"mark": {"whom": "bert"}}}
+        people.choose(name, {"question": question["question"], "direction": [3, 4, 0], "distance": 5.0, **deed})
+
+    with gamms.create_context(seed=1, game={"deeds": {"mark": {"whom": "agent"}}}) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        eyes = ctx.sensor.create_sensor("eyes", "aerial_agent", sensor_range=25, fov=3.0)
+        drone = {"type": "AERIAL", "position": (0, 0, 10), "speed": 5.0, "strategy": web.human("pilot", seconds=2.0)}
+        ctx.agent.create_agent("drone", start_node_id=0, sensors={"eyes": eyes}, **drone)
+        ctx.agent.create_agent("bert", start_node_id=1, team="blue", strategy=gamms.strategies.stay)
+        ctx.agent.create_agent("carl", start_node_id=24, team="blue", strategy=gamms.strategies.stay)
+        result, _ = play(ctx, answer)
+        assert ctx.agent.get_agent("drone").position == (3, 4, 10)
+    assert asked[0]["moves"] is None
+    assert asked[0]["deeds"]["mark"]["whom"]["choices"] == ["bert", "drone"]
+    assert result.deeds[0]["whom"] == "bert"
+
+
+def test_what_a_person_chose_is_cut_from_what_another_team_knows(tmp_path):
+    path = tmp_path / "game.ggr"
+    with context(web.human(seconds=3.0)) as ctx:
+        ctx.agent.get_agent("bert").current_node_id = 6  # and both see each other
+        ctx.record.start(path, sensed=True)
+        play(ctx, going_to(1, 6), turns=2)
+    counts = {}
+    for team in ("red", "blue"):
+        with recorder.open(path) as recording:
+            recording.cut(tmp_path / f"{team}.ggr", team)
+        with recorder.open(tmp_path / f"{team}.ggr") as recording:
+            counts[team] = [event["kind"] for event in recording.events()].count("choice")
+    assert counts == {"red": 2, "blue": 0}
+
+
+def test_one_strategy_is_one_person_and_a_team_of_a_scenario_is_one():
+    game = scenario.Scenario(
+        map=GRID,
+        teams={
+            "red": {"count": 2, "agents": [{"name": "solo", "strategy": "human"}], "strategy": "human"},
+            "blue": {"count": 1, "strategy": "gamms.strategies:stay"},
+        },
+    )
+    with game.build(1) as ctx:
+        people = People.open(ctx)
+        assert {one.name: one.agents for one in people.persons.values()} == {
+            "red": ("red_0", "red_1"),
+            "solo": ("solo",),
+        }
+
+
+def test_without_a_server_a_game_of_people_says_what_to_do():
+    teams = {"red": {"count": 1, "strategy": {"function": "human", "with": {"seconds": 5}}}}
+    game = scenario.Scenario(map=GRID, max_turns=1, teams=teams)
+    game.check()
+    with pytest.raises(ValueError, match=r"'red_0': a person plays.*gamms run FILE --web.*--strategy"):
+        game.play(1)
+    with game.batch(2) as batch, pytest.raises(ValueError, match="a person plays"):
+        batch.run()
+    assert game.play(1, strategies={"red": gamms.strategies.stay}).turns == 1
