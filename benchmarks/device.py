@@ -1,6 +1,6 @@
 """Measure batches in arrays of PyTorch: agent-steps a second by device and number of games, beside NumPy.
 
-    python benchmarks/device.py --device cuda          # 4,096 to 65,536 games; needs pip install "gamms[torch]"
+    python benchmarks/device.py --device cuda          # 4,096 to 65,536 games; needs pip install ".[torch]"
     python benchmarks/device.py --device cpu --games 1024 16384 --threads 1
 
 Games are of 5 against 5 on Helsinki. `walk` has a time limit alone, in `tag` red tags blue, in `policy` red goes where

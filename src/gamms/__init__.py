@@ -29,8 +29,7 @@ if _typing.TYPE_CHECKING:  # for completion and type checkers; at run time names
     from gamms.context import Context, InternalContext, create_context
     from gamms.game.batch import array_rule, array_strategy, portable_form
     from gamms.typing import logger
-
-__version__ = "2.0.0.dev0"
+    from gamms.versions import __version__ as __version__
 
 __all__ = [
     "Context",
@@ -86,6 +85,7 @@ _HOMES = {
     **dict.fromkeys(("Context", "InternalContext", "create_context"), "gamms.context"),
     **dict.fromkeys(("array_rule", "array_strategy", "portable_form"), "gamms.game.batch"),
     "logger": "gamms.typing",
+    "__version__": "gamms.versions",
 }
 
 _legacy.install()

@@ -14,6 +14,7 @@ GammsError
 ├─ PlaceError (ValueError)         a place that is unknown, or has no map
 ├─ NetworkError (ConnectionError)  a map server that cannot be reached, is busy, or answers with nonsense
 ├─ MissingExtra (ImportError)      an optional library is needed and absent
+├─ MixedInstallation (ImportError) another distribution has put its files among those of GAMMS
 ├─ MissingKey (KeyError)           a dict or call without something it needs
 ├─ MissingFolder (FileNotFoundError) a file is to be written into a folder that is not there
 ├─ MissingFile (FileNotFoundError) a file that is to be read is not there
@@ -32,11 +33,15 @@ ScenarioError (scenario), RecordingError, RecorderBusy and Damaged (recorder), U
 (memory).
 """
 
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from typing import Any
 
 from gamms.text import shown
+
+DISTRIBUTION = "gamms-engine"  # on package indexes, where `gamms` is the package of the paper's authors
+_FOLDER_OF_GAMMS_1 = "AgentEngine"  # a module of gamms 1.0.0, and no file of ours
 
 
 class GammsError(Exception):
@@ -144,7 +149,47 @@ class MissingExtra(GammsError, ImportError):
     """An optional library is needed and absent."""
 
     def __init__(self, feature: str, extra: str) -> None:
-        super().__init__(f'{feature} needs an optional library: pip install "gamms[{extra}]"')
+        super().__init__(f"{feature} needs an optional library (extra {extra!r}): {install_command(extra)}")
+
+
+def install_command(*extras: str) -> str:
+    """Return the pip command that installs the libraries of extras, wherever GAMMS itself was installed from.
+
+    It names the libraries. `gamms[extra]` would be an extra of the package of the paper's authors.
+    """
+    from importlib.metadata import PackageNotFoundError, requires
+
+    try:
+        declared = requires(DISTRIBUTION) or []
+    except PackageNotFoundError:  # run from its source
+        return f'pip install ".[{",".join(extras)}]" in a checkout of GAMMS'
+    libraries = dict.fromkeys(one for extra in extras for one in _libraries(extra, declared))
+    return " ".join(("pip install", *(f'"{one}"' for one in libraries)))
+
+
+def _libraries(extra: str, declared: list[str]) -> Iterator[str]:
+    """Yield the requirements of an extra, and those of the extras that it names."""
+    for line in declared:
+        requirement, _, marker = line.partition(";")
+        if extra not in marker.replace("'", '"').split('"'):
+            continue
+        name, bracket, rest = requirement.strip().partition("[")
+        if name == DISTRIBUTION and bracket:
+            for other in rest.partition("]")[0].split(","):
+                yield from _libraries(other.strip(), declared)
+        else:
+            yield requirement.strip()
+
+
+class MixedInstallation(GammsError, ImportError):
+    """The package of the paper's authors and this one are installed into the same folder."""
+
+    def __init__(self, folder: str) -> None:
+        super().__init__(
+            f"The distributions 'gamms' (1.0.0, of the paper's authors) and {DISTRIBUTION!r} are both installed in "
+            f"{folder!r}, where each has overwritten files of the other. Remove both, then install one: "
+            f"pip uninstall gamms {DISTRIBUTION}"
+        )
 
 
 class NoDisplay(GammsError, RuntimeError):
@@ -226,3 +271,13 @@ class ContextTerminated(GammsError, AttributeError):
 
     def __init__(self, wanted: str) -> None:
         super().__init__(f"The context is terminated: {wanted} is no longer there. Create a new context.")
+
+
+def _refuse_mixed_installation() -> None:
+    """Refuse to run among files of gamms 1.0.0 (MixedInstallation); one question to the file system."""
+    folder = os.path.dirname(__file__)  # noqa: PTH120 - pathlib alone would take as long as all of `import gamms`
+    if os.path.isdir(os.path.join(folder, _FOLDER_OF_GAMMS_1)):  # noqa: PTH112, PTH118
+        raise MixedInstallation(folder)
+
+
+_refuse_mixed_installation()  # here, as all modules of ours import this one, whichever `gamms/__init__.py` has won

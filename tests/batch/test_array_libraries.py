@@ -31,7 +31,7 @@ def xp(request):
 
 
 def library(name):
-    return pytest.importorskip(name, reason=f'{name} is not installed: pip install "gamms[torch]", or make test-torch')
+    return pytest.importorskip(name, reason=f'{name} is not installed: pip install ".[torch]", or make test-torch')
 
 
 def installed():

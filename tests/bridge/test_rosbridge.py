@@ -199,8 +199,8 @@ def test_where_no_server_answers_is_said(server):
 
 def test_without_the_library_the_error_prints_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "roslibpy", None)
-    with pytest.raises(MissingExtra, match=r'pip install "gamms\[ros\]"'):
+    with pytest.raises(MissingExtra, match=r"\(extra 'ros'\): pip install "):
         rosbridge("ws://127.0.0.1:1")
     monkeypatch.setitem(sys.modules, "websockets", None)
-    with pytest.raises(MissingExtra, match=r'pip install "gamms\[web\]"'):
+    with pytest.raises(MissingExtra, match=r"\(extra 'web'\): pip install "):
         WebSocketServer()

@@ -196,7 +196,7 @@ def test_tables_become_data_frames(ctx, play):
 
 def test_without_pandas_the_error_says_how_to_get_it(ctx, play, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingExtra, match=r'pip install "gamms\[notebook\]"'):
+    with pytest.raises(MissingExtra, match=r"\(extra 'notebook'\): pip install "):
         played(ctx, play).to_pandas("agents")
 
 

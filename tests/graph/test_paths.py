@@ -393,4 +393,4 @@ def test_the_lack_of_scipy_is_warned_of_once_where_it_costs(sides, warnings):
     code = WITHOUT_SCIPY.replace("SIDES", sides)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stderr.count("SciPy is not installed") == warnings
-    assert done.stderr.count('pip install "gamms[accel]"') == warnings
+    assert done.stderr.count(": pip install ") == warnings

@@ -142,7 +142,7 @@ def test_a_way_that_many_relations_share_is_not_copied_into_a_bomb(tmp_path):
 def test_without_the_extra_the_error_prints_the_pip_command(make_map, monkeypatch):
     path = make_map(NODES, (BLOCK, HOUSE))
     monkeypatch.setitem(__import__("sys").modules, "osmium", None)
-    with pytest.raises(MissingExtra, match=r'pip install "gamms\[osm\]"'):
+    with pytest.raises(MissingExtra, match=r"\(extra 'osm'\): pip install "):
         obstacle_from_file(path)
 
 

@@ -261,7 +261,7 @@ def test_threads_that_write_one_file_do_not_disturb_each_other(tmp_path):
 def test_without_requests_the_error_says_what_to_install(server, monkeypatch):
     create_osm_graph(PLACE, DRIVE)
     monkeypatch.setitem(sys.modules, "requests", None)
-    with pytest.raises(MissingExtra, match=r'Loading places by name .* pip install "gamms\[osm-online\]"'):
+    with pytest.raises(MissingExtra, match=r"Loading places by name .* \(extra 'osm-online'\): pip install "):
         create_osm_graph(PLACE, DRIVE)
     assert len(create_osm_graph(PLACE, DRIVE, offline=True)) > 100
 

@@ -8,8 +8,8 @@ import pytest
 
 import gamms
 
-pytest.importorskip("torch", reason='torch is not installed: pip install "gamms[train]"')
-pytest.importorskip("sb3_contrib", reason='sb3-contrib is not installed: pip install "gamms[train]"')
+pytest.importorskip("torch", reason='torch is not installed: pip install ".[train]"')
+pytest.importorskip("sb3_contrib", reason='sb3-contrib is not installed: pip install ".[train]"')
 
 FOLDER = Path(__file__).parents[2] / "examples" / "rl"
 

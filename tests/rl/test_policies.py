@@ -326,7 +326,7 @@ def test_a_pickle_is_read_only_if_it_is_trusted(tmp_path):
 
 
 def test_models_of_pytorch_are_saved_and_trusted(saved, tmp_path):
-    torch = pytest.importorskip("torch", reason='torch is not installed: pip install "gamms[train]"')
+    torch = pytest.importorskip("torch", reason='torch is not installed: pip install ".[train]"')
     torch.manual_seed(1)
     nn = torch.nn
     model = nn.Sequential(nn.Flatten(), nn.Linear(ENTRIES, 8), nn.ELU(), nn.Linear(8, 8), nn.SiLU(), nn.Linear(8, 5))
@@ -341,7 +341,7 @@ def test_models_of_pytorch_are_saved_and_trusted(saved, tmp_path):
 
 
 def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
-    pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install "gamms[onnx]"')
+    pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install ".[onnx]"')
     onnx = pytest.importorskip("onnx", reason="onnx is not installed")
     random = np.random.default_rng(1)
     value = onnx.helper.make_tensor_value_info
@@ -382,7 +382,7 @@ def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):
 
 @pytest.mark.parametrize("kind", ["memory", "time"])
 def test_an_onnx_model_without_an_end_is_stopped(kind, tmp_path, monkeypatch):
-    pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install "gamms[onnx]"')
+    pytest.importorskip("onnxruntime", reason='onnxruntime is not installed: pip install ".[onnx]"')
     onnx = pytest.importorskip("onnx", reason="onnx is not installed")
     monkeypatch.setattr("gamms.rl.networks._MOST_SECONDS", 20.0 if kind == "memory" else 0.2)
     make, value = onnx.helper.make_node, onnx.helper.make_tensor_value_info

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-pytest.importorskip("torchrl", reason='TorchRL is not installed: pip install "gamms[torchrl]"')
+pytest.importorskip("torchrl", reason='TorchRL is not installed: pip install ".[torchrl]"')
 
 import torch
 from torchrl.envs import TransformedEnv

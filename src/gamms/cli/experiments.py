@@ -7,7 +7,7 @@ import typer
 
 from gamms.cli.output import echo, in_words, warn
 from gamms.cli.play import Allow, foreign_code
-from gamms.errors import MissingExtra
+from gamms.errors import MissingExtra, install_command
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
@@ -78,7 +78,7 @@ def run(
         echo(f"\nWrote {part / JOURNAL}; when all parts are played: gamms experiment merge {folder}")
         return
     written = [one for one in sorted(folder.glob("rows.*")) if one.suffix in (".csv", ".jsonl", ".parquet")]
-    missing = "" if len(written) > 2 else ' For rows.parquet: pip install "gamms[parquet]".'
+    missing = "" if len(written) > 2 else f" For rows.parquet: {install_command('parquet')}."
     echo(f"\nWrote {in_words(written)}.{missing}")
 
 

@@ -15,7 +15,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from gamms.errors import GammsError, MissingExtra, nearest
+from gamms.errors import GammsError, MissingExtra, install_command, nearest
 from gamms.limits import allowing, parse_memory
 from gamms.scenario import Scenario, ScenarioError
 from gamms.text import printable, printable_line, reason
@@ -198,10 +198,10 @@ def not_made(wanted: Iterable[Path], made: Iterable[Path | None]) -> str:
     missing = [path for path in wanted if path not in made]
     if not missing:
         return ""
-    extras = "viz,video" if any(path.name in _FILMS for path in missing) else "viz"
+    extras = ("viz", "video") if any(path.name in _FILMS for path in missing) else ("viz",)
     return (
         f"\nNot made, for want of optional libraries: {in_words(missing)}. "
-        f'To get them: pip install "gamms[{extras}]", then play again.'
+        f"To get them: {install_command(*extras)}, then play again."
     )
 
 

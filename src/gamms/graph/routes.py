@@ -15,7 +15,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_range
-from gamms.errors import BadType, UnknownName, nearest
+from gamms.errors import BadType, UnknownName, install_command, nearest
 from gamms.graph import records
 from gamms.graph.store import Cache, GraphStore
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -175,8 +175,8 @@ class CachedRoutes(Routes):
 @cache  # once in a process
 def _warn_of_missing_scipy() -> None:
     logging.getLogger("gamms").warning(
-        "Shortest ways have taken seconds, because SciPy is not installed. With it they take a fraction of that: "
-        'pip install "gamms[accel]"'
+        "Shortest ways have taken seconds, because SciPy is not installed. With it they take a fraction of that: %s",
+        install_command("accel"),
     )
 
 

@@ -20,7 +20,7 @@ from gamms.recorder.keyframes import Keyframe
 from gamms.recorder.replaying import TURN_NS, Record
 from gamms.recorder.session import RecordingSession
 from gamms.typing.context import HostContext
-from gamms.versions import package_version
+from gamms.versions import __version__
 
 _MOST_WAITING = 1 << 16  # bytes
 
@@ -186,7 +186,7 @@ def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, An
     scenario = ctx.game.internals.scenario
     return {
         "format": 3,
-        "package": package_version(),
+        "package": __version__,
         "seed": session.seed,
         "created": created,
         "provenance": options.get("provenance"),

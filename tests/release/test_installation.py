@@ -1,0 +1,71 @@
+"""The distribution: which libraries its extras bring, and that it refuses to run among files of gamms 1.0.0."""
+
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from pathlib import Path
+
+import pytest
+
+import gamms
+from gamms.errors import DISTRIBUTION, install_command
+
+ROOT = Path(__file__).parents[2]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+EXTRAS = PROJECT["optional-dependencies"]
+
+
+@pytest.fixture
+def metadata(tmp_path, monkeypatch):
+    """The metadata of an installed distribution with the extras of pyproject.toml, in front of what is installed."""
+    lines = [f"Requires-Dist: {one}; extra == '{extra}'" for extra in EXTRAS for one in EXTRAS[extra] if ";" not in one]
+    folder = tmp_path / "gamms_engine-1.2.3.dist-info"
+    folder.mkdir()
+    header = ["Metadata-Version: 2.4", f"Name: {DISTRIBUTION}", "Version: 1.2.3"]
+    (folder / "METADATA").write_text(
+        "\n".join([*header, *(f"Provides-Extra: {extra}" for extra in EXTRAS), *lines, ""])
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+
+
+def test_the_distribution_and_its_extras_refer_to_each_other_by_one_name():
+    assert PROJECT["name"] == DISTRIBUTION
+    named = [one for extra in EXTRAS.values() for one in extra if one.startswith("gamms")]
+    assert named
+    assert {re.match(r"[\w-]+", one)[0] for one in named} == {DISTRIBUTION}
+    assert {name for one in named for name in re.search(r"\[(.*)\]", one)[1].split(",")} <= set(EXTRAS)
+
+
+@pytest.mark.usefixtures("metadata")
+def test_an_install_command_names_every_library_of_an_extra_and_no_distribution_of_gamms():
+    for extra in EXTRAS.keys() - {"dev"}:
+        command = install_command(extra)
+        assert "gamms" not in command
+        assert all(f'"{one}"' in command for one in EXTRAS[extra] if not one.startswith(DISTRIBUTION))
+    assert install_command("torchrl") == "pip install " + " ".join(
+        f'"{one}"' for one in [*EXTRAS["rl"], *EXTRAS["torch"], *EXTRAS["torchrl"][1:]]
+    )
+
+
+def test_no_page_and_no_message_installs_an_extra_of_the_package_of_others():
+    tracked = [*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md"), *(ROOT / "src").rglob("*.py")]
+    assert not [path for path in tracked if re.search(r"pip install[^\n]*\"gamms\[", path.read_text(encoding="utf-8"))]
+
+
+@pytest.mark.parametrize("first", ["import gamms", "import gamms.scenario", "import gamms.cli"])
+def test_files_of_gamms_1_among_ours_are_refused_at_import(tmp_path, first):
+    copy = shutil.copytree(Path(gamms.__file__).parent, tmp_path / "gamms", ignore=shutil.ignore_patterns("*.gamms"))
+    (copy / "AgentEngine").mkdir()
+    if first != "import gamms":
+        (copy / "__init__.py").write_text("")  # that of 1.0.0, which was installed last
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, {str(tmp_path)!r}); {first}"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 1
+    assert "MixedInstallation" in done.stderr
+    assert f"pip uninstall gamms {DISTRIBUTION}" in done.stderr
