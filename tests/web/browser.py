@@ -140,7 +140,9 @@ def browser():
             for line in process.stderr:
                 if found := re.search(r"DevTools listening on ws://([^/]+)/", line):
                     break
-            with connect(f"ws://{found[1]}{_target(found[1])}", max_size=None, proxy=None) as socket:
+            # Pings would draw from the global `random` while other tests run.
+            where = f"ws://{found[1]}{_target(found[1])}"
+            with connect(where, max_size=None, proxy=None, ping_interval=None) as socket:
                 yield Page(socket)
         finally:
             process.terminate()

@@ -386,6 +386,7 @@ class WebSocketServer(Link):
             compression=None,  # a short message could become a very long one
             max_size=LONGEST_LINE,
             close_timeout=_CLOSE_S,
+            ping_interval=None,  # pings draw from the global `random`, as strategies may; dead peers fill their buffers
         )
         async with serving as server:
             self.url = _url_of(server)
