@@ -1,9 +1,10 @@
-"""Build the viewer of recordings: one page, in which what Python fills in is marked, from the sources in `web/viewer`.
+"""Build the pages that GAMMS writes, in which what Python fills in is marked, from the sources in `web/viewer`.
 
     python scripts/build_viewer.py
 
-Writes `src/gamms/data/viewer.html`. Modules become functions that are called in the order of their imports; whole-line
-comments and indentation are left out. There is nothing to install.
+Writes `src/gamms/data/viewer.html`, which replays recordings, and `places.html`, on which places are chosen. Modules
+become functions that are called in the order of their imports; whole-line comments and indentation are left out. There
+is nothing to install.
 """
 
 import base64
@@ -13,7 +14,8 @@ from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
 SOURCES = ROOT / "src" / "gamms" / "web" / "viewer"
-BUILT = ROOT / "src" / "gamms" / "data" / "viewer.html"
+BUILT = ROOT / "src" / "gamms" / "data"
+PAGES = {"viewer": ("main", ("viewer",)), "places": ("places", ("viewer", "places"))}  # entry and styles of each
 
 _IMPORT = re.compile(r'^import \{([^}]*)\} from "\./(\w+)\.js";$', re.MULTILINE)
 _EXPORT = re.compile(r"^export (?=(?:async )?(?:function|class|const) (\w+))", re.MULTILINE)
@@ -22,14 +24,18 @@ _DOCS = re.compile(r"^\s*/\*\*$.*?\*/\s*$", re.MULTILINE | re.DOTALL)
 
 
 def main() -> None:
-    """Write the page."""
-    BUILT.write_text(built(), encoding="utf-8")
-    print(BUILT)
+    """Write the pages."""
+    for name in PAGES:
+        file = BUILT / f"{name}.html"
+        file.write_text(built(name), encoding="utf-8")
+        print(file)
 
 
-def built() -> str:
-    """Return the page, which must be the same as the file that is there."""
-    script, style = bundle("main"), (SOURCES / "viewer.css").read_text(encoding="utf-8")
+def built(name: str) -> str:
+    """Return a page, which must be the same as the file that is there."""
+    entry, styles = PAGES[name]
+    script = bundle(entry)
+    style = "".join((SOURCES / f"{one}.css").read_text(encoding="utf-8") for one in styles)
     page = (SOURCES / "page.html").read_text(encoding="utf-8")
     filled = {"script_hash": hash_of(script), "style_hash": hash_of(style), "script": script, "style": style}
     return re.sub(r"\{(\w+)\}", lambda match: filled.get(match[1], match[0]), page)

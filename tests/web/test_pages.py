@@ -26,8 +26,10 @@ def recording_in(page):
     return recorder.open(io.BytesIO(base64.b64decode(data)))
 
 
-def test_the_viewer_that_ships_is_built_from_its_sources():
-    assert build_viewer.BUILT.read_text(encoding="utf-8") == build_viewer.built(), "run python scripts/build_viewer.py"
+@pytest.mark.parametrize("name", build_viewer.PAGES)
+def test_the_pages_that_ship_are_built_from_their_sources(name):
+    text = (build_viewer.BUILT / f"{name}.html").read_text(encoding="utf-8")
+    assert text == build_viewer.built(name), "run python scripts/build_viewer.py"
 
 
 def test_a_page_holds_every_state_of_the_game(game, tmp_path):

@@ -63,6 +63,35 @@ def schema() -> None:
     echo(json.dumps(scenario.schema(), indent=2))
 
 
+def map(
+    file: Annotated[
+        Path,
+        typer.Argument(
+            help="A map (OpenStreetMap, GeoJSON, .gamms) or a scenario.", metavar="FILE", show_default=False
+        ),
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The page, by default FILE with the ending .html.", metavar="PAGE", show_default=False),
+    ] = None,
+    browser: Annotated[bool, typer.Option("--open/--no-open", help="Whether to open it in the browser.")] = True,
+    theme: Annotated[
+        str | None, typer.Option(help="light or dark; by default as the browser is.", show_default=False)
+    ] = None,
+) -> None:
+    """Choose places on a map: search streets, click nodes, copy them as YAML."""
+    import webbrowser
+
+    from gamms.folders import write_whole
+    from gamms.web import map_page
+
+    page = Path(f"{file.stem}.html") if out is None else out
+    write_whole(page, map_page(file, theme=theme))
+    echo(f"Wrote {page}: {page.absolute().as_uri()}")
+    if browser:
+        webbrowser.open(page.absolute().as_uri())
+
+
 def report(
     file: Annotated[Path, typer.Argument(help="An OpenStreetMap or GeoJSON file.", metavar="FILE", show_default=False)],
     resolution: Annotated[float, typer.Option(help="Metres between nodes.", metavar="METRES")] = 10.0,
@@ -126,6 +155,7 @@ _COMMANDS: _Commands = {
         "gamms convert game.ggr red.ggr --team red",
         "gamms convert old.ggr new.ggr --map map.gamms",
     ),
+    map: ("gamms map match.yaml", "gamms map town.osm.pbf --out town.html --no-open"),
     suites.suite: ("gamms suite mine.py:strategy", "gamms suite random_walk --only pursuit --out walk"),
 }
 _ON_SCENARIOS: _Commands = {

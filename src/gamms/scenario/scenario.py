@@ -7,13 +7,14 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from gamms.arguments import as_bool, as_mapping, as_path
+from gamms.arguments import as_bool, as_int, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
 from gamms.game.batch.games import Batch, BatchSource, MostAgents, as_seeds
 from gamms.game.batch.libraries import as_library
 from gamms.game.result import Result
-from gamms.ir.graph import GraphColumns
+from gamms.graph.storage import MapSnapshot
+from gamms.ir.graph import GraphColumns, IntArray
 from gamms.recorder import Recording
 from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
@@ -100,6 +101,26 @@ class Scenario:
         with named(self.file, self._raw):
             columns: GraphColumns = self._loaded().columns
             return columns
+
+    def map_snapshot(self) -> MapSnapshot:
+        """Return graph and obstacles, to be copied into a context by `ctx.graph.storage.copy_from`.
+
+        Raises:
+            ScenarioError: the map cannot be loaded.
+        """
+        with named(self.file, self._raw):
+            return self._loaded()
+
+    def starts(self, seeds: Iterable[int]) -> dict[str, IntArray]:
+        """Return the nodes on which the agents start with these seeds: name -> (seeds,) ids. No game is built.
+
+        Raises:
+            ScenarioError: with one of them, not all agents can be placed.
+        """
+        chosen = [as_int(seed, "A seed") for seed in seeds]
+        with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
+            ctx.graph.storage.copy_from(self._loaded())
+            return Placing(ctx, self.spec, members(self.spec)).place(chosen)
 
     def node_at(self, place: int | str | Sequence[float] | Mapping[str, float] | LatLon | None) -> int:
         """Return the node of the map that `[x, y]`, `{"lat": …, "lon": …}` or a street means, or that has this id.

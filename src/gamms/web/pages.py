@@ -6,6 +6,7 @@ map, which recordings name, is put in. So the file needs nothing else, and no se
 
 import base64
 import json
+import re
 import zlib
 from collections.abc import Collection, Mapping
 from functools import cache
@@ -34,7 +35,7 @@ __all__ = ["page", "page_of_two"]
 
 _OPTIONS = PageOptions.__annotations__.keys()
 _MOST_TRAILS = 200
-_PAGE = Path(__file__).parent.parent / "data" / "viewer.html"
+_DATA = Path(__file__).parent.parent / "data"
 _KEYFRAME_MOVES = 1 << 14  # between two keyframes, which the viewer reads in some milliseconds
 _FEWEST_TURNS, _MOST_TURNS = 8, 64  # between them
 _UNREAD = {  # kinds of events that the viewer does not read
@@ -49,6 +50,7 @@ _UNREAD_STATE = ("components", "chance", "delayed_looks", "agent_facts", "team_f
 _HEADER = ("format", "package", "seed", "created", "visuals", "drawings", "audience")
 _EDGE_ATTRIBUTES = {"highway", "name", "tunnel"}
 _STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
+_LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
 _HEAD = Struct("<8sIII")
 
 
@@ -128,9 +130,10 @@ def _assembled(look: dict[str, Any], still: bytes | None, recordings: list[bytes
     parts = {
         "title": escape(look["title"]),
         "still": words if still is None else _image(still, words),
-        "data": f'<script type="application/json" id="options">{_as_json(look)}</script>\n{held}',
+        "connect": "'none'",
     }
-    return _filled(parts).encode("utf-8", "replace")
+    data = f'<script type="application/json" id="options">{as_json(look)}</script>\n{held}'
+    return filled("viewer", parts, data)
 
 
 def _image(picture: bytes, words: str) -> str:
@@ -139,21 +142,25 @@ def _image(picture: bytes, words: str) -> str:
     return f'<img alt="{words}" src="data:image/{kind};base64,{base64.b64encode(picture).decode()}">'
 
 
-def _filled(parts: dict[str, str]) -> str:
-    """Return the page with what belongs into it, of which each mark is there once."""
-    text = _page()
-    for name, part in parts.items():
-        before, _, after = text.partition(f"{{{name}}}")
-        text = f"{before}{part}{after}"
-    return text
+def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
+    """Return a page that ships with GAMMS with what belongs into it, of which each mark is there once.
+
+    Args:
+        name: of the page, "viewer" or "places".
+        parts: its title and what is shown without scripts, as markup; and what it may connect to.
+        data: elements of scripts that are no JavaScript.
+    """
+    left = {**parts, "data": data}  # in one pass, so that a title that looks like a mark is none
+    text = re.sub(r"\{(\w+)\}", lambda mark: left.pop(mark[1], mark[0]), _page(name))
+    return text.encode("utf-8", "replace")
 
 
 @cache
-def _page() -> str:
-    return _PAGE.read_text(encoding="utf-8")
+def _page(name: str) -> str:
+    return (_DATA / f"{name}.html").read_text(encoding="utf-8")
 
 
-def _as_json(value: object) -> str:
+def as_json(value: object) -> str:
     """Return JSON that can stand in a script element, which only a `<` could end."""
     return json.dumps(value).replace("<", "\\u003c")
 
@@ -177,7 +184,7 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
     agents = len(recording.detached(0).agents)
     every = min(max(_KEYFRAME_MOVES // max(agents, 1), _FEWEST_TURNS), _MOST_TURNS)
     stream = BytesIO()
-    writer = Writer(stream, header | {"world": _drawn_map(recording.graph.packed)}, seconds=None)
+    writer = Writer(stream, header | {"world": drawn_map(recording.graph.packed, _EDGE_ATTRIBUTES)}, seconds=None)
     for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
         if turn % every == 0:
             writer.keyframe(_drawn_keyframe(recording.detached(turn).keyframe(turn)))
@@ -195,15 +202,23 @@ def _drawn_keyframe(state: dict[str, Plain]) -> dict[str, Plain]:
 def _drawn_event(entry: Any) -> Any:
     """Return an event of a log, with a map as the viewer reads it."""
     if type(entry) is tuple and entry[0] == kinds.WORLD:
-        return kinds.WORLD, {"world": _drawn_map(entry[1]["world"])}
+        return kinds.WORLD, {"world": drawn_map(entry[1]["world"], _EDGE_ATTRIBUTES)}
     return entry
 
 
 # -- the map ------------------------------------------------------------------------------------------------------
 
 
-def _drawn_map(world: bytes) -> bytes:
-    """Return a map with what is drawn of it: rounded, with its scenery, without most attributes."""
+def drawn_map(
+    world: bytes, attributes: Collection[str] | None = None, lat_lon: "np.ndarray[Any, Any] | None" = None
+) -> bytes:
+    """Return a map with what is drawn of it: rounded, with its scenery.
+
+    Args:
+        world: the map, as it is saved.
+        attributes: those of edges that it keeps, and none of nodes; None: all.
+        lat_lon: (nodes, 2) degrees, which it then has, too; rounded to a centimetre.
+    """
     state = _opened(world)
     base = state["base_map"] if "base_map" in state else base_map_of(scenery_called(state.pop("scenery", None)))
     if len(state["face_ids"]):  # which are drawn instead
@@ -214,9 +229,11 @@ def _drawn_map(world: bytes) -> bytes:
     state |= {
         "base_map": base | {name: _rounded(base[name], step) for name in ("points", "face_corners")},
         "lengths": np.zeros(len(state["edge_ids"])),
-        "node_attributes": {},
-        "edge_attributes": _chosen(state["edge_attributes"], _EDGE_ATTRIBUTES),
     }
+    if attributes is not None:
+        state |= {"node_attributes": {}, "edge_attributes": _chosen(state["edge_attributes"], attributes)}
+    if lat_lon is not None:
+        state["lat_lon"] = _rounded(lat_lon, _LAT_LON_STEP)
     body = packing.pack(state, "A map")
     magic, version, *_ = _HEAD.unpack_from(world)
     return _HEAD.pack(magic, version, len(body), zlib.crc32(body)) + body

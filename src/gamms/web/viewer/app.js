@@ -152,6 +152,11 @@ export class App {
     if (found !== null) this.panel.open();
   }
 
+  /** Look closer at a place. @param {number} px @param {number} py */
+  doubleClick(px, py) {
+    this.moveCamera((camera) => camera.zoom(1.6, px, py));
+  }
+
   /** Show what is pointed at. @param {View} view @param {number | null} px @param {number} py */
   point(view, px, py) {
     const found = px === null ? null : view.scene.agentAt(px, py);

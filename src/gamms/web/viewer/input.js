@@ -11,6 +11,7 @@ const PAN_PX = 60, ZOOM = 1.25;
  * @property {(move: (camera: import("./camera.js").Camera) => void) => void} moveCamera
  * @property {() => void} press a pointer goes down
  * @property {(view: any, px: number, py: number, far: number) => void} click near a pixel, at most so far from it
+ * @property {(px: number, py: number) => void} doubleClick
  * @property {(view: any, px: number | null, py: number) => void} point to a pixel; null: to none
  */
 
@@ -33,7 +34,7 @@ export class Pointers {
     canvas.addEventListener("pointermove", (event) => this.#onMove(event));
     for (const kind of /** @type {const} */ (["pointerup", "pointercancel"])) canvas.addEventListener(kind, (event) => this.#onUp(event));
     canvas.addEventListener("pointerleave", () => this.#point(null));
-    canvas.addEventListener("dblclick", (event) => app.moveCamera((camera) => camera.zoom(1.6, event.offsetX, event.offsetY)));
+    canvas.addEventListener("dblclick", (event) => app.doubleClick(event.offsetX, event.offsetY));
     canvas.addEventListener("wheel", (event) => this.#onWheel(event), { passive: false });
   }
 

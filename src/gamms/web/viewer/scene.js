@@ -1,6 +1,7 @@
 // Paint one frame: the map, what teams know, rules, sensors, trails, agents, messages, names and the scale bar.
 import { Camera } from "./camera.js";
 import { commandsOf, paintCommands } from "./draw_commands.js";
+import { paintScaleBar, paintWords } from "./lettering.js";
 import { MapLayer } from "./map_layer.js";
 import { placeOn } from "./motion.js";
 import { Replay } from "./replay.js";
@@ -90,7 +91,7 @@ export class Scene {
     paintMarks(to, this, colors, theme, look);
     this.#paintDrawings((layer) => layer >= AGENT_LAYER, look, share);
     this.#paintNames(look, theme);
-    this.#paintScaleBar(theme);
+    if (this.world.isMetric) paintScaleBar(to, camera, theme);
     return isSharp;
   }
 
@@ -331,7 +332,7 @@ export class Scene {
     to.textBaseline = "middle";
     for (const { x, y, radius, count } of stacks) {
       to.font = `600 ${Math.max(10, radius)}px system-ui, sans-serif`;
-      this.#words(String(count), x, y - radius - 8, theme);
+      paintWords(to, String(count), x, y - radius - 8, theme);
     }
     to.textAlign = "left";
   }
@@ -399,43 +400,8 @@ export class Scene {
       const place = places.find(([x, y]) => !taken.some((box) => x < box[2] && x + width > box[0] && y - 8 < box[3] && y + 8 > box[1])) ?? (isChosen(disc) ? places[0] : null);
       if (place === null) continue;
       taken.push([place[0], place[1] - 8, place[0] + width, place[1] + 8]);
-      this.#words(words, place[0], place[1], theme);
+      paintWords(to, words, place[0], place[1], theme);
     }
-  }
-
-  /** Write words with a halo. */
-  #words(/** @type {string} */ words, /** @type {number} */ x, /** @type {number} */ y, /** @type {import("./themes.js").Theme} */ theme) {
-    this.to.lineJoin = "round";
-    this.to.lineWidth = 3;
-    this.to.strokeStyle = theme.background;
-    this.to.strokeText(words, x, y);
-    this.to.fillStyle = theme.ink;
-    this.to.fillText(words, x, y);
-  }
-
-  /** @param {import("./themes.js").Theme} theme */
-  #paintScaleBar(theme) {
-    const { to, camera } = this;
-    if (!this.world.isMetric) return;
-    const most = Math.min(140, camera.width / 4) / camera.scale;
-    const power = 10 ** Math.floor(Math.log10(most));
-    const metres = [5, 2, 1].map((n) => n * power).find((n) => n <= most) ?? power;
-    const width = metres * camera.scale, x = 14, y = camera.height - Math.max(camera.insets.bottom, 0) - 12;
-    to.textAlign = "left";
-    to.textBaseline = "alphabetic";
-    to.font = "11px system-ui, sans-serif";
-    for (const [ink, line] of /** @type {[string, number][]} */ ([[theme.background, 4], [theme.faint, 1.5]])) {
-      to.strokeStyle = ink;
-      to.lineWidth = line;
-      to.lineCap = "butt";
-      to.beginPath();
-      to.moveTo(x, y - 5);
-      to.lineTo(x, y);
-      to.lineTo(x + width, y);
-      to.lineTo(x + width, y - 5);
-      to.stroke();
-    }
-    this.#words(metres >= 1000 ? `${metres / 1000} km` : `${metres} m`, x + 5, y - 5, theme);
   }
 }
 

@@ -30,6 +30,7 @@ export class World {
     /** @type {Float64Array} */ this.targets = state.get("targets");
     /** @type {Map<number, number>} */ this.rowOf = new Map(Array.from(this.nodeIds, (id, row) => [id, row]));
     /** @type {Map<number, Float64Array>} */ this.bends = bendsOf(state, this.sources.length);
+    /** @type {Float64Array | null} */ this.latLon = state.get("lat_lon") ?? null; // degrees, where a page needs them
     this.attributes = { node: state.get("node_attributes"), edge: state.get("edge_attributes") };
     const base = state.get("base_map") ?? new Map();
     const own = state.get("face_corners");

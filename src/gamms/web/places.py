@@ -1,0 +1,142 @@
+"""A page on which places of a map are found, collected, and copied as a scenario file takes them.
+
+The map is in the page, with the attributes of nodes and streets; so are the places at which the agents of a scenario
+start, for its own seed and some more. So the page needs no server; `place_editor.py` serves it where it may save, too.
+"""
+
+import base64
+import os
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from gamms import osm
+from gamms.arguments import as_path
+from gamms.context import create_context
+from gamms.errors import BadValue, GammsError
+from gamms.graph.storage import MapSnapshot
+from gamms.scenario import Scenario, ScenarioError, load
+from gamms.scenario.spec import LatLon, Rule, Team
+from gamms.text import shown
+from gamms.web.pages import as_json, drawn_map, filled
+
+_SCENARIOS = (".yaml", ".yml", ".json")
+_TEAMS = ("red", "blue")  # of a map without a scenario
+_SEEDS = 100  # whose places are in a page
+_MOST_PLACES = 100_000  # of all of them together
+
+
+def map_page(source: str | os.PathLike[str] | Scenario, *, title: str = "", theme: str | None = None) -> bytes:
+    """Return an HTML page on which places of a map can be chosen: UTF-8, in one file that needs no server.
+
+    Args:
+        source: an OpenStreetMap, GeoJSON or `.gamms` file, a scenario file, or a scenario.
+        title: stands above it; by default the name of the scenario or of the file.
+        theme: "light", "dark", or None: as the browser is.
+
+    Raises:
+        BadValue: there is no such theme.
+        ScenarioError (ValueError): the file cannot be loaded.
+        OSError: it cannot be read.
+    """
+    if theme not in (None, "light", "dark"):
+        raise BadValue(f"Unknown theme {shown(theme)} of a page; there is: light, dark, and None.")
+    game, is_scenario = opened(source)
+    return assembled(game, {"title": title, "theme": theme}, is_scenario=is_scenario)
+
+
+def opened(source: str | os.PathLike[str] | Scenario) -> tuple[Scenario, bool]:
+    """Return a scenario with the map, and whether it is more than a map.
+
+    Raises:
+        ScenarioError: it is not right.
+        OSError: the file cannot be read.
+    """
+    if isinstance(source, Scenario):
+        return source, True
+    file = as_path(source, "source")
+    with file.open("rb"):
+        pass  # the error of the system says best why it cannot be read
+    is_geojson = file.suffix == ".geojson" or (file.suffix == ".json" and osm.is_geojson(file))
+    if file.suffix.lower() in _SCENARIOS and not is_geojson:
+        return load(file), True
+    drawn = {} if is_geojson or file.suffix == ".gamms" else {"scenery": True}
+    map = {"file": {"path": file.name, **drawn}}
+    teams = {name: {"count": 1} for name in _TEAMS}  # which the page gives their agents
+    return Scenario(folder=file.absolute().parent, name=file.name, map=map, teams=teams), False
+
+
+def assembled(game: Scenario, look: Mapping[str, Any], *, is_scenario: bool, connect: str = "'none'") -> bytes:
+    """Return the page of a scenario.
+
+    Args:
+        game: the scenario.
+        look: options of the page, which take the place of those that follow from the scenario.
+        is_scenario: whether there is more than a map; else whole scenarios are copied.
+        connect: what the page may connect to, as a content security policy has it.
+    """
+    options = _options_of(game, is_scenario) | {name: one for name, one in look.items() if one not in (None, "")}
+    packed = base64.b64encode(_packed(game.map_snapshot())).decode()
+    data = f'<script type="application/json" id="options">{as_json(options)}</script>\n'
+    words = {"title": escape(options["title"]), "still": "This page needs JavaScript.", "connect": connect}
+    return filled("places", words, f'{data}<script type="application/x-gamms-map" id="map">{packed}</script>')
+
+
+def starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
+    """Return where agents start: `names`, and for each seed the `nodes` of all, or in words why there are none."""
+    try:
+        found = game.starts(seeds)
+        columns = np.array(list(found.values()), np.int64).reshape(len(found), len(seeds)).T
+        return {"names": list(found), "seeds": dict(zip(map(str, seeds), columns.tolist(), strict=True))}
+    except ScenarioError as error:
+        if len(seeds) == 1:
+            return {"names": [], "seeds": {str(seeds[0]): str(error)}}
+    each = [starts_of(game, [seed]) for seed in seeds]
+    names = max((one["names"] for one in each), key=len)
+    return {"names": names, "seeds": {seed: nodes for one in each for seed, nodes in one["seeds"].items()}}
+
+
+def _options_of(game: Scenario, is_scenario: bool) -> dict[str, Any]:
+    plain, spec = game.to_dict(), game.spec
+    found: dict[str, Any] = {"title": spec.name or ("A scenario" if game.file is None else game.file.name)}
+    if not is_scenario:
+        teams = [{"name": name, "count": 0, "agents": []} for name in _TEAMS]
+        return found | {"map": {"file": plain["map"]["file"]["path"]}, "teams": teams}
+    found["teams"] = [_team(game, name, team) for name, team in spec.teams.items()]
+    rules = [(number, one) for number, one in enumerate(spec.rules) if isinstance(one, Rule) and "nodes" in one.with_]
+    found["rules"] = [{"path": f"rules.{number}.with.nodes", "name": one.name or one.rule} for number, one in rules]
+    agents = sum(team.count + len(team.agents) for team in spec.teams.values())
+    own = 0 if spec.seed is None else spec.seed
+    others = [seed for seed in range(min(_SEEDS, _MOST_PLACES // max(agents, 1))) if seed != own]
+    return found | {"seed": own, "starts": starts_of(game, [own, *others])}
+
+
+def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
+    """Return what a page shows of a team, and needs to give its agents other places."""
+    found: dict[str, Any] = {"name": name, "count": team.count, "agents": [one.name for one in team.agents]}
+    if team.near is not None and team.within is not None:
+        place = team.near
+        if not isinstance(place, tuple):
+            columns = game.columns()
+            given = {"lat": place.lat, "lon": place.lon} if isinstance(place, LatLon) else place
+            place = tuple(columns.xy[int(np.flatnonzero(columns.node_ids == game.node_at(given))[0])].tolist())
+        found |= {"near": list(place), "within": team.within}
+    return found
+
+
+def _packed(map: MapSnapshot) -> bytes:
+    """Return a map with all attributes, and the latitude and longitude of each node, where it has them."""
+    with create_context(logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.storage.copy_from(map)
+        packed, _ = ctx.graph.storage.pack_savable()
+        try:
+            xy = ctx.graph.columns().xy
+            lat_lon = np.column_stack(ctx.graph.to_latlon(xy[:, 0], xy[:, 1]))
+        except GammsError:  # a map that lies nowhere on the earth, or whose CRS needs a library that is not there
+            lat_lon = None
+    return drawn_map(packed, lat_lon=lat_lon)
+
+
+__all__ = ["map_page"]
