@@ -111,6 +111,67 @@ def test_agents_that_may_come_back_wait_in_their_places():
     assert waited > 3
 
 
+COME = """
+def come(ctx):
+    if ctx.game.turn == 2 + ctx.seed % 3:
+        first, here = ctx.agent.agents["red_0"], ctx.seed % 16
+        ctx.agent.create_agent(
+            "red_2", start_node_id=here, team="red", strategy=first.strategy, sensors=dict(first.sensors)
+        )
+"""
+
+
+def coming(tmp_path, **more):
+    """The scene, with a red agent that comes after some turns, by the seed."""
+    (tmp_path / "coming.py").write_text(COME)
+    return scene([TAG, {"rule": "coming:come"}, "last_team"], max_turns=9, folder=tmp_path, **more)
+
+
+def test_agents_that_come_learn_where_places_are_reserved(tmp_path, capsys):
+    env = rl.parallel_env(coming(tmp_path), team="red", most_agents={"red": 3})
+    games = rl.vector_env(coming(tmp_path), num_games=3, team="red", most_agents={"red": 3})
+    assert env.possible_agents == ["red_0", "red_1", "red_2"]
+    assert games.learners.games.is_in_arrays
+    has_come = 0
+    for game in range(3):
+        observed, _ = env.reset(seed=1 + game)
+        many, infos = games.reset(seed=1)
+        assert env.agents == ["red_0", "red_1"]
+        while env.agents:
+            actions = np.random.default_rng(game).integers(infos["action_mask"].sum(axis=1))
+            slots, before = {name: 3 * game + int(name[-1]) for name in env.agents}, env.agents
+            assert all(
+                np.array_equal(many["observation"][slots[name]], observed[name]["observation"]) for name in slots
+            )
+            observed, rewards, terminated, truncated, _ = env.step(
+                {name: actions[slot] for name, slot in slots.items()}
+            )
+            many, *played, infos = games.step(actions)
+            assert infos["valid"][3 * game : 3 * game + 3].tolist() == [name in slots for name in env.possible_agents]
+            for of_one, of_all in zip((rewards, terminated, truncated), played, strict=True):
+                assert all(of_one[name] == of_all[slots[name]] for name in slots)
+            if "red_2" in env.agents and "red_2" not in before:
+                has_come += 1
+                assert (rewards["red_2"], terminated["red_2"], truncated["red_2"]) == (0.0, False, False)
+    assert has_come > 1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        parallel_api_test(env, num_cycles=30)
+    assert "Passed" in capsys.readouterr().out
+
+
+def test_deeds_name_agents_once_they_have_come(tmp_path):
+    game = coming(tmp_path, settings={"deeds": {"help": {"whom": "agent"}}})
+    games = rl.vector_env(game, num_games=1, team="red", most_agents={"red": 3}, seed=4)
+    _, infos = games.reset(seed=4)
+    names = games.learners.deeds.names
+    at = 5 + names.index("help(whom='red_2')")
+    assert not infos["action_mask"][0, at]
+    for _ in range(5):
+        _, _, _, _, infos = games.step(np.zeros((3, 2), int))
+    assert infos["action_mask"][0, at]
+
+
 def test_gymnasium_finds_no_fault_in_the_environment_of_one_agent(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     with warnings.catch_warnings():

@@ -68,6 +68,26 @@ def test_tensors_are_the_same_games_as_those_of_gymnasium():
     assert ended > 4
 
 
+def test_agents_that_come_are_masked_and_go_on_until_they_are_there(tmp_path):
+    (tmp_path / "coming.py").write_text(
+        "def come(ctx):\n"
+        "    if ctx.game.turn == 2 + ctx.seed % 3:\n"
+        "        one = ctx.agent.agents['red_0']\n"
+        "        given = {'strategy': one.strategy, 'sensors': dict(one.sensors)}\n"
+        "        ctx.agent.create_agent('red_2', start_node_id=3, team='red', **given)\n"
+    )
+    game = scene(rules=[TAG, "coming:come"], folder=tmp_path)
+    env = rl.torchrl_env(game, num_games=3, team="red", most_agents={"red": 3}, seed=0)
+    check_env_specs(env, seed=3)
+    env.set_seed(0)
+    state = env.reset()
+    for turn in range(1, 12):
+        state = env.rand_step(state)["next"]
+        assert state["red", "mask"][:, 2].tolist() == [turn >= 2 + seed for seed in range(3)]
+        assert not state["red", "done"].any()
+    env.close()
+
+
 def test_agents_that_are_out_are_masked():
     env = rl.torchrl_env(scene(), num_games=30, team="blue", seed=2)
     state, found = env.reset(), 0

@@ -82,6 +82,7 @@ class DeedChoices:
             names += [_name_of(deed, fields, row) for row in options.tolist()]
         self.names = tuple(names)
         self._needs = {kind: self._needed(kind) for kind in _NEAR}  # (choices,) how many nodes and edges there must be
+        self._names = self._named()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -91,6 +92,10 @@ class DeedChoices:
         degrees = self._degrees[view.node][..., None]
         found: BoolArray = (self._needs["node"] <= view.counts[..., None]) & (self._needs["edge"] <= degrees)
         found[..., 1:] &= view.mask[..., None]
+        are_there = view.is_there
+        if not are_there.all():
+            for choice, agent in self._names:
+                found[..., choice] &= are_there[:, agent, None]
         return found
 
     def given(self, chosen: IntArray, view: ArrayView) -> dict[str, tuple[BoolArray, dict[str, Any]]]:
@@ -150,6 +155,16 @@ class DeedChoices:
             else:
                 values[at] = known[options[at]]
         return values
+
+    def _named(self) -> list[tuple[int, int]]:
+        """Return the choices that name an agent, each with its number."""
+        found = []
+        for deed in self._deeds:
+            for i, (field, _) in enumerate(deed.fields.values()):
+                if field.kind == "agent":
+                    rows = enumerate(deed.options[:, i].tolist(), deed.first)
+                    found += [(choice, agent) for choice, agent in rows if agent != _LEFT_OUT]
+        return found
 
     def _needed(self, kind: str) -> IntArray:
         needed = [np.zeros(1, np.int64)]

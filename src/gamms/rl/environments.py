@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from gamms.errors import MissingExtra
+from gamms.game.batch import MostAgents
 from gamms.rl.learners import Learners, Observation, Reward
 from gamms.rl.rendering import RenderMode, engine_of
 from gamms.scenario import Scenario
@@ -22,6 +23,7 @@ def parallel_env(
     observation: Observation | None = None,
     reward: Reward | None = None,
     seed: int = 0,
+    most_agents: MostAgents | None = None,
     render_mode: RenderMode = None,
 ) -> "TeamEnv":
     """Return a scenario as a `pettingzoo.ParallelEnv`, in which the agents of a team learn.
@@ -38,6 +40,8 @@ def parallel_env(
             `default_observation`.
         reward: gives numbers, (games, agents), of a `Turn`; None: by how much the score of the agent's team changed.
         seed: of the first game; each further one has the next seed.
+        most_agents: how many agents each team may come to have, or team -> number or names; docs/batches.md. Those that
+            a rule creates take their places by name, and learn with their team.
         render_mode: "rgb_array": `render` returns pictures; "human": a window shows the game; None: neither.
 
     Raises:
@@ -52,7 +56,14 @@ def parallel_env(
     window = engine_of(render_mode)
     teams = (team,) if isinstance(team, str) else team
     learners = Learners(
-        scenario, teams=teams, observation=observation, reward=reward, seed=seed, one_by_one=True, vis_engine=window
+        scenario,
+        teams=teams,
+        observation=observation,
+        reward=reward,
+        seed=seed,
+        one_by_one=True,
+        vis_engine=window,
+        most_agents=most_agents,
     )
     return TeamEnv(learners, scenario.spec.name, render_mode)
 
@@ -104,7 +115,7 @@ def single_agent_env(
     return env
 
 
-def vector_env(
+def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what they get
     scenario: Scenario,
     *,
     num_games: int,
@@ -114,6 +125,7 @@ def vector_env(
     observation: Observation | None = None,
     reward: Reward | None = None,
     seed: int = 0,
+    most_agents: MostAgents | None = None,
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
 
@@ -129,6 +141,7 @@ def vector_env(
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: of the first game; those of the others follow.
+        most_agents: see `parallel_env`.
 
     Raises:
         UnknownName (KeyError): there is no such team.
@@ -142,7 +155,15 @@ def vector_env(
         raise MissingExtra("An environment of Gymnasium", "rl") from None
     teams = (team,) if isinstance(team, str) else team
     learners = Learners(
-        scenario, num_games, teams=teams, agent=agent, others=others, observation=observation, reward=reward, seed=seed
+        scenario,
+        num_games,
+        teams=teams,
+        agent=agent,
+        others=others,
+        observation=observation,
+        reward=reward,
+        seed=seed,
+        most_agents=most_agents,
     )
     return GamesEnv(learners, scenario.spec.name)
 
@@ -174,6 +195,7 @@ def torchrl_env(
     observation: Observation | None = None,
     reward: Reward | None = None,
     seed: int = 0,
+    most_agents: MostAgents | None = None,
     device: object = "cpu",
 ) -> "TensorEnv":
     """Return many games of a scenario as an `EnvBase` of TorchRL, in tensors that stay on a device.
@@ -188,6 +210,7 @@ def torchrl_env(
         observation: see `parallel_env`.
         reward: see `parallel_env`.
         seed: of the first game; those of the others follow.
+        most_agents: see `parallel_env`.
         device: that the tensors are on, such as "cuda".
 
     Raises:
@@ -213,5 +236,6 @@ def torchrl_env(
             seed=seed,
             xp=torch,
             device=device,
+            most_agents=most_agents,
         )
     )

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.arguments import as_count, as_function_of, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue
-from gamms.game.batch import ArrayView, Batch
+from gamms.game.batch import ArrayView, Batch, MostAgents
 from gamms.game.batch.given import flown
 from gamms.game.deeds import field_of
 from gamms.ir.graph import FloatArray, IntArray
@@ -88,6 +88,7 @@ class Learners:
         record: keep the actions, so that `games.record` can write recordings; not with `agent`.
         xp: the array library of all arrays, such as `torch`; None: NumPy. See docs/batches.md.
         device: where it keeps them.
+        most_agents: how many agents each team may come to have, or team -> number; see `Scenario.batch`.
 
     Attributes:
         games: the batch.
@@ -100,6 +101,7 @@ class Learners:
         flies: (agents,) which agents fly.
         reach_m: (agents,) how far those fly at most in a turn, map units; 0 of the others.
         alive: (games, agents) which agents take part.
+        is_there: (games, agents) which agents are in the game, dead or alive; the others have not come yet.
         is_over: (games,) which games have ended.
         may_return: whether a rule brings back agents that are out: then they wait, and end with their games.
 
@@ -124,6 +126,7 @@ class Learners:
         record: bool = False,
         xp: ModuleType | None = None,
         device: object = None,
+        most_agents: MostAgents | None = None,
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"A scenario is needed, such as gamms.scenario.load(file), not {shown(scenario)}.")
@@ -144,6 +147,7 @@ class Learners:
             vis_engine=vis_engine,
             xp=xp,
             device=device,
+            most_agents=most_agents,
         )
         self._first, self._episodes = first, np.zeros(number, np.int64)
         try:
@@ -175,13 +179,15 @@ class Learners:
         if self._hand is not None:
             self._hand.begin(self.games, self.deeds)
         self._seed: int | None = None  # of the game that `begin_next` began last
+        self._sizes = [len(view.agents) for view in views]
+        self.is_there: BoolArray = self._put(np.ones(self._shape, np.bool_))
+        self._can_come = not views[0].roster.is_first.all()
         self._remember()
-        self._sizes = [len(view.agents) for view in self._now]
         self.names: tuple[str, ...] = tuple(name for view in self._now for name in view["name"])
         game = self.games.game
-        speeds = {one.name: one.speed or 0.0 for one in game.agents if one.type is AgentType.AERIAL}
-        self.flies: BoolArray = np.array([name in speeds for name in self.names], np.bool_)
-        self.reach_m: FloatArray = np.array([speeds.get(name, 0.0) for name in self.names], np.float64)
+        members = [views[0].roster.agents[number] for view in views for number in on_host(view).agents]
+        self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
+        self.reach_m: FloatArray = np.array([one.speed or 0.0 for one in members], np.float64) * self.flies
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
@@ -327,6 +333,9 @@ class Learners:
         """Look at the games as they are now."""
         self._now, self._scores, self.is_over = self._views(), self.games.scores, self.games.is_over
         self.alive: BoolArray = joined(self._xp, [view.mask for view in self._now])
+        if self._can_come:
+            hosts = [on_host(view) for view in self._now]
+            self.is_there = self._put(np.concatenate([one.is_there[:, one.agents] for one in hosts], axis=1))
         plays = self.alive & ~self.is_over[:, None]
         self._counts = self._xp.where(plays, joined(self._xp, [view.counts for view in self._now]), 1)
         self.masks: BoolArray = self._numbers < self._counts[..., None]

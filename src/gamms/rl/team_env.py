@@ -21,7 +21,8 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
     """The agents of some teams in one game; made by `gamms.rl.parallel_env`.
 
     Agents that are dead leave `agents`. Where a rule brings agents back, they stay there and wait, with no reward and
-    only staying legal: PettingZoo knows no agent that comes back.
+    only staying legal: PettingZoo knows no agent that comes back. Agents for which `most_agents` has reserved a place
+    join when they come.
 
     Args:
         learners: in one game, in a context.
@@ -77,13 +78,13 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         """
         for name in as_mapping(actions, "actions"):
             self._known(name)
-        asked = self.agents
         parts = [np.flatnonzero(self.learners.flies == flies) for flies in (False, True)]
         given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
         heads = heads_of(self.learners, [(agents, [given[number] for number in agents]) for agents in parts])
         legal = are_legal(self.learners, heads)[0].tolist()
         was_legal = dict(zip(self.possible_agents, legal, strict=True))
         played = self.learners.step(*heads)
+        asked = self.agents + [name for name in self._those_in() if name not in self.agents]  # which have come
         observations, infos = self._answers(asked)
         for name in asked:
             infos[name]["is_legal"] = was_legal[name]
@@ -124,8 +125,9 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
 
     def _those_in(self) -> list[str]:
         """Return the agents that are alive, or may come back."""
-        alive, may_return = self.learners.alive[0], self.learners.may_return
-        return [name for name, is_in in zip(self.possible_agents, alive, strict=True) if is_in or may_return]
+        learners = self.learners
+        are_in = learners.is_there[0] if learners.may_return else learners.alive[0]
+        return [name for name, is_in in zip(self.possible_agents, are_in, strict=True) if is_in]
 
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return what these agents observe, and their infos."""

@@ -127,7 +127,7 @@ class TensorEnv(EnvBase):  # type: ignore[misc] # TorchRL is not always there to
                 one[:, None] | played_one for one, played_one in zip(ends[1:], played[1:], strict=True)
             )
             if not learners.may_return:
-                terminated = terminated | ~alive
+                terminated = terminated | (learners.is_there & ~alive)
             ended = {"done": terminated | truncated, "terminated": terminated, "truncated": truncated}
         masks = [learners.masks] + ([] if learners.deeds is None else [learners.deed_masks])
         columns = {

@@ -13,7 +13,7 @@ the games there; strategies get views of `device_view.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy
-from gamms.game.batch.games import Batch
+from gamms.game.batch.games import Batch, MostAgents
 from gamms.game.batch.turn import ArrayRule, ArrayTurn
 from gamms.game.batch.view import ArrayStrategy, ArrayView, portable_form
 
@@ -23,6 +23,7 @@ __all__ = [
     "ArrayTurn",
     "ArrayView",
     "Batch",
+    "MostAgents",
     "array_rule",
     "array_strategy",
     "portable_form",

@@ -442,7 +442,11 @@ class CopiedView(DeviceView):
         put, state = streets.library.put, view._state
         keys = kernels.as_signed(np.ascontiguousarray(state.draw_keys()[:, view.agents]))
         super().__init__(state, streets, view.agents, *map(put, (view.node, view.mask, view.turn, keys)))
-        self._known = {"counts": put(view.counts)}
+        self._known, self._of_host = {"counts": put(view.counts)}, view
+
+    def on_host(self) -> ArrayView:
+        """Return the view in NumPy."""
+        return self._of_host
 
     def _legal(self) -> Tensor:
         return self.library.put(self.on_host()["legal"])

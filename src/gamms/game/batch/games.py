@@ -468,8 +468,8 @@ class Batch:
         if starts is None:
             return np.tile([agent.current_node_id for agent in self._roster.agents], (len(seeds), 1))
         nodes = starts(seeds)
-        named = [agent.name for agent in self._roster.agents]  # of names that are reserved, any node will do
-        return np.stack([nodes[name] for name in named], axis=1)
+        some = next(iter(nodes.values()))  # for names that are reserved, any will do
+        return np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
 
 
 def _reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:

@@ -21,7 +21,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
 from gamms.text import shown
-from gamms.typing import AgentType
+from gamms.typing import AgentType, IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
 
@@ -167,7 +167,7 @@ class OneByOneEngine:
         edge, offset_m, xy = (column[number] for column in state.places)
         edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
         if state.heights is not None:
-            self._observe_flyers(xy, state.heights[number])
+            self._observe_flyers(agents, xy, state.heights[number])
         self._note_sights(number)
         block = ctx.agent.block
         for i, agent in enumerate(agents if block.travellers else ()):
@@ -176,10 +176,10 @@ class OneByOneEngine:
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
 
-    def _observe_flyers(self, xy: FloatArray, heights: FloatArray) -> None:
-        """Note where in the air the agents of the game that the context has are."""
+    def _observe_flyers(self, agents: Sequence[IAgent], xy: FloatArray, heights: FloatArray) -> None:
+        """Note where in the air these agents of the game that the context has are."""
         for i in self._flyers:
-            agent = self._roster.agents[i]
+            agent = agents[i]
             if agent.name in self._game.ctx.agent.agents:
                 xy[i], heights[i] = agent.position[:2], agent.position[2]
 

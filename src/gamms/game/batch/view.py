@@ -415,6 +415,12 @@ class ArrayView(Mapping[str, Any]):
         return found
 
     @property
+    def is_there(self) -> BoolArray:
+        """Which agents are in the game, dead or alive, (games, all agents); the others have not come yet."""
+        found: BoolArray = self._state.is_there[self.games]
+        return found
+
+    @property
     def blocked(self) -> BoolArray:
         """Which agents conflicts have stopped in the last turn, (games, agents)."""
         return self._state.blocked[np.ix_(self.games, self.agents)]
