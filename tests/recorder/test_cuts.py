@@ -56,6 +56,13 @@ def test_others_are_there_while_sensors_of_the_team_see_them():
     assert names_in(data) == [alone, both, alone, both, both]  # nothing was sensed behind the last turn
 
 
+def test_one_that_is_seen_and_deleted_in_the_same_turn_is_gone():
+    ctx = pair_on_a_grid()
+    ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.agent.delete_agent("blue_0"))
+    data = cut_of(recorded(lambda ctx: ctx.game.run(3), ctx, sensed=True), "red")
+    assert names_in(data) == [["red_0"], ["red_0", "blue_0"], ["red_0"], ["red_0"]]
+
+
 def test_without_sightings_there_is_nothing_of_others():
     ctx = pair_on_a_grid()
     ctx.game.add(lambda ctx: ctx.game.data.update(secret="kept by a rule"))

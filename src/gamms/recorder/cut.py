@@ -45,6 +45,9 @@ class Cut:
         keyframe: how the game begins; not changed.
         is_own: says of the name and the team of an agent whether it is one of those that know.
         nearest: gives the node below a place, (x, y).
+
+    Attributes:
+        is_shown: whether the turn before the one that is added was given out.
     """
 
     def __init__(self, keyframe: Keyframe, is_own: Callable[[str, Any], bool], nearest: Nearest) -> None:
@@ -54,7 +57,10 @@ class Cut:
         self._in_view: Collection[str] = ()  # those that it sees in the turn that is added
         self._later: dict[int, list[_Event]] = {}  # turn -> messages that arrive in it
         self._turn = 0  # of the log that is added
-        self._waiting: list[_Event] | None = None  # the turn that was added last
+        self._waiting: list[_Event] | None = None  # the turn that was added last, until it is given out
+        self._happened: list[_Event] = []  # in the turn that is added
+        self._sighted: dict[str, Sighting] | None = None  # others that are seen in it; None: nothing was sensed
+        self.is_shown = False
         self._all = DetachedState(deepcopy(keyframe))  # where the events that are added have led to
         self._look_around()
         self._first = self._restricted(keyframe)
@@ -63,32 +69,54 @@ class Cut:
         self._numbers = {self._ids[name]: row for row, name in enumerate(self._first["names"])}
         self._carried = {sensor["id"]: sensor for sensor in self._sensors_of(self._own)}  # that are known
 
-    def add(self, log: Log) -> Iterator[Log]:
-        """Add the log of the next turn; yields the one before it, which is complete by what is sensed now."""
-        own: list[_Event] = []
-        seen: dict[str, Sighting] | None = None
-        flags: dict[Any, Any] = {}  # as they were when it was sensed
+    def add(self, log: Log, *, is_end: bool = True) -> Iterator[Log]:
+        """Add what has happened in the next turn; yields the one before it once its own agents have sensed.
+
+        So a game that goes on shows what they decide by before they decide.
+
+        Args:
+            log: since the last call.
+            is_end: whether the turn is over.
+        """
         for kind, data in events_of(log):
             if kind == kinds.SENSED:
-                looks = self._own_looks(data)
-                seen = (seen or {}) | self._sightings(looks)
-                self._in_view = seen.keys()
-                flags = self._flags_in_view()
-                own.append((kind, sensed.renumbered(sensed.columns_of(looks), self._id_of)))
+                yield from self._look(data)
             else:
-                own.extend(self._cut(kind, data))
+                self._happened.extend(self._cut(kind, data))
             self._all.apply_event(kind, data)
-            own.extend(self._after(kind, data))
-        own.extend(self._later.pop(self._turn, ()))
+            self._happened.extend(self._after(kind, data))
         self._all.agents.settle()
-        shown = [] if seen is None else [*self._show(seen), *self._new_flags(flags)]
-        own.extend(self._new_flags(self._flags_in_view()))
+        if is_end:
+            yield from self._end()
+
+    def _look(self, data: Mapping[str, Any]) -> Iterator[Log]:
+        """Note what its own agents sense; yields the turn before, with what they see behind it."""
+        looks = self._own_looks(data)
+        self._sighted = (self._sighted or {}) | self._sightings(looks)
+        self._in_view = self._sighted.keys()
+        shown = [*self._show(self._sighted), *self._new_flags(self._flags_in_view())] if looks else []
+        if looks and not self.is_shown:
+            yield from self._give(shown)
+        else:  # agents of a later part of the turn
+            self._happened.extend(shown)
+        self._happened.append((kinds.SENSED, sensed.renumbered(sensed.columns_of(looks), self._id_of)))
+
+    def _give(self, shown: list[_Event]) -> Iterator[Log]:
+        """Yield the turn before with what is shown behind it."""
+        self.is_shown = True
         if self._waiting is None:
             self._given(shown)
         else:
             yield self._given([*self._waiting, *shown])
             self._known.apply([])  # counts the turn
+            self._waiting = None
+
+    def _end(self) -> Iterator[Log]:
+        if not self.is_shown:
+            yield from self._give([] if self._sighted is None else [*self._show({})])
+        own = [*self._happened, *self._later.pop(self._turn, ()), *self._new_flags(self._flags_in_view())]
         self._waiting, self._turn = own, self._turn + 1
+        self._happened, self._sighted, self.is_shown = [], None, False
 
     def rest(self) -> Iterator[Log]:
         """Yield the last turn, behind which nothing was sensed."""
@@ -345,10 +373,13 @@ class Cut:
 
     def _show(self, seen: Mapping[str, Sighting]) -> Iterator[_Event]:
         """Yield the coming, going and moving of others by which just those are there that are seen."""
+        self._all.agents.settle()
         columns = self._all.agents.columns
-        yield from self._hide([name for name in self._seen if name not in seen])
-        for name, sighting in seen.items():
-            row, before = self._all.agents.row(name), self._seen.get(name)
+        known = set(columns["names"]) - self._own.keys()
+        there = [name for name in seen if name in known]
+        yield from self._hide([name for name in self._seen if name not in there])
+        for name in there:
+            sighting, row, before = seen[name], self._all.agents.row(name), self._seen.get(name)
             if before is None:
                 given = {"start_node_id": sighting.node, "team": columns["teams"][row]}
                 yield kinds.AGENT_CREATE, _coming(name, given, sighting.position)
