@@ -178,6 +178,28 @@ class Version2Encoder:
         self.flush()
 
 
+class NoEncoder:
+    """Writes nothing, where there is no recording and others follow the game."""
+
+    is_current = True
+    values = 0
+
+    def begin(self, session: RecordingSession, *, is_final: bool) -> None:
+        """Write nothing."""
+
+    def add(self, logs: list[Log]) -> None:
+        """Write nothing."""
+
+    def keyframe(self, keyframe: Keyframe) -> None:
+        """Write nothing."""
+
+    def flush(self) -> None:
+        """Write nothing."""
+
+    def close(self) -> None:
+        """Write nothing."""
+
+
 def header_of(ctx: HostContext, session: RecordingSession, options: dict[str, Any]) -> dict[str, Any]:
     """Return the header of a recording: no host, no user, no path, and no time unless asked."""
     created = options.get("created")

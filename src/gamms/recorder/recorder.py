@@ -14,7 +14,7 @@ from gamms.ir import events as kinds
 from gamms.ir.events import EVENTS
 from gamms.plain import Plain, to_plain, why_not_plain
 from gamms.recorder.components import Components
-from gamms.recorder.encoders import Version2Encoder, Version3Encoder, header_of
+from gamms.recorder.encoders import NoEncoder, Version2Encoder, Version3Encoder, header_of
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.recorder.formats import version2
 from gamms.recorder.formats.reader import Reader
@@ -22,7 +22,7 @@ from gamms.recorder.formats.writer import Output
 from gamms.recorder.maps import without_map
 from gamms.recorder.playback import Playback
 from gamms.recorder.replaying import TURN_NS, Record, Replayer
-from gamms.recorder.session import RecordingSession
+from gamms.recorder.session import Follower, RecordingSession
 from gamms.recorder.streams import Target, format_of, locks, readable
 from gamms.text import shown
 from gamms.typing.context import HostContext
@@ -50,6 +50,8 @@ class Recorder(Guarded, IRecorder):
         self._session: RecordingSession | None = None
         self._target: Target | None = None
         self._replayer: Replayer | None = None
+        self._followers: tuple[Follower, ...] = ()
+        self._watch: RecordingSession | None = None  # what they hear while nothing is recorded
         self._recorded = self.components.recorded()  # when the recording was paused
         self._version = 3  # of what is being written
 
@@ -120,8 +122,11 @@ class Recorder(Guarded, IRecorder):
 
         if drawings is None:  # whether drawers are called without this recording, too
             drawings = bool(getattr(self.ctx.visual, "calls_drawers", True))
+        self._end_watch()
         session = RecordingSession(
-            self.ctx, with_sensed=sensed, with_drawings=as_bool(drawings, "drawings") and version == 3
+            self.ctx,
+            with_sensed=sensed or bool(self._followers),
+            with_drawings=as_bool(drawings, "drawings") and version == 3,
         )  # before there is a file: not every map can be written
         target: Target | None = None
         try:
@@ -134,10 +139,12 @@ class Recorder(Guarded, IRecorder):
             session.abandon()
             if target is not None:
                 target.discard()
+            self._tell_followers()
             raise
         self._target, self._session, self._version = target, session, version
         for name, data in self.components.since((set(), {})):
             self._component_event(name, data)
+        self._tell_followers()
 
     @refused_while_deciding
     def stop(self) -> None:
@@ -154,6 +161,7 @@ class Recorder(Guarded, IRecorder):
         if self._session.is_paused:
             raise RecorderBusy("The recording is paused. Call ctx.record.play() first, or terminate the context.")
         self.close()
+        self._tell_followers()
 
     @refused_while_deciding
     def close(self) -> None:
@@ -184,6 +192,7 @@ class Recorder(Guarded, IRecorder):
             return
         self._session.pause()
         self._recorded = self.components.recorded()
+        self._tell_followers()
 
     @refused_while_deciding
     def play(self) -> None:
@@ -193,9 +202,44 @@ class Recorder(Guarded, IRecorder):
         if self._session is None or not self._session.is_paused:
             self.ctx.logger.warning("There is nothing to play: no recording is paused.")
             return
+        self._end_watch()
         self._session.play()
         for name, data in self.components.since(self._recorded):
             self._component_event(name, data)
+        self._tell_followers()
+
+    # -- following ----------------------------------------------------------------------------------------------
+
+    @refused_while_deciding
+    def follow(self, follower: Follower) -> None:
+        """Let a follower hear what a recording would hold, from now on, whether or not the game is recorded.
+
+        What agents sense is in it, and so in recordings that begin while there is a follower.
+        """
+        self._followers = (*self._followers, follower)
+        self._tell_followers()
+
+    @refused_while_deciding
+    def unfollow(self, follower: Follower) -> None:
+        """Let a follower hear nothing more."""
+        self._followers = tuple(one for one in self._followers if one is not follower)
+        self._tell_followers()
+
+    def _tell_followers(self) -> None:
+        """Let followers hear of the recording that is written; while there is none, by a session of their own."""
+        self._end_watch()
+        session = self._recording()
+        if session is None and self._followers and not self.ctx.is_terminated():
+            drawings = bool(getattr(self.ctx.visual, "calls_drawers", True))
+            session = self._watch = RecordingSession(self.ctx, with_sensed=True, with_drawings=drawings)
+            session.write_to(NoEncoder(), in_background=False)
+        if session is not None:
+            session.follow(self._followers, lambda session: header_of(self.ctx, session, {}))
+
+    def _end_watch(self) -> None:
+        if self._watch is not None:
+            self._watch.abandon()
+            self._watch = None
 
     @refused_while_deciding
     def write(self, opCode: OpCodes, data: dict[str, Any]) -> None:  # noqa: N803 - published name

@@ -9,25 +9,23 @@ from contextlib import contextmanager
 from copy import deepcopy
 from itertools import takewhile
 from operator import attrgetter
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
 from gamms.deciding import phase_of
 from gamms.ir import events as kinds
-from gamms.ir.agents import Position, Quat
 from gamms.ir.events import Log
-from gamms.ir.journal import PLAIN, Journal
-from gamms.plain import Plain, plain_subset, to_plain
+from gamms.ir.journal import PLAIN
+from gamms.plain import Plain
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.changes import DrawingChanges, GameChanges, SensorChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
+from gamms.recorder.journals import SessionJournal, SkippedValues
 from gamms.recorder.maps import is_map_of
 from gamms.recorder.saving import Saving, uninterrupted
-from gamms.typing.agent_engine import SensorsOfAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import strategy_name
 
 _OTHER_AGENT = object()
 _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
@@ -37,8 +35,28 @@ _ENTRIES_AT_ONCE = 1 << 13  # of logs; the same
 _TURNS_OF_STREAM = 64  # likewise, where blocks are written that stay, and no other thread writes
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
 _KEYFRAME_TURNS = 64  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
-_OF_FLIGHT = 7  # what its weight is, beside the entry
 _OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `SessionJournal.weight`
+
+
+class Follower(Protocol):
+    """What hears of a game as it is played, turn by turn, in the form in which it is recorded."""
+
+    def begin(self, header: dict[str, Any], state: keyframes.Keyframe) -> None:
+        """Begin, or begin again: the game is like this now, and what follows are its turns.
+
+        Args:
+            header: what that of a recording would say that began now.
+            state: not to be changed.
+        """
+
+    def hear(self, log: Log, *, is_over: bool) -> None:
+        """Hear what has happened since the last call.
+
+        Args:
+            log: not to be changed; of a turn whose agents sense first what has led to that.
+            is_over: whether the turn is over; else agents decide next.
+        """
+
 
 Encoder = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
 #            `close()`; `values`, how many events with a value were written; `is_current`, whether what was flushed can
@@ -85,6 +103,9 @@ class RecordingSession:
         self.is_paused = self.has_failed = False
         self._replayed: DetachedState | None = None  # of a recording that this one began like
         self.takes_records = False
+        self._followers: tuple[Follower, ...] = ()
+        self._followed: int | None = None  # the edits of what is drawn with which they began; None: they have not
+        self._heard = 0  # entries of the log of this turn that they know
         self._pending: Log = []  # declarations of components which that one may have as well
         self.header: dict[str, Any] | None = None
         has_map = next(iter(ctx.graph.graph.get_nodes()), None) is not None
@@ -136,6 +157,40 @@ class RecordingSession:
             self.world = self._skipped.packed()
         if self.turn >= self._writes_at or self._entries_here >= _ENTRIES_AT_ONCE:
             self._write()
+        if self._followers:
+            self._tell_followers(log, is_over=True)
+
+    def follow(self, followers: tuple[Follower, ...], header: "Callable[[RecordingSession], dict[str, Any]]") -> None:
+        """Let these hear of all that happens from now on, and others no longer.
+
+        Args:
+            followers: those who hear.
+            header: what a header says of a session.
+        """
+        self._followers, self._header, self._followed = followers, header, None
+        self._begin_with_followers()
+
+    def _begin_with_followers(self) -> None:
+        """Let followers begin with how things are now, once there is a map."""
+        if not self._followers or next(iter(self.ctx.graph.graph.get_nodes()), None) is None:
+            return
+        self._note_changes()
+        self._heard = self._front = len(self.log)
+        self._followed = self.drawings.edits
+        looks = {"world": self._skipped.packed(), "visuals": self.drawings.specs()}
+        header = self._header(self) | looks
+        state = keyframes.captured(self.ctx) | keyframes.history(self.ctx) | {"pace": self._game.pace}
+        for follower in self._followers:
+            follower.begin(header, state)
+
+    def _tell_followers(self, log: Log, *, is_over: bool) -> None:
+        # What is declared in the first turn is in the header, and no event says it.
+        if self._followed is None or (self.turn == 1 and is_over and self._followed != self.drawings.edits):
+            self._begin_with_followers()
+            return
+        heard, self._heard = self._heard, 0 if is_over else len(log)
+        for follower in self._followers:
+            follower.hear(log[heard:], is_over=is_over)
 
     def pause(self) -> None:
         """Write nothing until `play`."""
@@ -165,6 +220,7 @@ class RecordingSession:
         self._front = len(waiting)
         self._journal.log = [*waiting, *gone, (kinds.SNAPSHOT, snapshot)]
         self._watch_game()
+        self._begin_with_followers()
 
     def close(self) -> None:
         """Write what is left, and listen no longer."""
@@ -303,7 +359,12 @@ class RecordingSession:
         numbers = dict(zip(columns.names, journal.ids, strict=False))
         nodes = dict(zip(columns.names, columns.node, strict=True))
         results = [(numbers[agent.name], state["sensor"]) for agent, state in zip(agents, states, strict=True)]
+        if self._followers and self._followed is None:
+            self._begin_with_followers()
         journal.log.append((kinds.SENSED, sensed.packed(results, numbers, nodes)))
+        self._front = len(journal.log)  # what changes later in this turn is behind what was decided by
+        if self._followed is not None:
+            self._tell_followers(journal.log, is_over=False)
 
     def _stop_listening(self) -> None:
         block = self.ctx.agent.block
@@ -483,116 +544,3 @@ class RecordingSession:
 def _precedes_sensors(entry: Any) -> bool:
     """Return whether an entry of a log comes before changes of sensors, which come before agents that carry them."""
     return type(entry) is tuple and entry[0] in (kinds.SNAPSHOT, kinds.SENSORS)
-
-
-# -- what the context notes -------------------------------------------------------------------------------------
-
-
-class SkippedValues:
-    """Warns of what is not in a recording; once for each key of nodes, edges, agents and sensors."""
-
-    def __init__(self, ctx: HostContext) -> None:
-        self._ctx = ctx
-        self._warned: set[tuple[str, Any]] = set()
-
-    def packed(self) -> bytes:
-        """Graph and obstacles of the context, as far as they can be written."""
-        packed: bytes
-        packed, left_out = self._ctx.graph.storage.pack_savable()
-        for (kind, key), ids in left_out.items():
-            others = f" and {len(ids) - 1} more" if len(ids) > 1 else ""
-            self._warn(kind, f"{ids[0]}{others}", key)
-        return packed
-
-    def plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
-        """Return what of the values of an agent or sensor can be written."""
-        left_out: list[Any] = []
-        part = plain_subset(values, left_out)
-        for key in left_out:
-            self._warn(kind, repr(name), key)
-        return part
-
-    def check_all(self) -> None:
-        """Warn of values of agents and sensors that cannot be written."""
-        for name, (_, attributes, _) in zip(self._ctx.agent.agents, self._ctx.agent.storage.details(), strict=True):
-            if attributes:
-                self.plain_part("agent", name, attributes)
-        self.check_sensors(self._ctx.sensor.storage.described())
-
-    def check_sensors(self, described: list[dict[str, Any]]) -> None:
-        """Warn of values of these sensors that cannot be written."""
-        for sensor in described:
-            self.plain_part("sensor", sensor["id"], sensor["keywords"])
-
-    def _warn(self, kind: str, which: str, key: Plain) -> None:
-        if (kind, key) in self._warned:
-            return
-        self._warned.add((kind, key))
-        self._ctx.logger.warning(
-            f"{kind.capitalize()} {which} has {key!r} with something in it that is no plain value: that is left out of "
-            "the recording, here and wherever else."
-        )
-
-
-class SessionJournal(Journal):
-    """Notes what can be written of events.
-
-    Args:
-        names: of the agents who are there.
-        left_out: warns of what cannot be written.
-        accept: called with each event of a replay.
-
-    Attributes:
-        living: the names of the agents of whom the reader knows, in the order of their creation.
-        weight: what it costs to read the flights that were noted, beside the entries of the log, in such entries.
-    """
-
-    def __init__(self, names: list[str], left_out: SkippedValues, accept: Callable[[int, Any], None]) -> None:
-        super().__init__(names)
-        self._accept = accept
-        self._skipped = left_out
-        self.living = dict.fromkeys(names)
-        self.weight = 0
-
-    def note(self, kind: int, data: Plain) -> None:
-        """Note an event other than a move, as plain values."""
-        self._know(kind, data)
-        self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
-
-    def append(self, kind: int, data: Plain) -> None:
-        """Take an event of a replay that has been applied, as it is."""
-        self._know(kind, data)
-        self.log.append((kind, data))
-        self._accept(kind, data)
-
-    def _know(self, kind: int, data: Plain) -> None:
-        if kind == kinds.AGENT_CREATE:
-            self.living[data["name"]] = None
-        elif kind == kinds.AGENT_DELETE:
-            self.living.pop(data["name"], None)
-
-    def flew(self, row: int, node: int, position: Position) -> None:
-        """Note where a flyer is, and the node below it."""
-        super().flew(row, node, position)
-        self.weight += _OF_FLIGHT
-
-    def turned(self, row: int, quat: Quat) -> None:
-        """Note how a flyer is turned."""
-        super().turned(row, quat)
-        self.weight += _OF_FLIGHT
-
-    def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
-        """Return a creation without those of its keywords that cannot be written."""
-        given = dict(data["kwargs"])
-        strategy = given.pop("strategy", None)
-        if "sensors" in given:
-            given["sensors"] = _ids_of(given["sensors"])
-        named = {} if strategy is None else {"strategy": strategy_name(strategy)}
-        return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
-
-
-def _ids_of(given: SensorsOfAgent) -> dict[str, str] | list[str]:
-    """Return the ids of the sensors that an agent was created with, by their names in its state."""
-    if isinstance(given, dict):
-        return dict(zip(map(str, given), _ids_of(list(given.values())), strict=True))
-    return [one if isinstance(one, str) else one.sensor_id for one in given]

@@ -42,6 +42,7 @@ class Writer:
         seconds: float | None = 1.0,
         size: int = 256 * 1024,
         clock: Callable[[], float] = time.monotonic,
+        first: int = 0,
     ) -> None:
         """Begin a recording.
 
@@ -53,6 +54,7 @@ class Writer:
             size: a block of 16 turns or more closes after so many bytes, counting 4 for each move; one of fewer turns
                 after 64 times as many.
             clock: where the seconds come from.
+            first: how many turns come before, which are not in it; a keyframe says how it begins then.
 
         Raises:
             BadType, BadValue: the header is not plain.
@@ -68,7 +70,7 @@ class Writer:
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = stream if isinstance(stream, Output) else Output(stream)
         self._values = 0  # before the open block
-        self._open = chunks.Collected(0)
+        self._open = chunks.Collected(first)
         self._file.append(blocks.MAGIC + head)
         self._saved_at = clock()
         self._saved = 0  # parts of the open block that are in provisional blocks

@@ -1,0 +1,124 @@
+"""What a context notes while it is recorded, and warnings of what cannot be written."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from gamms.ir import events as kinds
+from gamms.ir.agents import Position, Quat
+from gamms.ir.journal import Journal
+from gamms.plain import Plain, plain_subset, to_plain
+from gamms.typing.agent_engine import SensorsOfAgent
+from gamms.typing.context import HostContext
+from gamms.typing.game import strategy_name
+
+_OF_FLIGHT = 7  # what its weight is, beside the entry
+
+
+class SkippedValues:
+    """Warns of what is not in a recording; once for each key of nodes, edges, agents and sensors."""
+
+    def __init__(self, ctx: HostContext) -> None:
+        self._ctx = ctx
+        self._warned: set[tuple[str, Any]] = set()
+
+    def packed(self) -> bytes:
+        """Graph and obstacles of the context, as far as they can be written."""
+        packed: bytes
+        packed, left_out = self._ctx.graph.storage.pack_savable()
+        for (kind, key), ids in left_out.items():
+            others = f" and {len(ids) - 1} more" if len(ids) > 1 else ""
+            self._warn(kind, f"{ids[0]}{others}", key)
+        return packed
+
+    def plain_part(self, kind: str, name: object, values: Mapping[Any, Any]) -> dict[Any, Any]:
+        """Return what of the values of an agent or sensor can be written."""
+        left_out: list[Any] = []
+        part = plain_subset(values, left_out)
+        for key in left_out:
+            self._warn(kind, repr(name), key)
+        return part
+
+    def check_all(self) -> None:
+        """Warn of values of agents and sensors that cannot be written."""
+        for name, (_, attributes, _) in zip(self._ctx.agent.agents, self._ctx.agent.storage.details(), strict=True):
+            if attributes:
+                self.plain_part("agent", name, attributes)
+        self.check_sensors(self._ctx.sensor.storage.described())
+
+    def check_sensors(self, described: list[dict[str, Any]]) -> None:
+        """Warn of values of these sensors that cannot be written."""
+        for sensor in described:
+            self.plain_part("sensor", sensor["id"], sensor["keywords"])
+
+    def _warn(self, kind: str, which: str, key: Plain) -> None:
+        if (kind, key) in self._warned:
+            return
+        self._warned.add((kind, key))
+        self._ctx.logger.warning(
+            f"{kind.capitalize()} {which} has {key!r} with something in it that is no plain value: that is left out of "
+            "the recording, here and wherever else."
+        )
+
+
+class SessionJournal(Journal):
+    """Notes what can be written of events.
+
+    Args:
+        names: of the agents who are there.
+        left_out: warns of what cannot be written.
+        accept: called with each event of a replay.
+
+    Attributes:
+        living: the names of the agents of whom the reader knows, in the order of their creation.
+        weight: what it costs to read the flights that were noted, beside the entries of the log, in such entries.
+    """
+
+    def __init__(self, names: list[str], left_out: SkippedValues, accept: Callable[[int, Any], None]) -> None:
+        super().__init__(names)
+        self._accept = accept
+        self._skipped = left_out
+        self.living = dict.fromkeys(names)
+        self.weight = 0
+
+    def note(self, kind: int, data: Plain) -> None:
+        """Note an event other than a move, as plain values."""
+        self._know(kind, data)
+        self.log.append((kind, self._creation(data) if kind == kinds.AGENT_CREATE else to_plain(data)))
+
+    def append(self, kind: int, data: Plain) -> None:
+        """Take an event of a replay that has been applied, as it is."""
+        self._know(kind, data)
+        self.log.append((kind, data))
+        self._accept(kind, data)
+
+    def _know(self, kind: int, data: Plain) -> None:
+        if kind == kinds.AGENT_CREATE:
+            self.living[data["name"]] = None
+        elif kind == kinds.AGENT_DELETE:
+            self.living.pop(data["name"], None)
+
+    def flew(self, row: int, node: int, position: Position) -> None:
+        """Note where a flyer is, and the node below it."""
+        super().flew(row, node, position)
+        self.weight += _OF_FLIGHT
+
+    def turned(self, row: int, quat: Quat) -> None:
+        """Note how a flyer is turned."""
+        super().turned(row, quat)
+        self.weight += _OF_FLIGHT
+
+    def _creation(self, data: dict[str, Any]) -> dict[str, Any]:
+        """Return a creation without those of its keywords that cannot be written."""
+        given = dict(data["kwargs"])
+        strategy = given.pop("strategy", None)
+        if "sensors" in given:
+            given["sensors"] = _ids_of(given["sensors"])
+        named = {} if strategy is None else {"strategy": strategy_name(strategy)}
+        return {**data, "kwargs": self._skipped.plain_part("agent", data["name"], given), **named}
+
+
+def _ids_of(given: SensorsOfAgent) -> dict[str, str] | list[str]:
+    """Return the ids of the sensors that an agent was created with, by their names in its state."""
+    if isinstance(given, dict):
+        return dict(zip(map(str, given), _ids_of(list(given.values())), strict=True))
+    return [one if isinstance(one, str) else one.sensor_id for one in given]
