@@ -1,19 +1,26 @@
-"""Games in the browser: a recording as one HTML file that replays it, offline.
+"""Games in the browser: a recording as one HTML file that replays it, offline; and games that are served live.
 
     gamms.recorder.open("game.ggr").save("game.html")
 
-Read `pages.py` first: what such a file holds; `places.py` makes the page on which places of a map are chosen. The
-viewer itself is JavaScript, in `viewer/`, where `main.js` is the first file to read; `scripts/build_viewer.py` makes
-one page of it, `data/viewer.html`, which ships with GAMMS, and `data/places.html`.
+    with gamms.web.serve(gamms.scenario.load("hunt.yaml")) as live:
+        print(live.url)
+        live.wait()
 
-A client: it uses recordings as any program would.
+Read `pages.py` first: what such a file holds; then `live.py`: a game that is served while it is played, with
+`streams.py`, what its spectators are sent, `links.py`, what they may, and `server.py`, HTTP and WebSocket; `places.py`
+makes the page on which places of a map are chosen. The viewer itself is JavaScript, in `viewer/`, where `main.js` is
+the first file to read; `scripts/build_viewer.py` makes one page of it, `data/viewer.html`, which ships with GAMMS, and
+`data/places.html`.
+
+A client: it uses recordings and contexts as any program would.
 """
 
+from gamms.web.live import Live, ServeOptions, serve
 from gamms.web.pages import page, page_of_two
 from gamms.web.people import human
 from gamms.web.places import map_page
 
-__all__ = ["human", "map_page", "page", "page_of_two"]
+__all__ = ["Live", "ServeOptions", "human", "map_page", "page", "page_of_two", "serve"]
 
 FOR_SCENARIOS = {"human": human}
 """What scenario files may name; `strategy: human` is short for it."""

@@ -9,7 +9,7 @@ import json
 import re
 import zlib
 from collections.abc import Collection, Mapping
-from functools import cache
+from functools import cache, lru_cache
 from html import escape
 from io import BytesIO
 from pathlib import Path
@@ -23,6 +23,7 @@ from gamms.errors import BadValue
 from gamms.graph.map_file import base_map_of, scenery_called
 from gamms.ir import events as kinds
 from gamms.ir import packing
+from gamms.ir.events import Log
 from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder import Recording, Writer
@@ -90,6 +91,13 @@ def page_of_two(
     look |= {"names": list(names), **({} if found is None else {"parts": found.turn})}
     recordings = [_rewritten(one, options.get("audience")) for one in (first, second)]
     return _assembled(look, options.get("still"), recordings)
+
+
+def live_page(title: str) -> bytes:
+    """Return the page of a game that is served: the viewer, which asks the server that it comes from for the game."""
+    words = escape(f"{title}. A browser with JavaScript shows it.")
+    data = f'<script type="application/json" id="options">{as_json({"title": title, "live": True})}</script>'
+    return filled("viewer", {"title": escape(title), "still": words, "connect": "'self'"}, data)
 
 
 def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
@@ -180,30 +188,47 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
         known = BytesIO()
         with_sensed(recording).cut(known, team)
         recording = opened(BytesIO(known.getvalue()))
-    header = {name: recording.header[name] for name in _HEADER if recording.header.get(name) is not None}
     agents = len(recording.detached(0).agents)
     every = min(max(_KEYFRAME_MOVES // max(agents, 1), _FEWEST_TURNS), _MOST_TURNS)
     stream = BytesIO()
-    writer = Writer(stream, header | {"world": drawn_map(recording.graph.packed, _EDGE_ATTRIBUTES)}, seconds=None)
+    header = drawn_header({**recording.header, "world": recording.graph.packed})
+    writer = Writer(stream, header, seconds=None)
     for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
         if turn % every == 0:
-            writer.keyframe(_drawn_keyframe(recording.detached(turn).keyframe(turn)))
-        writer.add_turn([_drawn_event(entry) for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD])
+            writer.keyframe(drawn_keyframe(recording.detached(turn).keyframe(turn)))
+        writer.add_turn(drawn_log(log))
     if not recording.turns:
-        writer.keyframe(_drawn_keyframe(recording.detached(0).keyframe(0)))
+        writer.keyframe(drawn_keyframe(recording.detached(0).keyframe(0)))
     writer.close()
     return stream.getvalue()
 
 
-def _drawn_keyframe(state: dict[str, Plain]) -> dict[str, Plain]:
+def drawn_header(header: Mapping[str, Plain]) -> dict[str, Plain]:
+    """Return what the viewer reads of a header, which holds its map."""
+    chosen = {name: header[name] for name in _HEADER if header.get(name) is not None}
+    return {**chosen, "world": _map_for_viewer(header["world"])}
+
+
+def drawn_log(log: Log) -> Log:
+    """Return what the viewer reads of the log of a turn."""
+    return [_drawn_event(entry) for entry in log if type(entry) is not tuple or entry[0] not in _UNREAD]
+
+
+def drawn_keyframe(state: dict[str, Plain]) -> dict[str, Plain]:
+    """Return what the viewer reads of a keyframe."""
     return {name: value for name, value in state.items() if name not in _UNREAD_STATE}
 
 
 def _drawn_event(entry: Any) -> Any:
     """Return an event of a log, with a map as the viewer reads it."""
     if type(entry) is tuple and entry[0] == kinds.WORLD:
-        return kinds.WORLD, {"world": drawn_map(entry[1]["world"], _EDGE_ATTRIBUTES)}
+        return kinds.WORLD, {"world": _map_for_viewer(entry[1]["world"])}
     return entry
+
+
+@lru_cache(maxsize=2)  # games that are begun again have the same map
+def _map_for_viewer(world: bytes) -> bytes:
+    return drawn_map(world, _EDGE_ATTRIBUTES)
 
 
 # -- the map ------------------------------------------------------------------------------------------------------

@@ -1,0 +1,507 @@
+"""A game that is served while it is played: `serve`, and the handle that it returns.
+
+The thread that plays hands each turn to `Streams`, waits as `Pace` says, and goes on; the thread of the server sends
+what is there. `Live` connects both: it is the `Talk` of the server and a follower of `ctx.record`.
+
+To build on it: `Live.handlers` has what is done with messages of clients by their `type`, and others may be added;
+`Live.when_joined` is called with each connection that opens; `Live.link` makes a link for any `Grant`; `Live.streams`
+has what each audience is sent; `Live.connections` are those that are open. Handlers run in the thread of the server.
+"""
+
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from html import escape
+from math import isfinite
+from pathlib import Path
+from time import monotonic
+from types import TracebackType
+from typing import Any, Self, TypedDict, Unpack
+
+from gamms.arguments import as_bool, as_float
+from gamms.context import Context
+from gamms.errors import BadType, BadValue, ContextTerminated, GammsError
+from gamms.game.result import Result
+from gamms.ir.events import Log
+from gamms.ir.graph import GraphColumns
+from gamms.plain import Plain
+from gamms.scenario import Scenario
+from gamms.text import reason, shown
+from gamms.web.links import Audience, Grant, Links, Refused
+from gamms.web.pages import live_page
+from gamms.web.server import Connection, Json, Page, Server, Site
+from gamms.web.streams import Streams, news
+
+Handler = Callable[[Connection, Json], None]
+_CLOSE_S = 10.0
+_LOOK_S = 0.5  # between two looks whether a file has changed, and at signals
+_FASTEST = 1000.0  # turns a second
+_MOST_NUMBERS = 60
+
+
+class ServeOptions(TypedDict, total=False):
+    """The keywords of `serve`."""
+
+    port: int
+    """0: a free one."""
+    host: str
+    """The address: "127.0.0.1"; another one than loopback needs `allow_network`."""
+    allow_network: bool
+    """Let other machines in: False."""
+    speed: float | None
+    """Turns a second: 4.0; None: as fast as they are played."""
+    is_paused: bool
+    """Whether it begins paused: False."""
+    title: str
+    """What stands above the map: the name of the scenario."""
+    seed: int | None
+    """Of a scenario: None, its own."""
+    strategies: Mapping[str, Callable[..., Any]] | None
+    """Of a scenario: by team or agent, in place of its own; None."""
+    record: str | Path | None
+    """Of a scenario: the file of a recording; None: the game is not recorded."""
+    watch: bool
+    """Of a scenario: begin again when its file or code changes: False."""
+
+
+def serve(game: Context | Scenario, **options: Unpack[ServeOptions]) -> "Live":
+    """Serve a game to browsers while it is played; returns a handle with the links.
+
+    A scenario is built and played in a thread of its own. The game of a context is played by the program, which the
+    pace of the served game then holds: a pause in the browser lets `ctx.game.step` and `ctx.visual.simulate` wait.
+
+    Args:
+        game: a scenario, or a context.
+        options: `gamms.web.ServeOptions` has them.
+
+    Raises:
+        MissingExtra (ImportError): the extra `web` is not installed.
+        NetworkError (ConnectionError): the port is in use.
+        BadType, BadValue: an option is impossible, or is for a scenario alone.
+        ScenarioError: the game cannot be built.
+    """
+    if not isinstance(game, Context | Scenario):
+        raise BadType(f"serve takes a context or a scenario, not {shown(game)}.")
+    if unknown := sorted(options.keys() - ServeOptions.__annotations__.keys()):
+        raise BadValue(f"serve has no option {shown(unknown[0])}; there is: {', '.join(ServeOptions.__annotations__)}.")
+    return Live(game, options)
+
+
+class Pace:
+    """When turns are played: at some speed, one by one, or not at all.
+
+    Attributes:
+        speed: turns a second; None: as fast as they are played.
+        is_paused: whether turns are played one by one only.
+    """
+
+    def __init__(self, speed: float | None, *, is_paused: bool) -> None:
+        self.speed, self.is_paused = speed, is_paused
+        self._steps = 0
+        self._is_released = False
+        self._next_at = 0.0
+        self._changed = threading.Condition()
+
+    def wait(self) -> None:
+        """Wait until the next turn may be played."""
+        with self._changed:
+            while not self._is_released:
+                if self._steps:
+                    self._steps -= 1
+                    break
+                rest = _LOOK_S if self.is_paused else self._next_at - monotonic()
+                if rest <= 0.0:
+                    break
+                self._changed.wait(min(rest, _LOOK_S))
+            self._next_at = monotonic() + (0.0 if self.speed is None else 1.0 / self.speed)
+
+    def set(self, **changes: Any) -> None:
+        """Change `speed` or `is_paused`."""
+        with self._changed:
+            for name, value in changes.items():
+                setattr(self, name, value)
+            if "speed" in changes:
+                self._next_at = min(self._next_at, monotonic() + (0.0 if self.speed is None else 1.0 / self.speed))
+            self._changed.notify_all()
+
+    def step(self) -> None:
+        """Let one turn be played, and stand still then."""
+        with self._changed:
+            self.is_paused, self._steps = True, 1
+            self._changed.notify_all()
+
+    def release(self, *, is_released: bool) -> None:
+        """Let no turn wait any more; or again."""
+        with self._changed:
+            self._is_released = is_released
+            self._changed.notify_all()
+
+
+class Live:
+    """A game that is served, until `close`; usable in a `with` statement.
+
+    Attributes:
+        ctx: the context of the game that is played; None before the first.
+        pace: when turns are played.
+        streams: what each audience is sent.
+        handlers: what is done with messages of clients, by their `type`.
+        when_joined: called with each connection that opens, in the thread of the server.
+        scenario: that is played, with the numbers that were chosen; None: the program plays.
+    """
+
+    def __init__(self, game: Context | Scenario, options: ServeOptions) -> None:
+        is_scenario = isinstance(game, Scenario)
+        of_scenarios = [name for name in ("seed", "strategies", "record", "watch") if options.get(name) is not None]
+        if of_scenarios and not is_scenario:
+            raise BadValue(f"{of_scenarios[0]}= is for a scenario; the game of a context is played by the program.")
+        self.pace = Pace(
+            _speed(options.get("speed", 4.0)), is_paused=as_bool(options.get("is_paused", False), "is_paused")
+        )
+        self.scenario: Scenario | None = game if isinstance(game, Scenario) else None
+        self.ctx: Context | None = game if isinstance(game, Context) else None
+        self.streams = Streams(self._columns)
+        self.handlers: dict[str, Handler] = {
+            "pause": self._pause,
+            "step": self._step,
+            "speed": self._set_speed,
+            "restart": self._restart,
+        }
+        self.when_joined: list[Callable[[Connection], None]] = [self._tell_status]
+        self._options, self._seed = options, options.get("seed")
+        self._result: Result | None = None
+        self._error: BaseException | None = None
+        self._is_over, self._is_closed, self._wanted = threading.Event(), threading.Event(), threading.Event()
+        self._asking = threading.Lock()
+        self._links, self._tokens = Links(), dict[Grant, str]()
+        title = options.get("title") or _title_of(game)
+        site = Site(self._links, {"/": Page(live_page(title))}, talk=self)
+        network = as_bool(options.get("allow_network", False), "allow_network")
+        self._server = Server(
+            site, host=options.get("host", "127.0.0.1"), port=options.get("port", 0), allow_network=network
+        )
+        self._thread: threading.Thread | None = None
+        try:
+            self._begin()
+        except BaseException:
+            self.close()
+            raise
+
+    # -- links ----------------------------------------------------------------------------------------------------
+
+    def link(self, grant: Grant) -> str:
+        """Return the address for the holder of a grant; the same grant has the same address."""
+        if grant not in self._tokens:
+            self._tokens[grant] = self._links.add(grant)
+        return self._server.link(self._tokens[grant])
+
+    @property
+    def url(self) -> str:
+        """The address of those who look on and see everything."""
+        return self.links["everything"]
+
+    @property
+    def links(self) -> dict[str, str]:
+        """The addresses: "admin", who may pause and change the game; "everything"; and by team, what it knows."""
+        grants = [Grant("admin", may_control=True), Grant("everything")]
+        grants += [Grant(team, Audience(team)) for team in self._teams()]
+        by_name = {grant.name: grant for grant in reversed(grants)}
+        return {name: self.link(by_name[name]) for name in dict.fromkeys(grant.name for grant in grants)}
+
+    def _teams(self) -> list[str]:
+        if self.scenario is not None:
+            return list(self.scenario.spec.teams)
+        block = self._context.agent.block
+        return list(dict.fromkeys(str(team) for team in block.teams if team is not None))
+
+    # -- the handle -----------------------------------------------------------------------------------------------
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Those that have joined."""
+        return self._server.connections
+
+    def wait(self, timeout: float | None = None) -> Result | None:
+        """Wait until the game is over, and return its result; None: time was up, or it was closed before.
+
+        Raises:
+            whatever the game of a scenario has raised.
+        """
+        ends = None if timeout is None else monotonic() + timeout
+        while not (self._is_over.is_set() or self._is_closed.is_set()):
+            rest = _LOOK_S if ends is None else min(ends - monotonic(), _LOOK_S)
+            if rest <= 0.0:
+                break
+            self._is_over.wait(rest)
+        if self._error is not None:
+            raise self._error
+        return self._result if self._is_over.is_set() else None
+
+    def stay_open(self) -> None:
+        """Serve on until `close` or Ctrl-C."""
+        with suppress(KeyboardInterrupt):
+            while not self._is_closed.wait(_LOOK_S):
+                pass
+
+    def close(self) -> None:
+        """End the server, and the game of a scenario; a context goes on."""
+        self._is_closed.set()
+        self._play_again()
+        if self._thread is not None and threading.current_thread() is not self._thread:
+            self._thread.join(_CLOSE_S)
+        if self.scenario is None and self.ctx is not None and not self.ctx.is_terminated():
+            self.ctx.record.unfollow(self)
+        self._server.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __repr__(self) -> str:
+        """Show where it is, without a token."""
+        return f"Live({self._server.address}, turns={self.streams.turns}, connections={len(self.connections)})"
+
+    def _repr_html_(self) -> str:
+        """Return the links for notebooks."""
+        links = (f'<a href="{escape(to)}" target="_blank">{escape(name)}</a>' for name, to in self.links.items())
+        return f"A live game: {' · '.join(links)}"
+
+    # -- the game -------------------------------------------------------------------------------------------------
+
+    @property
+    def _context(self) -> Context:
+        if self.ctx is None:
+            raise ContextTerminated("A served game")
+        return self.ctx
+
+    def _columns(self) -> GraphColumns:
+        return self._context.graph.columns()
+
+    def _begin(self) -> None:
+        if self.scenario is None:
+            self._context.record.follow(self)
+            return
+        begun = threading.Event()
+        self._thread = threading.Thread(target=self._play_on, args=(begun,), name="gamms game", daemon=True)
+        self._thread.start()
+        begun.wait()
+        if self._error is not None:
+            raise self._error
+
+    def _play_on(self, begun: threading.Event) -> None:
+        """Play the scenario, and again as often as that is asked for."""
+        while not self._is_closed.is_set():
+            with self._asking:
+                self._wanted.clear()
+                self._is_over.clear()
+                self.pace.release(is_released=False)
+            try:
+                self._play(begun)
+            except BaseException as error:  # noqa: BLE001 - it is for the thread that waits, and for the page
+                self._error = error
+            if not self._wanted.is_set():
+                self._is_over.set()
+            begun.set()
+            self._tell_all()
+            self._wanted.wait()
+
+    def _play(self, begun: threading.Event) -> None:
+        scenario = self.scenario
+        assert scenario is not None  # noqa: S101 - this thread is for scenarios
+        self._error = None
+        with scenario.build(self._seed, self._options.get("strategies")) as ctx:
+            self.ctx = ctx
+            if (path := self._options.get("record")) is not None:
+                ctx.record.start(path, sensed=True, overwrite=True)
+            ctx.record.follow(self)
+            begun.set()
+            self._tell_all()
+            self.pace.wait()
+            game = ctx.game
+            while not self._wanted.is_set() and game.turn != game.max_turns and game.step():
+                pass
+            self._result = game.result()
+
+    # -- what the thread that plays calls -------------------------------------------------------------------------
+
+    def begin(self, header: dict[str, Any], state: dict[str, Any]) -> None:
+        """Show another game; see `gamms.recorder.session.Follower`."""
+        self.streams.begin(header, state)
+        self._server.wake()
+
+    def hear(self, log: Log, *, is_over: bool) -> None:
+        """Show what has happened, and wait until the next turn may be played."""
+        self.streams.hear(log, is_over=is_over)
+        game = None if self.ctx is None else self.ctx.current_game
+        if is_over and game is not None and (game.is_over or game.turn == game.last_turn):
+            self.streams.end()
+            if self.scenario is None:
+                self._is_over.set()
+        self._server.wake()
+        if is_over:
+            self.pace.wait()
+
+    # -- what the thread of the server calls ----------------------------------------------------------------------
+
+    def joined(self, connection: Connection) -> None:
+        """See `Talk`."""
+        for hear in self.when_joined:
+            hear(connection)
+
+    def left(self, connection: Connection) -> None:
+        """Write no stream any more that no connection reads."""
+        audience = connection.grant.audience
+        if not connection.grant.may_play and all(one.grant.audience != audience for one in self.connections):
+            self.streams.drop(audience)
+
+    def received(self, connection: Connection, message: Json) -> None:
+        """See `Talk`."""
+        handler = self.handlers.get(str(message.get("type")))
+        if handler is None:
+            connection.counts["bad"] += 1
+            raise Refused("There is no such message.")
+        handler(connection, message)
+
+    def news(self, connection: Connection) -> Iterable[bytes]:
+        """See `Talk`."""
+        before = connection.counts["dropped"]
+        yield from news(self.streams, connection)
+        if connection.counts["dropped"] != before:
+            self._tell_status(connection)
+
+    def _tell_all(self) -> None:
+        for connection in self.connections:
+            self._tell_status(connection)
+
+    def _tell_status(self, connection: Connection) -> None:
+        """Tell a client how the game goes, and what it may do with it."""
+        status: Json = {
+            "type": "status",
+            "paused": self.pace.is_paused,
+            "speed": self.pace.speed,
+            "over": self._is_over.is_set(),
+            "control": connection.grant.may_control,
+            "watching": len(self.connections),
+            "dropped": connection.counts["dropped"],
+            "error": None if self._error is None else reason(self._error),
+        }
+        if connection.grant.may_control and self.scenario is not None:
+            status |= {"restart": True, "numbers": list(numbers_of(self.scenario)), "seed": self._seed}
+        connection.tell(status)
+
+    # -- messages of those who may control ------------------------------------------------------------------------
+
+    def _pause(self, connection: Connection, message: Json) -> None:
+        _check_control(connection)
+        self.pace.set(is_paused=_is_flag(message.get("paused")))
+        self._tell_all()
+
+    def _step(self, connection: Connection, _message: Json) -> None:
+        _check_control(connection)
+        self.pace.step()
+        self._tell_all()
+
+    def _set_speed(self, connection: Connection, message: Json) -> None:
+        _check_control(connection)
+        speed = message.get("speed")
+        if speed is not None and not (_is_number(speed) and 0.0 < speed <= _FASTEST):
+            raise Refused(f"A speed is a number up to {_FASTEST:g} turns a second.")
+        self.pace.set(speed=None if speed is None else float(speed))
+        self._tell_all()
+
+    def _restart(self, connection: Connection, message: Json) -> None:
+        _check_control(connection)
+        if self.scenario is None:
+            raise Refused("The program plays this game, and begins it again.")
+        seed, chosen = message.get("seed"), message.get("numbers", {})
+        if seed is not None and not (isinstance(seed, int) and not isinstance(seed, bool) and abs(seed) < 1 << 53):
+            raise Refused("A seed is a whole number.")
+        self.scenario, self._seed = _with_numbers(self.scenario, chosen), seed
+        self._play_again()
+
+    def _play_again(self) -> None:
+        """Let the thread that plays end this game, if it goes on, and begin another one."""
+        with self._asking:
+            self._wanted.set()
+            self.pace.release(is_released=True)
+
+
+def numbers_of(scenario: Scenario) -> Iterator[dict[str, Plain]]:
+    """Yield the numbers of a scenario that can be chosen: each with its `path`, `value`, `low`, `high` and `step`."""
+    found = ((path, value) for path, value in _leaves(scenario.to_dict()) if path.partition(".")[0] not in _NO_NUMBERS)
+    for (path, value), _ in zip(found, range(_MOST_NUMBERS), strict=False):
+        is_whole = isinstance(value, int)
+        low = 0 if value >= 0 else 4 * value
+        high = max(10 if is_whole else 1.0, 4 * value)
+        yield {"path": path, "value": value, "low": low, "high": high, "step": 1 if is_whole else (high - low) / 200}
+
+
+_NO_NUMBERS = ("map", "seed", "name", "description", "facts")
+_NO_KEYS = {"node", "near", "at"}  # whose numbers are ids of nodes
+
+
+def _leaves(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, int | float]]:
+    """Yield the numbers in mappings in each other, with the path that `Scenario.replace` takes."""
+    for key, value in values.items():
+        if key in _NO_KEYS or "." in key:
+            continue
+        if _is_number(value):
+            yield path + key, value
+        elif isinstance(value, Mapping):
+            yield from _leaves(value, f"{path}{key}.")
+        elif isinstance(value, list):
+            items = {str(number): item for number, item in enumerate(value) if isinstance(item, Mapping)}
+            yield from _leaves(items, f"{path}{key}.")
+
+
+def _with_numbers(scenario: Scenario, chosen: object) -> Scenario:
+    """Return a scenario with other numbers.
+
+    Raises:
+        Refused: one is not among those that can be chosen, or makes no sense.
+    """
+    known = {one["path"]: one for one in numbers_of(scenario)}
+    if not isinstance(chosen, dict):
+        raise Refused("The numbers are a mapping from paths to numbers.")
+    for path, value in chosen.items():
+        one = known.get(path)
+        if one is None or not _is_number(value) or not one["low"] <= value <= one["high"]:
+            raise Refused(f"{path}: no number that can be chosen here.")
+    whole = {path: int(value) if known[path]["step"] == 1 else value for path, value in chosen.items()}
+    try:
+        return scenario.replace(**whole)
+    except GammsError as error:
+        raise Refused(str(error)) from None
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _is_flag(value: object) -> bool:
+    if not isinstance(value, bool):
+        raise Refused("That is true or false.")
+    return value
+
+
+def _check_control(connection: Connection) -> None:
+    if not connection.grant.may_control:
+        raise Refused("This link is for looking on.")
+
+
+def _speed(speed: float | None) -> float | None:
+    if speed is None:
+        return None
+    found = as_float(speed, "speed")
+    if not 0.0 < found <= _FASTEST:
+        raise BadValue(f"speed must be up to {_FASTEST:g} turns a second, or None, not {found:g}.")
+    return found
+
+
+def _title_of(game: Context | Scenario) -> str:
+    if isinstance(game, Context):
+        return "A live game"
+    return game.spec.name or (game.file.stem if game.file else "A live game")

@@ -1,0 +1,537 @@
+"""HTTP and WebSocket for pages of games: links with tokens, limits, and what is checked of every request.
+
+Three clients build on it: a live game (`live.py`), people who play in one, and pages that save places of a map.
+
+* A **link** (`links.py`) is an address with a token behind `#`, which browsers do not send when they ask for a page, so
+  that it is in no log. `Links.add(grant)` makes one; the `Grant` says what its holder may do and whose knowledge it is
+  sent: an `Audience` of everything, of a team, or of agents by name.
+* A **site** (`Site`) is what is served: `pages` by path; `calls` by path, functions that a page calls by POST with JSON
+  and the header `Authorization: Bearer TOKEN`; and `talk`, what is behind the WebSocket at `/live`.
+* A **talk** (`Talk`) hears who joins and leaves, gets each message of a client, and says what a client is sent next. It
+  is called in the thread of the server, and never waits.
+* A **connection** (`Connection`) is one browser. What a handler has checked of its messages goes into its bounded
+  `inbox`, from which the thread that plays takes it; `tell` sends it JSON, of each type the latest.
+
+What every request goes through, before any of these: the host must be the one that is served (else another site could
+be renamed to it), the origin of calls and WebSockets must be the page of this server, and sizes, rates and numbers of
+connections are limited. An address other than loopback needs `allow_network=True`. Tokens are compared in constant time
+and never logged.
+"""
+
+import asyncio
+import ipaddress
+import json
+import re
+import socket
+import threading
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
+from dataclasses import dataclass, field
+from time import monotonic, sleep, thread_time
+from typing import TYPE_CHECKING, Any, Protocol
+
+from gamms.arguments import as_int
+from gamms.errors import BadType, BadValue, GammsError, MissingExtra, NetworkError
+from gamms.plain import Plain
+from gamms.text import shown
+from gamms.web.links import Grant, Links, Refused
+
+if TYPE_CHECKING:
+    from starlette.requests import Request
+    from starlette.responses import Response
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+    from starlette.websockets import WebSocket
+
+MOST_MESSAGE = 4096  # bytes of a message of a client
+MOST_CALL = 1 << 18  # bytes of a call
+MOST_INBOX = 64  # messages of a client that wait for the game
+_MOST_CONNECTIONS = 256
+_MOST_STRANGERS = 32  # connections that have not said their token yet
+_JOIN_S = 5.0  # in which they have to
+_MOST_A_SECOND, _MOST_AT_ONCE = 20.0, 40.0  # messages of a client
+_MOST_BAD = 20  # messages of a client, until it is disconnected
+_MOST_BACKLOG = 64
+_MOST_DEPTH = 16  # of values in each other
+_SHARE = 20  # sending takes at most one part of so many of the time: a game beside it is not slowed down by spectators
+_SHORTEST_S, _LONGEST_S = 0.01, 1.0  # between two rounds of sending
+_START_S = 10.0
+_MOST_STUCK_S = 30.0  # that a client may take nothing
+_BAD_TOKEN, _TOO_MUCH, _TOO_MANY = 4401, 1008, 1013  # codes of closing
+
+Json = dict[str, Plain]
+
+
+# -- what is served -----------------------------------------------------------------------------------------------
+
+
+class Connection:
+    """One browser that has joined by a link.
+
+    Attributes:
+        grant: what its link says.
+        inbox: what handlers have put there for the thread that plays, `MOST_INBOX` messages at most.
+        place: where it is in what it is sent; for the talk alone.
+        counts: its messages: "received", "bad", "refused", and frames that were "dropped".
+    """
+
+    def __init__(self, grant: Grant) -> None:
+        self.grant = grant
+        self.inbox: deque[Json] = deque()
+        self.place: Any = None  # Any: what the talk keeps there
+        self.counts: Counter[str] = Counter()
+        self._told: dict[str, str] = {}
+        self._woken = asyncio.Event()
+        self._loop = asyncio.get_running_loop()
+        self._allowed, self._allowed_at = _MOST_AT_ONCE, monotonic()
+
+    def put(self, message: Json) -> None:
+        """Put a checked message into the inbox.
+
+        Raises:
+            Refused: it is full.
+        """
+        if len(self.inbox) >= MOST_INBOX:
+            raise Refused("Too many messages wait for the game.")
+        self.inbox.append(message)
+
+    def take(self) -> Json | None:
+        """Take the oldest message out of the inbox; None: it is empty. For any thread."""
+        with suppress(IndexError):
+            return self.inbox.popleft()
+        return None
+
+    def tell(self, message: Mapping[str, Plain]) -> None:
+        """Send it a message, unless a later one with the same `type` takes its place before. For any thread."""
+        self._told[str(message["type"])] = json.dumps(message)
+        with suppress(RuntimeError):  # the server has ended
+            self._loop.call_soon_threadsafe(self._woken.set)
+
+    def may_speak(self) -> bool:
+        """Count a message; return whether so many in this time are allowed."""
+        now = monotonic()
+        self._allowed = min(self._allowed + (now - self._allowed_at) * _MOST_A_SECOND, _MOST_AT_ONCE) - 1.0
+        self._allowed_at = now
+        self.counts["received"] += 1
+        return self._allowed >= 0.0 and self.counts["bad"] < _MOST_BAD
+
+    def told(self) -> list[str]:
+        """Return the messages that it is to be sent, and forget them."""
+        told, self._told = self._told, {}
+        return list(told.values())
+
+
+class Talk(Protocol):
+    """What is behind a WebSocket. All is called in the thread of the server, and must not wait."""
+
+    def joined(self, connection: Connection) -> None:
+        """Hear of a client that has joined."""
+
+    def left(self, connection: Connection) -> None:
+        """Hear of a client that is gone."""
+
+    def received(self, connection: Connection, message: Json) -> None:
+        """Take a message of a client: JSON with a `type`; nothing else of it is checked.
+
+        Raises:
+            Refused: it cannot be done, or makes no sense.
+        """
+
+    def news(self, connection: Connection) -> Iterable[bytes]:
+        """Return what a client has not been sent yet, in pieces; the next is asked for when one is on its way."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page that is served: its bytes, and the content security policy that it declares in a `meta` element."""
+
+    body: bytes
+
+    @property
+    def policy(self) -> str:
+        """The content security policy, which the page must declare.
+
+        Raises:
+            BadValue: it declares none.
+        """
+        found = re.search(rb'http-equiv="Content-Security-Policy" content="([^"]*)"', self.body)
+        if found is None:
+            raise BadValue("A page that is served declares its content security policy in a meta element.")
+        return f"{found[1].decode('ascii')}; frame-ancestors 'none'"
+
+
+Call = Callable[[Grant, Json], Plain]
+
+
+@dataclass
+class Site:
+    """What a server serves.
+
+    Attributes:
+        links: who may do what.
+        pages: by path, such as "/".
+        calls: by path: what a page may call with JSON; called in a thread of its own with the grant of the token.
+        talk: what is behind the WebSocket at `/live`; None: there is none.
+    """
+
+    links: Links = field(default_factory=Links)
+    pages: dict[str, Page] = field(default_factory=dict)
+    calls: dict[str, Call] = field(default_factory=dict)
+    talk: Talk | None = None
+
+
+# -- the server ---------------------------------------------------------------------------------------------------
+
+
+class Server:
+    """Serves a site in a thread of its own, from now until `close`.
+
+    Args:
+        site: what is served.
+        host: the address; all but loopback need `allow_network`.
+        port: 0 takes a free one.
+        allow_network: let other machines in, who need a link as everyone does; what is sent is not encrypted.
+
+    Attributes:
+        address: what links begin with, such as "http://127.0.0.1:8000".
+
+    Raises:
+        MissingExtra (ImportError): Starlette or uvicorn is not installed.
+        BadValue (ValueError): the address is not loopback, and `allow_network` is not set; or there is no such port.
+        NetworkError (ConnectionError): the port is in use, or not allowed.
+    """
+
+    def __init__(self, site: Site, *, host: str = "127.0.0.1", port: int = 0, allow_network: bool = False) -> None:
+        try:
+            import starlette  # noqa: F401 - to say it now if it is missing; so does the last one
+            import uvicorn
+            import websockets  # noqa: F401
+        except ImportError:
+            raise MissingExtra("A live view in the browser", "web") from None
+        is_local = _is_loopback(host)
+        if not (is_local or allow_network):
+            raise BadValue(
+                f"host={shown(host)} lets other machines in. Say that you want that: allow_network=True, or "
+                f"--allow-network; without, use host='127.0.0.1'."
+            )
+        listener = _listener(host, as_int(port, "port"))
+        port = listener.getsockname()[1]
+        name = f"[{host}]" if ":" in host else host
+        self.address = f"http://{name}:{port}"
+        self._hub = _Hub(site)
+        guard = _Guard(self._hub.application(), _own_names(port) if is_local else None)
+        config = uvicorn.Config(
+            guard,
+            loop="asyncio",
+            http="h11",
+            ws="websockets-sansio",
+            ws_max_size=MOST_MESSAGE,
+            ws_per_message_deflate=False,  # blocks are deflated already
+            ws_ping_interval=None,  # it would draw from the global random numbers, which games are seeded by
+            lifespan="off",
+            log_config=None,
+            log_level="critical",
+            access_log=False,
+            proxy_headers=False,
+            server_header=False,
+            limit_concurrency=2 * _MOST_CONNECTIONS + _MOST_STRANGERS,
+            backlog=_MOST_BACKLOG,
+            h11_max_incomplete_event_size=1 << 14,
+            timeout_graceful_shutdown=1,
+        )
+        self._server = uvicorn.Server(config)
+        self._thread = threading.Thread(
+            target=self._server.run, kwargs={"sockets": [listener]}, name="gamms web", daemon=True
+        )
+        self._thread.start()
+        ends = monotonic() + _START_S
+        while not self._server.started and self._thread.is_alive() and monotonic() < ends:
+            sleep(0.002)
+        if not self._server.started:
+            listener.close()
+            raise NetworkError(f"The server at {self.address} has not begun within {_START_S:g} s.")
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Those that have joined, in their order."""
+        return list(self._hub.open)
+
+    def link(self, token: str, path: str = "/") -> str:
+        """Return the address of a page with a token."""
+        return f"{self.address}{path}#{token}"
+
+    def wake(self) -> None:
+        """Let the server send what is new; it decides when. For any thread, and takes no time."""
+        self._hub.wake()
+
+    def close(self) -> None:
+        """End it, and all connections."""
+        self._server.should_exit = True
+        if threading.current_thread() is not self._thread:
+            self._thread.join(_START_S)
+
+
+def _is_loopback(host: str) -> bool:
+    if not isinstance(host, str):
+        raise BadType(f"host is an address such as '127.0.0.1', not {shown(host)}.")
+    with suppress(ValueError):
+        return ipaddress.ip_address(host).is_loopback
+    return host == "localhost"
+
+
+def _own_names(port: int) -> frozenset[str]:
+    return frozenset(f"{name}:{port}" for name in ("127.0.0.1", "localhost", "[::1]"))
+
+
+def _listener(host: str, port: int) -> socket.socket:
+    """Return a socket that listens.
+
+    Raises:
+        BadValue: there is no such port.
+        NetworkError: it is in use.
+    """
+    if not 0 <= port < 1 << 16:
+        raise BadValue(f"port must be 0 to 65535, not {port}; 0 takes a free one.")
+    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((host, port))
+        listener.listen(_MOST_BACKLOG)
+    except OSError as error:
+        listener.close()
+        raise NetworkError(
+            f"Port {port} at {host} cannot be served: {error.strerror or error}. Give another one;"
+            " port=0 takes a free one."
+        ) from None
+    return listener
+
+
+class _Guard:
+    """Checks host and origin of every request before the application sees it, and adds headers to every answer.
+
+    Args:
+        application: what answers.
+        names: the hosts that it is asked by; None: any.
+    """
+
+    def __init__(self, application: "ASGIApp", names: frozenset[str] | None) -> None:
+        self._application, self._names = application, names
+
+    async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
+        if not self._is_own(scope):
+            await _refuse(scope, receive, send)
+            return
+
+        async def send_with_headers(message: "Message") -> None:
+            if message["type"] == "http.response.start":
+                message = {**message, "headers": [*message["headers"], *_HEADERS]}
+            await send(message)
+
+        await self._application(scope, receive, send_with_headers)
+
+    def _is_own(self, scope: "Scope") -> bool:
+        """Whether a request is for this host, and from a page of it, or from no page."""
+        headers = scope["headers"]
+        hosts = [value.decode("latin-1") for name, value in headers if name == b"host"]
+        origins = [value.decode("latin-1") for name, value in headers if name == b"origin"]
+        if len(hosts) != 1 or len(origins) > 1 or (self._names is not None and hosts[0] not in self._names):
+            return False
+        return not origins or origins[0] in (f"http://{hosts[0]}", f"https://{hosts[0]}")
+
+
+_HEADERS = [
+    (b"x-content-type-options", b"nosniff"),
+    (b"referrer-policy", b"no-referrer"),
+    (b"cache-control", b"no-store"),
+    (b"cross-origin-opener-policy", b"same-origin"),
+    (b"cross-origin-resource-policy", b"same-origin"),
+]
+
+
+async def _refuse(scope: "Scope", receive: "Receive", send: "Send") -> None:
+    if scope["type"] == "websocket":
+        await receive()
+        await send({"type": "websocket.close", "code": _TOO_MUCH})
+        return
+    await send({"type": "http.response.start", "status": 403, "headers": [(b"content-type", b"text/plain"), *_HEADERS]})
+    await send({"type": "http.response.body", "body": b"This is not the page of this server."})
+
+
+class _Hub:
+    """The routes of a site, and its connections."""
+
+    def __init__(self, site: Site) -> None:
+        self._site = site
+        self.open: dict[Connection, None] = {}
+        self._strangers = 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._news: asyncio.Event
+        self._pump: asyncio.Task[None]
+
+    def application(self) -> "ASGIApp":
+        """Return the application of Starlette."""
+        from starlette.applications import Starlette
+        from starlette.routing import Route, WebSocketRoute
+
+        routes: list[Route | WebSocketRoute] = [
+            Route(path, _page_route(page), methods=["GET"]) for path, page in self._site.pages.items()
+        ]
+        routes += [Route(path, self._call_route(call), methods=["POST"]) for path, call in self._site.calls.items()]
+        if self._site.talk is not None:
+            routes.append(WebSocketRoute("/live", self._talk))
+        return Starlette(routes=routes)
+
+    # -- calls ----------------------------------------------------------------------------------------------------
+
+    def _call_route(self, call: Call) -> Callable[["Request"], Any]:
+        async def answer(request: "Request") -> "Response":
+            from starlette.concurrency import run_in_threadpool
+            from starlette.responses import JSONResponse
+
+            _, _, token = request.headers.get("authorization", "").partition("Bearer ")
+            grant = self._site.links.find(token)
+            if grant is None:
+                return JSONResponse({"error": "This link is not known here, or not any more."}, 401)
+            body = bytearray()
+            async for part in request.stream():
+                body += part
+                if len(body) > MOST_CALL:
+                    return JSONResponse({"error": f"More than {MOST_CALL} bytes."}, 413)
+            try:
+                return JSONResponse({"value": await run_in_threadpool(call, grant, _as_message(bytes(body)))})
+            except (GammsError, OSError) as error:
+                return JSONResponse({"error": str(error)}, 400)
+
+        return answer
+
+    # -- connections ----------------------------------------------------------------------------------------------
+
+    def wake(self) -> None:
+        """See `Server.wake`."""
+        if self._loop is not None:
+            with suppress(RuntimeError):  # it has ended
+                self._loop.call_soon_threadsafe(self._news.set)
+
+    async def _talk(self, websocket: "WebSocket") -> None:
+        self._begin()
+        if self._strangers >= _MOST_STRANGERS or len(self.open) >= _MOST_CONNECTIONS:
+            await websocket.close(_TOO_MANY)
+            return
+        self._strangers += 1
+        try:
+            await websocket.accept()
+            grant = await self._grant_of(websocket)
+        finally:
+            self._strangers -= 1
+        if grant is None:
+            await websocket.close(_BAD_TOKEN, "This link is not known here, or not any more.")
+            return
+        await self._serve(websocket, Connection(grant))
+
+    def _begin(self) -> None:
+        if self._loop is None:
+            self._news = asyncio.Event()
+            self._loop = asyncio.get_running_loop()
+            self._pump = self._loop.create_task(self._send_in_rounds())
+
+    async def _grant_of(self, websocket: "WebSocket") -> Grant | None:
+        """Wait for the first message of a client, which has the token of its link."""
+        with suppress(TimeoutError, Refused):
+            first = await asyncio.wait_for(websocket.receive(), _JOIN_S)
+            return self._site.links.find(_as_message(first.get("text")).get("token"))
+        return None
+
+    async def _serve(self, websocket: "WebSocket", connection: Connection) -> None:
+        talk = self._site.talk
+        assert talk is not None  # noqa: S101 - there is no route without it
+        self.open[connection] = None
+        sending = asyncio.create_task(_send_all(websocket, connection, talk))
+        try:
+            talk.joined(connection)
+            connection._woken.set()
+            while (message := await websocket.receive())["type"] == "websocket.receive":
+                if not connection.may_speak():
+                    await websocket.close(_TOO_MUCH, "Too many messages, or too many that make no sense.")
+                    break
+                self._hear(connection, talk, message.get("text"))
+        finally:
+            del self.open[connection]
+            sending.cancel()
+            talk.left(connection)
+
+    def _hear(self, connection: Connection, talk: Talk, text: object) -> None:
+        try:
+            message = _as_message(text)
+        except Refused:
+            connection.counts["bad"] += 1
+            return
+        try:
+            talk.received(connection, message)
+        except Refused as error:
+            connection.counts["refused"] += 1
+            connection.tell({"type": "refused", "words": str(error)})
+
+    async def _send_in_rounds(self) -> None:
+        """Wake all connections when there is something new, so seldom that sending takes a small share of the time."""
+        while True:
+            await self._news.wait()
+            self._news.clear()
+            begun, spent = monotonic(), thread_time()
+            for connection in self.open:
+                connection._woken.set()
+            await asyncio.sleep(_SHORTEST_S)
+            while (rest := min((thread_time() - spent) * _SHARE, _LONGEST_S) - (monotonic() - begun)) > 0.0:  # noqa: ASYNC110 - it is time that passes
+                await asyncio.sleep(rest)
+
+
+async def _send_all(websocket: "WebSocket", connection: Connection, talk: Talk) -> None:
+    """Send a client what is new, whenever it is woken, as fast as it takes it."""
+    from starlette.websockets import WebSocketDisconnect
+
+    with suppress(WebSocketDisconnect, TimeoutError):
+        while True:
+            await connection._woken.wait()
+            connection._woken.clear()
+            for text in connection.told():
+                async with asyncio.timeout(_MOST_STUCK_S):
+                    await websocket.send_text(text)
+            for piece in talk.news(connection):
+                async with asyncio.timeout(_MOST_STUCK_S):
+                    await websocket.send_bytes(piece)
+
+
+def _page_route(page: Page) -> Callable[["Request"], Any]:
+    from starlette.responses import HTMLResponse
+
+    answer = HTMLResponse(page.body, headers={"content-security-policy": page.policy})
+
+    async def give(_request: "Request") -> "Response":
+        return answer
+
+    return give
+
+
+def _as_message(text: object) -> Json:
+    """Return what a client has sent: a mapping with texts as keys, of a small depth.
+
+    Raises:
+        Refused: it is something else.
+    """
+    try:
+        found = json.loads(text, parse_constant=_no_number) if isinstance(text, str | bytes) else None
+    except (ValueError, RecursionError):
+        found = None
+    if not isinstance(found, dict) or not _is_shallow(found, _MOST_DEPTH):
+        raise Refused("A message is a mapping in JSON.")
+    return found
+
+
+def _no_number(name: str) -> float:
+    raise ValueError(name)
+
+
+def _is_shallow(value: object, most: int) -> bool:
+    if isinstance(value, dict | list):
+        parts = value.values() if isinstance(value, dict) else value
+        return most > 0 and all(_is_shallow(part, most - 1) for part in parts)
+    return True
