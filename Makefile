@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-torch check bench figures format clean
+.PHONY: demo test test-torch check bench docs figures format clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gamms demo
@@ -25,6 +25,11 @@ check: $(VENV)/.dev
 
 bench: $(VENV)/.dev
 	$(BIN)/python benchmarks/run.py
+
+# The documentation as a site, which needs no network once its tools are installed. A warning is an error.
+docs: $(VENV)/.docs
+	$(BIN)/python -m sphinx -W --keep-going -q -b html docs build/docs
+	@echo "$(CURDIR)/build/docs/index.html"
 
 figures: $(VENV)/.dev
 	$(BIN)/python examples/figures.py docs/figures
@@ -56,3 +61,8 @@ $(VENV)/.dev: $(BIN)/python pyproject.toml
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[dev]'
 	@$(BIN)/python -m compileall -q src
 	@touch $@ $(VENV)/.demo
+
+$(VENV)/.docs: $(BIN)/python pyproject.toml
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[docs,viz,tournament]'
+	@$(BIN)/python -m compileall -q src
+	@touch $@

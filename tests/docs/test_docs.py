@@ -1,21 +1,16 @@
 """The documentation says what is so: its fences run, its links lead somewhere, the examples print what is pinned.
 
-A page's ```python fences run in order in one namespace, in an empty folder. A ```text fence right behind one is what
-it prints. A fence tagged `no-run` is only compiled. Every picture that a page saves is shown on it, from the folder
-`docs/figures/<page>`, and is what the code makes. `GAMMS_REFRESH_EXAMPLES=1` writes the examples' `.out` and these
-pictures again.
+`scripts/pages.py` says how a page is read. The fences of a page run in an empty folder. Every picture that a page saves
+is shown on it, from the folder `docs/figures/<page>`, and is what the code makes. `GAMMS_REFRESH_EXAMPLES=1` writes the
+examples' `.out` and these pictures again.
 """
 
-import contextlib
-import io
 import logging
 import os
-import re
 import shutil
 import subprocess
 import sys
 from pathlib import Path
-from typing import NamedTuple
 
 import pytest
 from figure_files import assert_same_figure
@@ -23,38 +18,13 @@ from figure_files import assert_same_figure
 from gamms import _legacy
 
 ROOT = Path(__file__).parents[2]
+sys.path.insert(0, str(ROOT / "scripts"))
+import pages  # noqa: E402
+
 DOCS = ROOT / "docs"
-PAGES = [ROOT / "README.md", *sorted(DOCS.rglob("*.md"))]
+PAGES = pages.all_pages()
 EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
 IS_REFRESHING = os.environ.get("GAMMS_REFRESH_EXAMPLES") == "1"
-
-_FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
-_CODE = re.compile(r"`[^`\n]*`")  # within a line
-_LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
-_HEADING = re.compile(r"^#+ (.+?)\s*$", re.MULTILINE)
-
-
-class Fence(NamedTuple):
-    tags: list[str]
-    code: str
-    line: int  # of its first line of code in the page
-    printed: str | None  # what the page says that it prints
-
-
-def fences_of(page: Path) -> list[Fence]:
-    text = page.read_text(encoding="utf-8")
-    found = list(_FENCE.finditer(text))
-    fences = []
-    for i, match in enumerate(found):
-        after = found[i + 1] if i + 1 < len(found) else None
-        is_output = after and after[1].strip() == "text" and not text[match.end() : after.start()].strip()
-        line = text.count("\n", 0, match.start(2)) + 1
-        fences.append(Fence(match[1].split(), match[2], line, after[2] if is_output else None))
-    return [fence for fence in fences if fence.tags[:1] == ["python"]]
-
-
-def name_of(path: Path) -> str:
-    return path.relative_to(ROOT).as_posix()
 
 
 @pytest.fixture
@@ -68,26 +38,20 @@ def quiet_logging():
     ours.setLevel(before[2])
 
 
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@pytest.mark.parametrize("page", PAGES, ids=pages.name_of)
 @pytest.mark.usefixtures("quiet_logging")
 def test_every_fence_of_a_page_runs_and_prints_what_the_page_says(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    namespace = {"__name__": f"docs_{page.stem}"}
-    for fence in fences_of(page):
-        code = compile("\n" * (fence.line - 1) + fence.code, name_of(page), "exec", dont_inherit=True)
-        if "no-run" in fence.tags:
-            continue
-        with contextlib.redirect_stdout(io.StringIO()) as printed:
-            exec(code, namespace)
+    for fence, printed in pages.run(page):
         if fence.printed is not None:
-            assert printed.getvalue() == fence.printed, f"{name_of(page)}:{fence.line} prints something else"
+            assert printed == fence.printed, f"{pages.name_of(page)}:{fence.line} prints something else"
     check_figures(page, sorted(path for path in tmp_path.iterdir() if path.suffix in {".svg", ".png"}))
 
 
 def check_figures(page, made):
     """Assert that a page shows the pictures that its code has made, and no others in their folder."""
-    folder = DOCS / "figures" / "_".join(page.relative_to(ROOT).with_suffix("").parts).lower().removeprefix("docs_")
-    shown = [target for target, _ in internal_links_of(page) if target.parent == folder]
+    folder = pages.folder_of(page)
+    shown = [target for target, _ in pages.internal_links_of(page) if target.parent == folder]
     assert sorted(path.name for path in shown) == [path.name for path in made], "show every picture that the page saves"
     for path in made:
         if IS_REFRESHING:
@@ -97,28 +61,14 @@ def check_figures(page, made):
     assert {path.name for path in made} == {path.name for path in folder.glob("*")}, "a figure that no page shows"
 
 
-def prose_of(page: Path) -> str:
-    return _FENCE.sub("", page.read_text(encoding="utf-8"))
-
-
-def internal_links_of(page: Path) -> list[tuple[Path, str]]:
-    """Target file and anchor of every link that does not leave the repository."""
-    links = [link for link in _LINK.findall(_CODE.sub("", prose_of(page))) if not re.match(r"[a-z]+:", link)]
-    parts = [link.partition("#") for link in links]
-    return [((page.parent / path).resolve() if path else page, anchor) for path, _, anchor in parts]
-
-
-def anchors_of(page: Path) -> set[str]:
-    headings = _HEADING.findall(prose_of(page))
-    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
-
-
-@pytest.mark.parametrize("page", PAGES, ids=name_of)
+@pytest.mark.parametrize("page", PAGES, ids=pages.name_of)
 def test_every_internal_link_leads_somewhere(page):
-    for target, anchor in internal_links_of(page):
-        assert target.exists(), f"{name_of(page)} links to {target}, which is not there"
+    for target, anchor in pages.internal_links_of(page):
+        assert target.exists(), f"{pages.name_of(page)} links to {target}, which is not there"
         if anchor and target.suffix == ".md":
-            assert anchor in anchors_of(target), f"{name_of(page)} links to #{anchor}, no heading of {target.name}"
+            assert anchor in pages.anchors_of(target), (
+                f"{pages.name_of(page)} links to #{anchor}, no heading of {target.name}"
+            )
 
 
 def test_every_page_can_be_reached_from_the_index():
@@ -127,8 +77,8 @@ def test_every_page_can_be_reached_from_the_index():
         page = waiting.pop()
         if page not in reached and page.suffix == ".md" and page.is_file():
             reached.add(page)
-            waiting += [target for target, _ in internal_links_of(page)]
-    missing = [name_of(page) for page in DOCS.rglob("*.md") if page not in reached]
+            waiting += [target for target, _ in pages.internal_links_of(page)]
+    missing = [pages.name_of(page) for page in PAGES if page.is_relative_to(DOCS) and page not in reached]
     assert not missing, f"no way leads from docs/index.md to {missing}"
 
 
@@ -144,7 +94,7 @@ def test_every_pinned_output_belongs_to_an_example():
     assert pinned <= {path.stem for path in EXAMPLES}
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=name_of)
+@pytest.mark.parametrize("example", EXAMPLES, ids=pages.name_of)
 def test_an_example_prints_exactly_what_is_pinned(example, tmp_path):
     command = [sys.executable, "-W", "error", str(example)]
     run = subprocess.run(

@@ -1,0 +1,112 @@
+"""Builds the documentation site: `make docs`.
+
+Pages are plain Markdown, which a code host shows as well. What Sphinx needs besides is worked out here: the navigation
+follows the links of `index.md` and of each section's index, the reference is written from the source, and replays are
+made by the code of the pages that show them.
+"""
+
+import os
+import re
+import shutil
+import sys
+import tempfile
+from pathlib import Path
+
+from sphinx.application import Sphinx
+
+DOCS = Path(__file__).parent
+sys.path.insert(0, str(DOCS.parent / "scripts"))
+import pages  # noqa: E402
+import reference  # noqa: E402
+
+from gamms import __version__  # noqa: E402
+
+project = "GAMMS"
+author = "the authors of GAMMS"
+version = release = __version__
+extensions = ["myst_parser"]
+exclude_patterns = ["figures"]
+myst_heading_anchors = 4
+myst_enable_extensions = ["colon_fence"]
+suppress_warnings = ["myst.header", "ref.python"]  # two classes of one name: the link leads to the first
+
+html_theme = "furo"
+html_title = f"GAMMS {version}"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_copy_source = False
+html_show_sphinx = False
+html_show_copyright = False
+maximum_signature_line_length = 88
+toc_object_entries_show_parents = "hide"
+add_module_names = False
+python_use_unqualified_type_names = True
+
+_FRAME = (
+    '```{{raw}} html\n<iframe class="replay" src="{to_root}_replays/{name}" title="Replay of a game" loading="lazy">'
+    "</iframe>\n```"
+)
+
+
+def setup(app: Sphinx) -> None:
+    """Connect what is worked out here to the steps of a build."""
+    app.connect("builder-inited", write_reference)
+    app.connect("source-read", complete)
+    app.connect("build-finished", make_replays)
+
+
+def write_reference(_: Sphinx) -> None:
+    """Write a page for each public package; only one that has changed, so that the others are not built again."""
+    for package in reference.packages():
+        path, text = DOCS / "reference" / f"{package}.md", reference.page_of(package)
+        if not path.exists() or path.read_text(encoding="utf-8") != text:
+            path.write_text(text, encoding="utf-8")
+
+
+def complete(_: Sphinx, docname: str, source: list[str]) -> None:
+    """Add the navigation to a page of contents, and frames to a page that shows replays."""
+    page = DOCS / f"{docname}.md"
+    if page.name in {"index.md", "README.md"}:
+        source[0] += "".join(toctree_of(page, heading, linked) for heading, linked in pages.contents_of(page))
+    to_root = "../" * docname.count("/")
+    source[0] = pages.LINK.sub(lambda match: _within(page, match), source[0])
+    source[0] = pages.REPLAY.sub(lambda match: _FRAME.format(to_root=to_root, name=f"{docname}/{match[1]}"), source[0])
+
+
+def _within(page: Path, match: re.Match[str]) -> str:
+    """Return a link; of one to a page outside the documentation, the words alone."""
+    target = (page.parent / match[2].partition("#")[0]).resolve()
+    is_outside = target.suffix == ".md" and target.exists() and not target.is_relative_to(DOCS)
+    return match[1] if is_outside else match[0]
+
+
+def toctree_of(page: Path, heading: str, linked: list[Path]) -> str:
+    """Return the part of the navigation that a heading of a page of contents stands for."""
+    names = [os.path.relpath(path, page.parent) for path in linked if path.is_relative_to(DOCS) and path != page]
+    if page.parent == DOCS / "reference":
+        names += [f"{package}.md" for package in reference.packages()] if not heading else []
+    entries = list(dict.fromkeys(name.removesuffix(".md") for name in names))
+    caption = [f":caption: {heading}"] if heading else []
+    return "\n".join(["", "", "```{toctree}", ":hidden:", *caption, "", *entries, "```", ""]) if entries else ""
+
+
+def make_replays(app: Sphinx, exception: Exception | None) -> None:
+    """Run the code of the pages that show replays, and put these beside the pages that show them."""
+    if exception is not None or app.builder.name != "html":
+        return
+    here = Path.cwd()
+    for page in sorted(DOCS.rglob("*.md")):
+        names = pages.REPLAY.findall(page.read_text(encoding="utf-8"))
+        target = Path(app.outdir, "_replays", page.relative_to(DOCS).with_suffix(""))
+        if not names:
+            continue
+        target.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory() as folder:
+            os.chdir(folder)
+            try:
+                for _ in pages.run(page):
+                    pass
+            finally:
+                os.chdir(here)
+            for name in names:
+                shutil.copy(Path(folder, name), target / name)

@@ -1,0 +1,99 @@
+"""Reads the pages of the documentation, runs their fences, and finds their links and anchors.
+
+The tests of the documentation and `docs/conf.py` use it, so that a page means the same to both. A page's ```python
+fences run in order in one namespace. A ```text fence right behind one is what it prints. A fence tagged `no-run` is
+only compiled.
+"""
+
+import contextlib
+import io
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+ROOT = Path(__file__).parent.parent
+DOCS = ROOT / "docs"
+LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
+REPLAY = re.compile(r"^<!-- replay: (\S+) -->$", re.MULTILINE)  # where a page shows an HTML replay that its code saves
+
+_FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
+_CODE = re.compile(r"`[^`\n]*`")  # within a line
+_HEADING = re.compile(r"^#+ (.+?)\s*$", re.MULTILINE)
+
+
+class Fence(NamedTuple):
+    """A ```python fence of a page."""
+
+    tags: list[str]
+    code: str
+    line: int  # of its first line of code in the page
+    printed: str | None  # what the page says that it prints
+
+
+def all_pages() -> list[Path]:
+    """Return the README and all pages of the documentation, without those that are written when the site is built."""
+    return [ROOT / "README.md", *(path for path in sorted(DOCS.rglob("*.md")) if not path.name.startswith("gamms."))]
+
+
+def fences_of(page: Path) -> list[Fence]:
+    """Return the ```python fences of a page, in order."""
+    text = page.read_text(encoding="utf-8")
+    found = list(_FENCE.finditer(text))
+    fences = []
+    for i, match in enumerate(found):
+        after = found[i + 1] if i + 1 < len(found) else None
+        is_output = after and after[1].strip() == "text" and not text[match.end() : after.start()].strip()
+        line = text.count("\n", 0, match.start(2)) + 1
+        fences.append(Fence(match[1].split(), match[2], line, after[2] if after and is_output else None))
+    return [fence for fence in fences if fence.tags[:1] == ["python"]]
+
+
+def run(page: Path) -> Iterator[tuple[Fence, str]]:
+    """Run the fences of a page in the working directory, and yield each with what it has printed."""
+    namespace: dict[str, object] = {"__name__": f"docs_{page.stem}"}
+    for fence in fences_of(page):
+        code = compile("\n" * (fence.line - 1) + fence.code, name_of(page), "exec", dont_inherit=True)
+        if "no-run" in fence.tags:
+            continue
+        with contextlib.redirect_stdout(io.StringIO()) as printed:
+            exec(code, namespace)
+        yield fence, printed.getvalue()
+
+
+def name_of(path: Path) -> str:
+    """Return the path of a page within the repository."""
+    return path.relative_to(ROOT).as_posix()
+
+
+def folder_of(page: Path) -> Path:
+    """Return the folder of the pictures that a page saves."""
+    return DOCS / "figures" / "_".join(page.relative_to(ROOT).with_suffix("").parts).lower().removeprefix("docs_")
+
+
+def prose_of(page: Path) -> str:
+    """Return a page without its fences."""
+    return _FENCE.sub("", page.read_text(encoding="utf-8"))
+
+
+def internal_links_of(page: Path) -> list[tuple[Path, str]]:
+    """Return the target file and the anchor of every link that does not leave the repository."""
+    links = [link for _, link in LINK.findall(_CODE.sub("", prose_of(page))) if not re.match(r"[a-z]+:", link)]
+    parts = [link.partition("#") for link in links]
+    return [((page.parent / path).resolve() if path else page, anchor) for path, _, anchor in parts]
+
+
+def anchors_of(page: Path) -> set[str]:
+    """Return the anchors of the headings of a page."""
+    headings = _HEADING.findall(prose_of(page))
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+def contents_of(page: Path) -> list[tuple[str, list[Path]]]:
+    """Return what a page lists as a table of contents: each second-level heading, and the pages linked below it."""
+    parts = re.split(r"^## (.+)$", prose_of(page), flags=re.MULTILINE)
+    sections = zip(["", *parts[1::2]], parts[::2], strict=True)
+    return [
+        (heading, [(page.parent / path).resolve() for path in re.findall(r"\]\(([^)#\s]+\.md)\)", text)])
+        for heading, text in sections
+    ]

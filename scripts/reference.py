@@ -1,0 +1,335 @@
+"""Writes the pages of the reference: every public name of every public package, from signatures and docstrings.
+
+The source is read, not imported: a signature is shown as it is written, with the names of its types, and no optional
+library is needed. A public name is one in `__all__` of a package that `gamms` offers, or, where a module has no
+`__all__`, one without an underscore.
+"""
+
+import ast
+import contextlib
+import copy
+import re
+import textwrap
+from collections.abc import Iterator
+from functools import cache
+from itertools import takewhile
+from pathlib import Path
+from typing import NamedTuple
+
+SRC = Path(__file__).parent.parent / "src"
+
+_SECTIONS = ("Args", "Attributes", "Ensures", "Raises", "Requires", "Returns", "Yields")
+_SECTION = re.compile(rf"^({'|'.join(_SECTIONS)}):(.*)$")
+_ITEM = re.compile(r"^([\w*][\w.*, ]*(?: \([\w ]+\))?): (.*)$")
+PARAGRAPH = "\n\n"
+_Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Assign | ast.AnnAssign
+
+
+class Found(NamedTuple):
+    """Where a public name is defined."""
+
+    module: str  # the whole module, if `node` is one
+    node: ast.AST
+
+
+@cache
+def packages() -> list[str]:
+    """Return the public packages: those that `gamms` offers, itself first."""
+    modules = next(
+        node for node in tree_of("gamms").body if isinstance(node, ast.Assign) and _target_of(node) == "_MODULES"
+    )
+    names = sorted(node.value for node in ast.walk(modules.value) if isinstance(node, ast.Constant))
+    return ["gamms", *(f"gamms.{name}" for name in names)]
+
+
+@cache
+def tree_of(module: str) -> ast.Module:
+    """Return the syntax tree of a module."""
+    return ast.parse(_file_of(module).read_text(encoding="utf-8"))
+
+
+@cache
+def _lines_of(module: str) -> list[str]:
+    return _file_of(module).read_text(encoding="utf-8").splitlines()
+
+
+def _file_of(module: str) -> Path:
+    path = SRC.joinpath(*module.split("."))
+    return path / "__init__.py" if path.is_dir() else path.with_suffix(".py")
+
+
+@cache
+def names_of(module: str) -> list[str]:
+    """Return the public names of a module."""
+    body = tree_of(module).body
+    for node in body:
+        if isinstance(node, ast.Assign) and _target_of(node) == "__all__":
+            return list(ast.literal_eval(node.value))
+    names = [node.name for node in body if isinstance(node, ast.FunctionDef | ast.ClassDef)]
+    return [name for name in names if not name.startswith("_")]
+
+
+@cache
+def find(module: str, name: str) -> Found:
+    """Return where a name that a module defines or imports is defined.
+
+    Raises:
+        LookupError: it is not in the source.
+    """
+    defined, imported = _index_of(module)
+    if name in defined:
+        return Found(module, defined[name])
+    if name in imported:
+        above, original = imported[name]
+        inner = f"{above}.{original}"
+        return Found(inner, tree_of(inner)) if _file_of(inner).exists() else find(above, original)
+    raise LookupError(f"{module} offers {name}, which is not in the source of GAMMS")
+
+
+@cache
+def _index_of(module: str) -> tuple[dict[str, ast.AST], dict[str, tuple[str, str]]]:
+    """Return what a module defines, and what it imports from which other module of GAMMS."""
+    tree = tree_of(module)
+    imports = [
+        node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gamms")
+    ]
+    imported = {one.asname or one.name: (str(node.module), one.name) for node in imports for one in node.names}
+    return {_name_of(node): node for node in tree.body if _name_of(node)}, imported
+
+
+@cache
+def _find_below(module: str, name: str) -> Found:
+    """Return where a name is defined that a package loads when it is first used."""
+    for path in sorted(_file_of(module).parent.rglob("*.py")):
+        inner = ".".join(path.relative_to(SRC).with_suffix("").parts)
+        if path.name != "__init__.py" and name in _index_of(inner)[0]:
+            return find(inner, name)
+    raise LookupError(f"{module} offers {name}, which is not in the source of GAMMS")
+
+
+def found_as(module: str, name: str) -> Found | None:
+    """Return where a public name is defined; None for one of the standard library."""
+    for search in (find, _find_below):
+        with contextlib.suppress(LookupError):
+            return search(module, name)
+    return None
+
+
+@cache
+def owner_of(found: Found, name: str) -> str | None:
+    """Return the public package that has the entry of a definition: the one where it is defined, else the first."""
+    inside = [one for one in packages()[1:] if f"{found.module}.".startswith(f"{one}.")]
+    return next(iter(inside), None) or next((one for one in packages()[1:] if name in names_of(one)), None)
+
+
+def page_of(module: str) -> str:
+    """Return the page of a package, in Markdown with directives of the Python domain."""
+    entries = "\n".join(_entry(module, name) for name in names_of(module))
+    docs = (ast.get_docstring(tree_of(module)) or "").split("\n\n")
+    shown = [docs[0], *takewhile(lambda part: part.startswith("    "), docs[1:])]
+    return f"# {module}\n\n{markdown_of(PARAGRAPH.join(shown))}\n\n{entries}"
+
+
+def docstring_of(found: Found) -> str:
+    """Return the docstring of a definition; for a value, the text below it or the comment beside it."""
+    if isinstance(found.node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
+        return ast.get_docstring(found.node) or ""
+    body = tree_of(found.module).body
+    after = body[body.index(found.node) + 1 :][:1] if found.node in body else []
+    if after and isinstance(after[0], ast.Expr) and isinstance(after[0].value, ast.Constant):
+        return str(after[0].value.value)
+    return _comment_at(found)
+
+
+def _comment_at(found: Found) -> str:
+    line = _lines_of(found.module)[found.node.end_lineno - 1]
+    comment = line[len(line.encode()[: found.node.end_col_offset].decode()) :].strip()
+    return comment.lstrip("# ") if comment.startswith("#") and "noqa" not in comment else ""
+
+
+def _entry(module: str, name: str) -> str:
+    found = found_as(module, name)
+    home = owner_of(found, name) if found else None
+    if home and home != module and (found.module == home or name in names_of(home)):
+        return f"* `{name}`: see [`{home}`]({home}.md)\n"
+    if found is None:
+        return _directive("py:data", name, "", _in(module))
+    match found.node:
+        case ast.Module():
+            inner = [_entry(found.module, one) for one in names_of(found.module)]
+            return _directive("py:module", found.module, docstring_of(found), []) + "\n" + "\n".join(inner)
+        case ast.ClassDef():
+            return _class(module, name, found)
+        case ast.FunctionDef() | ast.AsyncFunctionDef():
+            return _directive(
+                "py:function", _signatures(found, name, tree_of(found.module).body), docstring_of(found), _in(module)
+            )
+        case _:
+            value = ast.unparse(found.node.value) if found.node.value else ""
+            options = [*_in(module), *([f":value: {value}"] if value and len(value) < 100 else [])]
+            return _directive("py:data", name, docstring_of(found), options)
+
+
+def _in(module: str) -> list[str]:
+    return [f":module: {module}"]
+
+
+def _class(module: str, name: str, found: Found) -> str:
+    docs, members = docstring_of(found), list(_members(found))
+    inner = "\n".join(_member(one, body, is_described=f"{_name_of(one.node)}:" in docs) for one, body in members)
+    constructor = next(_inits(found), None)
+    signature = _signatures(constructor[0], name, constructor[1]) if constructor else name
+    return _directive("py:class", signature, docs, _in(module), inner)
+
+
+def _inits(found: Found) -> Iterator[tuple[Found, list[ast.stmt]]]:
+    for one in _lineage(found):
+        inits = [node for node in one.node.body if _name_of(node) == "__init__"]
+        yield from ((Found(one.module, node), one.node.body) for node in inits[-1:])
+
+
+def _lineage(found: Found) -> list[Found]:
+    """Return a class and the classes of GAMMS that it inherits from."""
+    line = [found]
+    for base in found.node.bases:
+        named = base.value if isinstance(base, ast.Subscript) else base
+        text = ast.unparse(named)
+        try:
+            above = find(found.module, text) if isinstance(named, ast.Name) else find(*_split(found, text))
+        except (LookupError, OSError):
+            continue  # a class of the standard library, or of another package
+        if isinstance(above.node, ast.ClassDef):
+            line += [one for one in _lineage(above) if one not in line]
+    return line
+
+
+def _split(found: Found, text: str) -> tuple[str, str]:
+    module, _, name = text.rpartition(".")
+    return find(found.module, module.split(".")[0]).module, name
+
+
+def _members(found: Found) -> Iterator[tuple[Found, list[ast.stmt]]]:
+    """Yield the public members of a class with the body where each is, its own before those that it inherits."""
+    seen = set()
+    for one in _lineage(found):
+        for node in one.node.body:
+            name = _name_of(node)
+            is_setter = isinstance(node, ast.FunctionDef) and any(
+                ast.unparse(mark).endswith((".setter", ".deleter")) or "overload" in ast.unparse(mark)
+                for mark in node.decorator_list
+            )
+            if name and not name.startswith("_") and name not in seen and not is_setter:
+                seen.add(name)
+                yield Found(one.module, node), one.node.body
+
+
+def _member(found: Found, scope: list[ast.stmt], *, is_described: bool) -> str:
+    node, name = found.node, _name_of(found.node)
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        marks = {ast.unparse(mark) for mark in node.decorator_list}
+        if marks & {"property", "cached_property"}:
+            kind = [f":type: {_qualified(node.returns, found.module).strip(chr(39))}"] if node.returns else []
+            return _directive("py:property", name, docstring_of(found), kind)
+        return _directive("py:method", _signatures(found, name, scope), docstring_of(found), [])
+    if isinstance(node, ast.ClassDef):
+        return _directive("py:class", name, docstring_of(found), [])
+    kind = [f":type: {_qualified(node.annotation, found.module)}"] if isinstance(node, ast.AnnAssign) else []
+    value = [f":value: {ast.unparse(node.value)}"] if node.value and len(ast.unparse(node.value)) < 100 else []
+    return _directive("py:attribute", name, "" if is_described else _field_docs(found), kind + value)
+
+
+def _field_docs(found: Found) -> str:
+    below = "".join(_lines_of(found.module)[found.node.end_lineno :][:1]).strip()
+    return ast.literal_eval(below) if re.fullmatch(r'"""[^"]*"""', below) else _comment_at(found)
+
+
+def _signatures(found: Found, name: str, scope: list[ast.stmt]) -> str:
+    """Return the signature of a function as it is written; one a line where it has several."""
+    same = [one for one in scope if isinstance(one, ast.FunctionDef) and one.name == _name_of(found.node)]
+    several = [one for one in same if any("overload" in ast.unparse(mark) for mark in one.decorator_list)]
+    return "\n".join(_signature(one, name, found.module) for one in several or [found.node])
+
+
+class _Qualifier(ast.NodeTransformer):
+    """Names types of GAMMS by the package that has their entry, so that the site links to them."""
+
+    def __init__(self, module: str) -> None:
+        self.module = module
+
+    def visit_arg(self, node: ast.arg) -> ast.arg:
+        return ast.arg(node.arg, node.annotation and self.visit(node.annotation))
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:
+        with contextlib.suppress(LookupError):
+            home = owner_of(find(self.module, node.id), node.id)
+            return ast.Name(f"{home}.{node.id}") if home and node.id in names_of(home) else node
+        return node
+
+
+def _qualified(node: ast.AST, module: str) -> str:
+    return ast.unparse(_Qualifier(module).visit(copy.deepcopy(node)))
+
+
+def _signature(node: ast.FunctionDef, name: str, module: str) -> str:
+    given = re.sub(r"^(self|cls)(, /)?(, |$)", "", _qualified(node.args, module))
+    returns = f" -> {_qualified(node.returns, module)}" if node.returns and node.name != "__init__" else ""
+    return f"{name}({given}){returns}".replace("\n", " ")
+
+
+def _directive(kind: str, head: str, docs: str, options: list[str], inner: str = "") -> str:
+    fence = ":" * (6 if kind in {"py:class", "py:module"} and inner else 4)
+    first, *others = head.splitlines()
+    heads = "\n".join([first, *(f"   {one}" for one in others)])
+    body = "\n\n".join(part for part in (markdown_of(docs), inner) if part)
+    return "\n".join([f"{fence}{{{kind}}} {heads}", *options, "", body, fence, ""])
+
+
+def markdown_of(docs: str) -> str:
+    """Return a docstring as Markdown: its sections as lists, its indented examples as code."""
+    lines, out = docs.splitlines(), []
+    i = 0
+    while i < len(lines):
+        section = _SECTION.match(lines[i])
+        block, after = _indented(lines, i + 1) if section or not lines[i].strip() else ([], i)
+        if section:
+            out += ["", f"**{section[1]}:**{section[2]}", "", *_items(block)]
+            i = after
+        elif block and not lines[i].strip():
+            out += ["", "```python", *block, "```", ""]
+            i = after
+        else:
+            out.append(lines[i])
+            i += 1
+    return "\n".join(out).strip()
+
+
+def _indented(lines: list[str], start: int) -> tuple[list[str], int]:
+    end = start
+    while end < len(lines) and (lines[end].startswith("    ") or not lines[end].strip()):
+        end += 1
+    while end > start and not lines[end - 1].strip():
+        end -= 1
+    return textwrap.dedent("\n".join(lines[start:end])).splitlines(), end
+
+
+def _items(block: list[str]) -> list[str]:
+    out = []
+    for line in block:
+        item = _ITEM.match(line)
+        if item:
+            out.append(f"* **{item[1].replace('*', chr(92) + '*')}**: {item[2]}")
+        else:
+            out.append(f"  {line.strip()}" if out else line)
+    return out
+
+
+def _target_of(node: ast.Assign) -> str:
+    return node.targets[0].id if isinstance(node.targets[0], ast.Name) else ""
+
+
+def _name_of(node: ast.AST) -> str:
+    if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
+        return node.name
+    if isinstance(node, ast.Assign):
+        return _target_of(node)
+    return node.target.id if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) else ""
