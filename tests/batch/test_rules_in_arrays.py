@@ -34,6 +34,8 @@ PUBLISHED = rule("gamms.rules.territory:published", nodes=OWNERS)
             rule("hold", nodes=[6, 7], turns=1, ends=False),
         ],
         [rule("payoff", table=PAY), OUT, rule("reach", team="red", nodes=3)],
+        [OUT, rule("arrive", team="red", nodes=[3, 5]), rule("none_left", team="red")],
+        [rule("arrive", team="blue", nodes="starts of red", score=0.1), rule("none_left", team="blue", winner="red")],
     ],
 )
 def test_places_are_held_and_events_paid_as_in_games_that_are_played_alone(rules, same_as_one_by_one):

@@ -3,7 +3,7 @@
 import pytest
 
 from gamms.agent import AgentType
-from gamms.rules import hold, last_team, reach, tag, time_limit
+from gamms.rules import arrive, hold, last_team, none_left, reach, tag, time_limit
 
 
 def test_the_first_team_to_reach_a_node_wins(road):
@@ -109,6 +109,18 @@ def test_the_last_team_wins(road):
     ctx.game.add(last_team())
     result = ctx.game.run(9)
     assert (result.turns, result.winner, result.reason, result.truncated) == (1, "red", "last team", False)
+
+
+def test_agents_that_arrive_score_and_are_out_until_none_is_left(road):
+    ctx = road(r=("red", 2, 3, 4), r2=("red", 0, 1, 2, 3, 4), b=("blue", 9))
+    ctx.game.add(arrive("red", 4, score=2))
+    ctx.game.add(none_left("red"))
+    result = ctx.game.run(9)
+    assert [(event["turn"], event["agent"]) for event in result.events if event["kind"] == "arrive"] == [
+        (2, "r"),
+        (4, "r2"),
+    ]
+    assert (result.turns, result.winner, result.scores) == (4, "red", {"red": 4})
 
 
 def test_if_no_agent_is_left_no_team_wins(road):

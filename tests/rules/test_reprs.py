@@ -14,6 +14,8 @@ CALLS = {  # exported name -> how it is called with `ctx`, and what is printed o
     "tag": (lambda ctx: rules.tag("red", "blue", metres=40), "tag('red', 'blue', metres=40)"),
     "capture_flag": (lambda ctx: rules.capture_flag({"red": 0}, goal=3), "capture_flag({'red': 0}, goal=3)"),
     "last_team": (lambda _: rules.last_team(), "last_team()"),
+    "arrive": (lambda ctx: rules.arrive("red", [1, 2], score=3), "arrive('red', [1, 2], score=3)"),
+    "none_left": (lambda ctx: rules.none_left("red", "blue"), "none_left('red', 'blue')"),
     "reach": (lambda ctx: rules.reach("red", [1, 2], winner=None), "reach('red', [1, 2], winner=None)"),
     "hold": (lambda ctx: rules.hold([3, 4], 5, ends=False), "hold([3, 4], 5, ends=False)"),
     "discover": (lambda ctx: rules.discover({3: "decoy"}), "discover({3: 'decoy'})"),

@@ -17,7 +17,7 @@ that scenario files with misspelt teams are refused.
 from gamms.rules import territory
 from gamms.rules.conflicts import Conflicts, Contest, at_random, by_priority, nobody
 from gamms.rules.contacts import Contact, contacts, one_to_one
-from gamms.rules.endings import last_team, reach, time_limit
+from gamms.rules.endings import arrive, last_team, none_left, reach, time_limit
 from gamms.rules.flags import capture_flag
 from gamms.rules.payoffs import payoff
 from gamms.rules.places import discover, hold
@@ -28,6 +28,7 @@ __all__ = [
     "Conflicts",
     "Contact",
     "Contest",
+    "arrive",
     "at_random",
     "by_priority",
     "capture_flag",
@@ -37,6 +38,7 @@ __all__ = [
     "hold",
     "last_team",
     "nobody",
+    "none_left",
     "one_to_one",
     "payoff",
     "reach",

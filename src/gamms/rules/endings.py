@@ -169,6 +169,56 @@ def reach(
 
 
 @shown_as_called
+def arrive(team: Team, nodes: Nodes, *, score: float = 1, passing: bool = True) -> Rule:
+    """Make a rule by which each agent on the ground that reaches a goal of its team scores and is out.
+
+    Each is an event `arrive` with `agent` and `node`. The game goes on; `none_left(team)` ends it when no agent of
+    the team is left.
+
+    Args:
+        team: the team of the agents.
+        nodes: a node, several, or the text "starts of X": where the agents of team X began.
+        score: points for the team, for each agent.
+        passing: whether nodes count that agents pass, too; False: only those where they are at the end of the turn.
+
+    Raises:
+        BadType, BadValue: an argument is not one of these.
+        UnknownName (KeyError): when it is added to a game, a node is not on the map.
+    """
+    goals: dict[Any, frozenset[int] | str] = {as_key(team, "team"): _as_goal(nodes, team)}
+    goal, points, counts_passing = goals[team], as_float(score, "score"), as_flag(passing, "passing")
+
+    def prepare(ctx: Context) -> None:
+        refuse_unknown(ctx, () if isinstance(goal, str) else goal)
+        _publish(ctx, goals)
+
+    def arrive(ctx: Context) -> None:
+        if ctx.game.turn == 1:  # now starts are known
+            _publish(ctx, goals)
+        there = _at_goal(ctx, team, goal, passing=counts_passing)
+        for _, node, name, _ in there:
+            ctx.game.emit("arrive", agent=name, node=node)
+        for _, _, name, _ in there:
+            ctx.game.scores[team] += points
+            ctx.game.eliminate(name)
+
+    def in_arrays(turn: ArrayTurn) -> None:
+        visits = _visits_of_goal(turn, team, goal, passing=counts_passing)
+        turn.emit("arrive", visits.at, agents={"agent": visits.agents}, nodes={"node": visits.nodes})
+        turn.add_score(team, visits.at, points)
+        turn.eliminate(visits.at, visits.agents)
+
+    return with_hooks(
+        arrive,
+        prepare=prepare,
+        drawer=render_goals,
+        teams=list(goals),
+        array_form=in_arrays,
+        array_trigger=partial(_may_arrive, goals),
+    )
+
+
+@shown_as_called
 def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     """Make a rule that ends the game after so many turns.
 
@@ -198,6 +248,38 @@ def time_limit(turns: int, winner: Team = LEADER) -> Rule:
     return with_hooks(
         time_limit, teams=named, last_turn=last, rank=Rank.END, array_form=in_arrays, array_trigger=in_all_games
     )
+
+
+@shown_as_called
+def none_left(team: Team, winner: Team = LEADER) -> Rule:
+    """Make a rule that ends the game when no agent of a team is alive, those in the air included.
+
+    Args:
+        team: the team; it is not over before the team has had an agent.
+        winner: the team that wins then, None for no team; by default the one with the highest score, if it is one
+            alone.
+
+    Raises:
+        BadType: one of them cannot be a team.
+    """
+    as_key(team, "team")
+    named = [team] if winner is LEADER else [team, as_key(winner, "winner")]
+
+    def none_left(ctx: Context) -> None:
+        if team in ctx.agent.teams and not any(agent.team == team for agent in ctx.game.agents):
+            ctx.game.end(f"none of {team} left", winner=_leader(ctx) if winner is LEADER else winner)
+
+    def in_arrays(turn: ArrayTurn) -> None:
+        is_member = turn.roster.plays_for([team])
+        at = np.flatnonzero(~(turn.alive & is_member).any(axis=1)) if is_member.any() else np.zeros(0, np.int64)
+        if len(at):
+            turn.end(at, f"none of {team} left", _leaders(turn, at) if winner is LEADER else [winner] * len(at))
+
+    def may_be_gone(turn: DeviceTurn) -> Tensor:
+        members = np.flatnonzero(turn.roster.plays_for([team]))
+        return ~turn.any_of([turn.of(turn.alive, members)])
+
+    return with_hooks(none_left, teams=named, rank=Rank.END, array_form=in_arrays, array_trigger=may_be_gone)
 
 
 @shown_as_called
@@ -279,16 +361,25 @@ def _arrive(ctx: Context, goals: Mapping[Any, frozenset[int] | str], *, passing:
     """Return the teams of the agents that are first at a goal of their team; each agent is an event."""
     arrived = []
     for team, goal in goals.items():
-        ends = _starts(ctx, goal) if isinstance(goal, str) else goal
-        agents = [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
-        for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
-            found = [(begin, node, agent.name, team) for node, begin, _ in visits_of(track) if node in ends]
-            arrived += found[:1]
+        arrived += _at_goal(ctx, team, goal, passing=passing)
     earliest = min((one[0] for one in arrived), default=None)
     first = [one for one in arrived if one[0] == earliest]
     for _, node, name, _ in first:
         ctx.game.emit("reach", agent=name, node=node)
     return list(dict.fromkeys(team for *_, team in first))
+
+
+def _at_goal(
+    ctx: Context, team: Hashable, goal: frozenset[int] | str, *, passing: bool
+) -> list[tuple[float, int, str, Hashable]]:
+    """Return moment, node, name and team of the agents of a team that get to its goal, each the first time."""
+    ends = _starts(ctx, goal) if isinstance(goal, str) else goal
+    agents = [agent for agent in ctx.game.agents if agent.team == team and agent.type is not AgentType.AERIAL]
+    arrived = []
+    for agent, track in zip(agents, tracks_of(ctx, agents, passing=passing), strict=True):
+        found = [(begin, node, agent.name, team) for node, begin, _ in visits_of(track) if node in ends]
+        arrived += found[:1]
+    return arrived
 
 
 def _end_of(there: list[Hashable], winner: Team) -> tuple[str, Hashable]:
@@ -303,15 +394,7 @@ def _arrive_in_arrays(
     """Do what `_arrive` does for many games; return team -> the games in which its agents are first at a goal."""
     arrived, earliest = [], np.full(len(turn.games), np.inf)  # the moment
     for team, goal in goals.items():
-        are_members = turn.roster.plays_for([team])
-        if isinstance(goal, str):
-            visits = turn.visits(turn.alive & are_members, passing=passing)
-            visits = visits.those(_are_starts(turn, visits, goal))
-        else:
-            visits = turn.visits(_are_nodes(turn, goal), passing=passing)
-            visits = visits.those(are_members[visits.agents])
-        _, first_visit = np.unique(visits.at * len(are_members) + visits.agents, return_index=True)
-        visits = visits.those(first_visit)
+        visits = _visits_of_goal(turn, team, goal, passing=passing)
         np.minimum.at(earliest, visits.at, visits.begin)
         arrived.append((team, visits))
     first: dict[Hashable, IntArray] = {}
@@ -320,6 +403,19 @@ def _arrive_in_arrays(
         turn.emit("reach", winning.at, agents={"agent": winning.agents}, nodes={"node": winning.nodes})
         first[team] = np.unique(winning.at)
     return first
+
+
+def _visits_of_goal(turn: ArrayTurn, team: Hashable, goal: frozenset[int] | str, *, passing: bool) -> Visits:
+    """Return the first visit of each agent of a team to its goal, by game and agent."""
+    are_members = turn.roster.plays_for([team])
+    if isinstance(goal, str):
+        visits = turn.visits(turn.alive & are_members, passing=passing)
+        visits = visits.those(_are_starts(turn, visits, goal))
+    else:
+        visits = turn.visits(_are_nodes(turn, goal), passing=passing)
+        visits = visits.those(are_members[visits.agents])
+    _, first_visit = np.unique(visits.at * len(are_members) + visits.agents, return_index=True)
+    return visits.those(first_visit)
 
 
 def _are_nodes(turn: ArrayTurn, ids: frozenset[int]) -> BoolArray:
