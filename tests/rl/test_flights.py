@@ -14,9 +14,12 @@ with warnings.catch_warnings():
     warnings.simplefilter("ignore", DeprecationWarning)  # importing the tests of PettingZoo makes a game the old way
     from pettingzoo.test import parallel_api_test, parallel_seed_test
 
+from policy_scenes import Linear, Sequential
+
 import gamms
 from gamms import rl
 from gamms.errors import BadValue
+from gamms.rl.networks import network_of
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "air": True, "euclid": 12.0}}
@@ -151,8 +154,61 @@ def test_agents_in_the_air_and_on_the_ground_have_spaces_of_their_own():
         rl.vector_env(scene(cars=1), num_games=2, team="red")
     with pytest.raises(BadValue, match="3 numbers from -1 to 1 for each of 4 agents"):
         rl.vector_env(scene(), num_games=2, team="red").step(np.zeros(4))
-    with pytest.raises(BadValue, match="'red_drone_0' flies: policies of agents on the ground"):
-        rl.save_policy(None, "red.safetensors", scene(), team="red")
+    with pytest.raises(BadValue, match="'red_drone_0' flies and 'red_car_0' does not, and a policy has one action"):
+        rl.save_policy(None, "red.safetensors", scene(cars=1), team="red")
+
+
+DEEDS = {"drop": {"node": "node"}, "mark": {"whom": "agent"}}
+
+
+@pytest.mark.parametrize(("team", "deeds"), [("drones", {}), ("drones", DEEDS), ("cars", {})])
+def test_saved_policies_do_alone_what_they_did_in_their_environment(team, deeds, tmp_path):
+    agents = scene(drones=2, cars=2).to_dict()["teams"]["red"]["agents"]
+    teams = {"drones": {"agents": agents[:2]}, "cars": {"agents": agents[2:]}}
+    runner = {"agents": [{"name": "blue_0", "node": 9, "strategy": "gamms.strategies:random_walk"}]}
+    tag = {"rule": "tag", "with": {**TAG["with"], "taggers": "drones"}}
+    game = scene(teams={**teams, "blue": runner}, rules=[tag], settings={"deeds": deeds})
+    env = rl.parallel_env(game, team=team)
+    observed, _ = env.reset(seed=3)
+    name = env.agents[0]
+    entries = len(observed[name]["observation"])
+    numbers = 3 if team == "drones" else env.learners.num_actions
+    numbers += len(env.learners.deeds or ())
+    weight = np.random.default_rng(0).normal(size=(numbers, entries))
+    rl.save_policy(Sequential(Linear(weight)), tmp_path / "it.safetensors", env)
+    played = game.build(3, {team: rl.policy(tmp_path / "it.safetensors")})
+    evaluate = network_of(Sequential(Linear(weight))).logits(numbers)
+    with played:
+        for _ in range(5):
+            chosen = {}
+            for name in env.agents:
+                one = observed[name]
+                mask = one.get("action_mask", np.ones(numbers))
+                values = evaluate({"observation": one["observation"][None], "action_mask": mask[None]})[0]
+                chosen[name] = (
+                    np.clip(values, -1, 1) if team == "drones" else np.argmax(np.where(mask, values, -np.inf))
+                )
+            observed, *_ = env.step(chosen)
+            played.game.step()
+            alone = env.learners.games.context(0)
+            for one in played.agent.create_iter():
+                other = alone.agent.agents[one.name]
+                assert (one.current_node_id, one.get_state()["curr_pos"]) == (
+                    other.current_node_id,
+                    other.get_state()["curr_pos"],
+                )
+        assert played.game.result().deeds == alone.game.result().deeds
+        assert bool(deeds) == bool(played.game.result().deeds)
+    env.close()
+
+
+def test_policies_of_agents_that_fly_are_for_these_alone(tmp_path):
+    entries = rl.parallel_env(scene(), team="red").observation_space("red_drone_0")["observation"].shape[0]
+    rl.save_policy(Sequential(Linear(np.zeros((3, entries)))), tmp_path / "it.safetensors", scene(), team="red")
+    with pytest.raises(BadValue, match="trained for agents that fly, not for those on the ground"):
+        scene().play(strategies={"blue": rl.policy(tmp_path / "it.safetensors", other_scenario=True)})
+    with pytest.raises(BadValue, match="sample=True draws moves"):
+        scene().play(strategies={"red": rl.policy(tmp_path / "it.safetensors", sample=True)})
 
 
 def test_an_action_may_say_how_far_an_agent_flies():

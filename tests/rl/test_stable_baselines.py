@@ -7,7 +7,7 @@ pytest.importorskip("stable_baselines3", reason='Stable-Baselines3 is not instal
 
 from sb3_contrib import MaskablePPO
 from sb3_contrib.common.maskable.utils import get_action_masks
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC
 
 from gamms import rl
 from gamms.errors import BadValue
@@ -35,6 +35,31 @@ def test_stable_baselines_learns_to_tag():
     observed = env.reset()
     chosen, _ = model.predict(observed, action_masks=get_action_masks(env), deterministic=True)
     assert observed["action_mask"][np.arange(32), chosen].all()
+    env.close()
+
+
+@pytest.mark.parametrize("kind", [PPO, SAC])
+def test_models_of_agents_that_fly_are_saved_and_fly_as_they_predict(kind, tmp_path):
+    teams = {
+        "red": {"count": 1, "type": "aerial", "speed": 8, "sensors": ["camera"]},
+        "blue": {"count": 1, "strategy": "gamms.strategies:random_walk"},
+    }
+    game = scene().replace(
+        teams=teams,
+        sensors={"camera": {"type": "AERIAL_AGENT", "sensor_range": 60}},
+        rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "air": True, "euclid": 5}}],
+    )
+    env = rl.sb3_env(game, num_games=1, team="red", seed=3)
+    model = kind("MultiInputPolicy", env, seed=1, device="cpu")
+    rl.save_policy(model, tmp_path / "it.safetensors", env)
+    env.seed(3)
+    observed = env.reset()
+    with game.build(3, {"red": rl.policy(tmp_path / "it.safetensors")}) as ctx:
+        for _ in range(5):
+            observed, *_ = env.step(model.predict(observed, deterministic=True)[0])
+            ctx.game.step()
+            there = env.learners.games.context(0).agent.agents["red_0"].position
+            assert ctx.agent.agents["red_0"].position == pytest.approx(there, abs=1e-4)
     env.close()
 
 

@@ -15,7 +15,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.rl.learners import Learners, are_in, joined
 from gamms.text import shown
 
-_AXES = 3  # of flights
+AXES = 3  # of flights
 
 
 class Heads(NamedTuple):
@@ -39,19 +39,19 @@ def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]]) -> Heads
     """
     shape = learners.masks.shape[:2]
     deeds = None if learners.deeds is None else np.zeros(shape, np.int64)
-    flights = np.zeros((*shape, _AXES)) if learners.flies.any() else None
+    flights = np.zeros((*shape, AXES)) if learners.flies.any() else None
     moves = np.zeros(shape, np.int64)
     for agents, actions in given:
         if not len(agents):
             continue
         size = shape[0], len(agents)
         if flights is not None and learners.flies[agents[0]]:
-            wide = _AXES + (0 if learners.deeds is None else len(learners.deeds))
+            wide = AXES + (0 if learners.deeds is None else len(learners.deeds))
             values = _numbers(actions, (*size, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
-            flights[:, agents] = values[..., :_AXES]
+            flights[:, agents] = values[..., :AXES]
             if deeds is not None:
                 legal = learners.deed_masks[:, agents]
-                deeds[:, agents] = np.where(legal, np.nan_to_num(values[..., _AXES:]), -np.inf).argmax(axis=2)
+                deeds[:, agents] = np.where(legal, np.nan_to_num(values[..., AXES:]), -np.inf).argmax(axis=2)
         elif deeds is None:
             moves[:, agents] = _numbers(actions, size, "iu", "integers, one for each")
         else:

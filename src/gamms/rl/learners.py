@@ -238,7 +238,11 @@ class Learners:
         chosen = self._own(actions)
         chosen = self._xp.where((chosen >= 0) & (chosen < self._counts), chosen, 0)
         done = None if deeds is None or self.deeds is None else self._legal_deeds(self._on_host(self._own(deeds)))
-        flown = None if flights is None or not self.flies.any() else self._within_reach(np.asarray(flights))
+        flown = (
+            None
+            if flights is None or not self.flies.any()
+            else within_reach(np.asarray(flights), self.reach_m, self._shape)
+        )
         if self._hand is None:
             self.games.step(self._given(chosen, done, flown), on_illegal="stay")
         else:
@@ -360,18 +364,6 @@ class Learners:
         """Return choices of deeds, nothing instead of those that agents do not have."""
         return np.where(are_in(self._legal_deed_masks(), chosen), chosen, 0)
 
-    def _within_reach(self, flights: FloatArray) -> FloatArray:
-        """Return flights in map units, none farther than its agent reaches."""
-        if flights.shape != (*self._shape, 3) or flights.dtype.kind not in "iuf":
-            raise BadValue(
-                f"Flights are numbers (east, north, up), an array {(*self._shape, 3)}, not {flights.dtype} of the "
-                f"shape {flights.shape}."
-            )
-        finite = np.where(np.isfinite(flights).all(axis=2, keepdims=True), flights, 0.0).astype(np.float64)
-        length = np.maximum(np.sqrt((finite * finite).sum(axis=2, keepdims=True)), 1.0)
-        found: FloatArray = finite / length * self.reach_m[:, None]
-        return found
-
     def _given(self, chosen: Array, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
         """Return what the agents of each team do, as `Batch.step` takes it."""
         given: dict[Hashable, Any] = dict(zip(self.teams, self._by_team(chosen), strict=True))
@@ -437,6 +429,22 @@ def joined(xp: Namespace, columns: Sequence[Any], axis: int = 1) -> Any:
     if len(columns) == 1:
         return columns[0]
     return (np.concatenate if xp is np else xp.concat)(columns, axis=axis)
+
+
+def within_reach(flights: FloatArray, reach_m: FloatArray, shape: tuple[int, int]) -> FloatArray:
+    """Return flights of so many games and agents, given in shares of what each reaches, in map units.
+
+    One that is longer than 1 is shortened to 1, and one that is not finite hovers.
+    """
+    if flights.shape != (*shape, 3) or flights.dtype.kind not in "iuf":
+        raise BadValue(
+            f"Flights are numbers (east, north, up), an array {(*shape, 3)}, not {flights.dtype} of the shape "
+            f"{flights.shape}."
+        )
+    finite = np.where(np.isfinite(flights).all(axis=2, keepdims=True), flights, 0.0).astype(np.float64)
+    length = np.maximum(np.sqrt((finite * finite).sum(axis=2, keepdims=True)), 1.0)
+    found: FloatArray = finite / length * reach_m[:, None]
+    return found
 
 
 def are_in(masks: BoolArray, chosen: ActionArray) -> BoolArray:

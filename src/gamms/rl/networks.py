@@ -152,6 +152,10 @@ def network_of(model: Any, shared: int | None = None) -> Network:
         policy = model.policy
         extractors = getattr(policy.features_extractor, "extractors", {})
         inputs, modules = list(extractors), [*extractors.values(), policy.mlp_extractor.policy_net, policy.action_net]
+    elif hasattr(model, "policy") and hasattr(getattr(model.policy, "actor", None), "latent_pi"):  # SAC
+        actor = model.policy.actor
+        extractors = getattr(actor.features_extractor, "extractors", {})
+        inputs, modules = list(extractors), [*extractors.values(), actor.latent_pi, actor.mu]
     else:
         inputs, modules = ["observation"], [model]
     layers: list[str] = []
@@ -164,6 +168,8 @@ def network_of(model: Any, shared: int | None = None) -> Network:
                 bias = np.zeros(len(weight), np.float32) if layer.bias is None else _values_of(layer.bias)
                 weights[f"{len(layers)}.bias"] = bias
             layers += [] if kind in _NOTHING else [_OF_TORCH.get(kind, "linear")]
+    if hasattr(getattr(getattr(model, "policy", None), "actor", None), "latent_pi"):
+        layers.append("tanh")
     made = {"inputs": inputs or ["observation"], "layers": layers, "shared": shared}
     try:
         return Network(msgspec.convert(made, Architecture), weights)

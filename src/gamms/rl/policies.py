@@ -16,11 +16,12 @@ from gamms.game.batch import ArrayView, array_strategy
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
 from gamms.rl.deeds import choices_of
-from gamms.rl.learners import Float32Array, Learners, Observation, Turn, default_observation
+from gamms.rl.heads import AXES, refuse_mixed
+from gamms.rl.learners import Float32Array, Learners, Observation, Turn, default_observation, within_reach
 from gamms.rl.networks import Architecture, Logits, Network, network_of, onnx_logits, with_metadata
 from gamms.scenario import Scenario
 from gamms.text import shown
-from gamms.typing import IContext
+from gamms.typing import AgentType, IContext
 from gamms.typing.context import HostContext
 
 Maker = Callable[[IContext], Callable[[Any], None]]
@@ -44,12 +45,14 @@ class Spaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         actions: how many there are.
         function: that observes: its module and name, or "default".
         deeds: how many choices of deeds there are; 0: none are declared.
+        flies: whether it is for agents that fly, whose actions are three numbers: see `heads`.
     """
 
     observation: Annotated[list[Count], msgspec.Meta(max_length=8)]
     actions: Count
     function: _Text = _DEFAULT
     deeds: Annotated[int, msgspec.Meta(ge=0, le=1 << 16)] = 0
+    flies: bool = False
 
     @property
     def numbers(self) -> int:
@@ -60,8 +63,8 @@ class Spaces(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def digest(self) -> str:
         """The SHA-256, in hexadecimal."""
         named = msgspec.structs.asdict(self)
-        if not self.deeds:
-            del named["deeds"]
+        for name in [name for name in ("deeds", "flies") if not named[name]]:
+            del named[name]
         return hashlib.sha256(msgspec.json.encode(named)).hexdigest()
 
 
@@ -231,7 +234,9 @@ def _maker(player: _Player) -> Maker:
     of_each = getattr(observe, "of_each", False)
     alone = described is not None and described.agent is not None
 
-    def play_policy(view: ArrayView) -> IntArray:
+    def play_policy(view: ArrayView) -> IntArray | FloatArray:
+        if view.roster.agents[view.agents[0]].type is AgentType.AERIAL:
+            return _flight(player, observe, view)
         choices = choices_of(view, view.declared)
         heads = 1 if choices is None else 2
         actions = np.zeros((heads, *view.node.shape), np.int64)
@@ -245,7 +250,7 @@ def _maker(player: _Player) -> Maker:
             shape = masks[0].shape[0], len(columns)
             mask = np.concatenate(masks, axis=2)[:, columns].reshape(shape[0] * shape[1], -1)
             parts = {"observation": values.reshape(-1, *values.shape[2:]), "action_mask": mask}
-            evaluate = _fitting(loaded, (most, mask.shape[1] - most, *values.shape[2:]))
+            evaluate = _fitting(loaded, (most, mask.shape[1] - most, *values.shape[2:]), flies=False)
             logits = np.where(mask, evaluate(parts), -np.inf)
             for head, part in enumerate(np.split(logits, [most], axis=1)[:heads]):
                 drawn = None if uniform is None else uniform[head][:, columns].ravel()
@@ -268,6 +273,33 @@ def _maker(player: _Player) -> Maker:
 
     make.__name__ = make.__qualname__ = play_policy.__name__
     return make
+
+
+def _flight(player: _Player, observe: Observation, view: ArrayView) -> FloatArray:
+    """Return how far an agent flies in a game that is played by itself, as its environment took its actions.
+
+    Raises:
+        BadValue: the policy is for others, or flights would have to be drawn.
+    """
+    if player.sample:
+        raise BadValue("sample=True draws moves and deeds: agents that fly do what is best, without it.")
+    if not getattr(observe, "of_each", False):
+        raise BadValue(
+            "A policy plays agents that fly by an observation that gives each the same in a view of it alone, and says "
+            "so: observation.of_each = True."
+        )
+    values, choices = np.asarray(observe(view)), choices_of(view, view.declared)
+    deeds = 0 if choices is None else len(choices)
+    evaluate = _fitting(player.policy, (AXES, deeds, *values.shape[2:]), flies=True)
+    numbers = evaluate({"observation": values[0], "action_mask": np.ones((1, AXES + deeds), np.bool_)})
+    numbers = np.clip(numbers, -1.0, 1.0)
+    if choices is not None:
+        legal = choices.masks(view)
+        best = np.where(legal, np.nan_to_num(numbers[:, None, AXES:]), -np.inf).argmax(axis=2)
+        for deed, (where, fields) in choices.given(best, view).items():
+            view.do(deed, where, **fields)
+    reach_m = np.array([view.roster.agents[view.agents[0]].speed or 0.0])
+    return within_reach(numbers[:, None, :AXES].astype(np.float64), reach_m, (1, 1))
 
 
 def _views(view: ArrayView, alone: bool) -> Iterator[tuple[ArrayView, IntArray]]:
@@ -294,7 +326,7 @@ def _chosen(logits: Float32Array, uniform: FloatArray | None) -> IntArray:
 
 
 @lru_cache(maxsize=64)
-def _fitting(loaded: _Loaded, shape: tuple[int, ...]) -> Logits:
+def _fitting(loaded: _Loaded, shape: tuple[int, ...], *, flies: bool) -> Logits:
     """Return what evaluates a policy for so many actions and deeds, and observations of such a shape.
 
     Raises:
@@ -302,6 +334,9 @@ def _fitting(loaded: _Loaded, shape: tuple[int, ...]) -> Logits:
     """
     actions, deeds, *observed = shape
     spaces = None if loaded.described is None else loaded.described.spaces
+    if spaces is not None and flies != spaces.flies:
+        where = ("on the ground", "that fly")
+        raise BadValue(f"{loaded.file} was trained for agents {where[spaces.flies]}, not for those {where[flies]}.")
     if spaces is not None and (actions, deeds, observed) != (spaces.actions, spaces.deeds, spaces.observation):
         of_deeds = f" and {spaces.deeds} choices of deeds" if spaces.deeds else ""
         here = f"{actions} and {deeds}" if deeds else actions
@@ -440,16 +475,13 @@ def _save_onnx(model: object, file: Path, found: Description) -> None:
 
 def _described(learners: Learners) -> Description:
     """Return what a file says of a policy that was trained by these learners."""
-    if learners.flies.any():
-        name = learners.names[int(np.argmax(learners.flies))]
-        raise BadValue(
-            f"Agent {shown(name)} flies: policies of agents on the ground are saved so far. Play its model in a "
-            "strategy of your own, which calls model.predict."
-        )
+    refuse_mixed(learners, range(len(learners.names)), "a policy")
     shape, function = list(np.asarray(learners.observe()).shape[2:]), learners.observation
     name = f"{getattr(function, '__module__', '?')}:{getattr(function, '__qualname__', type(function).__name__)}"
     named = _DEFAULT if function is default_observation else name[:500]
-    spaces = Spaces(shape, learners.num_actions, named, 0 if learners.deeds is None else len(learners.deeds))
+    flies = bool(learners.flies.all())
+    actions, deeds = AXES if flies else learners.num_actions, 0 if learners.deeds is None else len(learners.deeds)
+    spaces = Spaces(shape, actions, named, deeds, flies)
     scenario = learners.scenario
     return Description(
         scenario.spec.name, scenario.digests(), spaces, spaces.digest, list(map(str, learners.teams)), learners.agent

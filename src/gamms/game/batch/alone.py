@@ -14,8 +14,9 @@ from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import F, form_declared
+from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.movement import Anywhere, Movement, Noted, Paths, Places
-from gamms.game.batch.sight import SHOWING_AGENTS, Seen
+from gamms.game.batch.sight import FROM_THE_AIR, SHOWING_AGENTS, Seen
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.travel import movement_of
@@ -55,7 +56,8 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
     that is there already and plays in games alone; the name stands for the form then.
 
     Args:
-        form: returns the numbers of legal nodes, (games, agents).
+        form: returns the numbers of legal nodes, (games, agents); of an agent that flies, which is asked alone, how
+            far it flies, map units, (1, 1, 3).
         of: the strategy or plan that does the same with a state, or with those of a team.
 
     Raises:
@@ -73,10 +75,16 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
 
         def strategy(state: dict[str, Any]) -> None:
             view = _ViewOfOne(ctx, state, internals, takes_any=hasattr(form, TAKES_ANY_LEGAL))
-            node = state["legal"][int(view.checked(form(view), name)[0, 0])]
+            given, action = form(view), None
+            if not view.flies:
+                action = state["legal"][int(view.checked(given, name)[0, 0])]
             done = view.plain_deeds()
             state.get("outbox", []).extend(view.plain_outbox())
-            state["action"] = {"node_id": node, "do": done} if done else node
+            if action is None:
+                flight = as_flights(given, f"{name}: what an agent that flies does", (1, 1))[0, 0].tolist()
+                state["action"] = flown(flight, ctx.agent.agents[state["name"]].speed, done)
+            else:
+                state["action"] = {"node_id": action, "do": done} if done else action
 
         made: Any = update_wrapper(strategy, form)
         del made.__wrapped__
@@ -139,16 +147,27 @@ class _DrawsOfOne(ViewDraws):
 
 
 class _ViewOfOne(ArrayView):
-    """What the state of one agent holds, as a view of one game with one agent."""
+    """What the state of one agent holds, as a view of one game with one agent.
+
+    Attributes:
+        flies: whether it does.
+    """
 
     def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals, *, takes_any: bool) -> None:
         roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
         movement, shared = _world(host)
         streets = movement.streets
-        number, node = roster.names.index(state["name"]), streets.rows(state["curr_pos"])
-        if takes_any:
+        number, self.flies = roster.names.index(state["name"]), "quat" in state
+        here = roster.agents[number].current_node_id if self.flies else state["curr_pos"]
+        node = streets.rows(here)
+        if takes_any or self.flies:
             movement = self._noted(host, roster, shared)
-        elif streets.ids(streets.legal[node][: streets.counts[node]]).tolist() != list(state["legal"]):
+        if self.flies:
+            movement = movement if isinstance(movement, Noted) else Noted(movement)
+            movement.leaves_nodes = True
+        elif not takes_any and streets.ids(streets.legal[node][: streets.counts[node]]).tolist() != list(
+            state["legal"]
+        ):
             raise BadValue(
                 f"Agent {shown(state['name'])} plays an array strategy, which goes along one edge in a turn: give it "
                 "no speed, and leave ctx.game.legal as it is."
@@ -168,13 +187,18 @@ class _ViewOfOne(ArrayView):
         check = partial(checked_value, ctx=host)
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
         if isinstance(movement, Noted):
-            movement.note(0, number, streets.rows(state["legal"]))
-        if "xy" in state:
+            movement.note(0, number, streets.rows(state["legal"] or (here,)))
+        if self.flies or "xy" in state:
             shape = len(roster.names)
-            game.places = Places(np.full((1, shape, 3), -1), np.zeros((1, shape)), np.zeros((1, shape, 2)))
-            edge = state["edge"]
-            game.places.edge[0, number] = -1 if edge is None else edge
-            game.places.offset_m[0, number], game.places.xy[0, number] = state["offset_m"], state["xy"]
+            places = Places(np.full((1, shape, 3), -1), np.zeros((1, shape)), np.zeros((1, shape, 2)))
+            game.places = places
+            if self.flies:
+                game.heights = np.zeros((1, shape))
+                *places.xy[0, number], game.heights[0, number] = state["curr_pos"]
+            else:
+                edge = state["edge"]
+                places.edge[0, number] = -1 if edge is None else edge
+                places.offset_m[0, number], places.xy[0, number] = state["offset_m"], state["xy"]
 
     @staticmethod
     def _noted(host: HostContext, roster: Roster, shared: dict[Any, Any]) -> Movement:
@@ -193,6 +217,8 @@ class _ViewOfOne(ArrayView):
             BadValue: a strategy that keeps what it knows of others was not asked in the turn before.
         """
         own, here, memory = self._state, self.roster.agents, self._memory
+        if self.flies:
+            raise BadValue("A strategy of an agent that flies knows this agent alone: view.of is not for it.")
         turn, name = int(self.turn[0]), self.roster.names[self.agents[0]]
         if own.kept and memory.get(_LAST, turn - 1) not in (turn - 1, turn):
             raise BadValue(
@@ -243,6 +269,9 @@ class _ViewOfOne(ArrayView):
         for name, (kind, data) in self._sensed.items():
             if kind in SHOWING_AGENTS and (not names or name in names):
                 found.update(data)
+            if kind in FROM_THE_AIR and (not names or name in names):
+                nearest = self._host.graph.graph.nearest_node
+                found = {other: nearest(*place[:2]) for other, (_, place) in data.items()} | found
         own = self.roster.names[self.agents[0]]
         number = {name: i for i, name in enumerate(self.roster.names) if name in found and (names or name != own)}
         nodes = self.streets.rows([found[name] for name in number])

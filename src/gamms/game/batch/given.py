@@ -82,13 +82,20 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
 
 
 def _as_flights(given: object, team: Hashable, shape: tuple[int, int]) -> FloatArray | None:
-    if given is None:
-        return None
+    return None if given is None else as_flights(given, f"Flights of team {shown(team)}", shape)
+
+
+def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
+    """Return flights of so many games and agents as they were given.
+
+    Raises:
+        BadValue: they are no such numbers; the message begins with `what`.
+    """
     flights = np.asarray(given)
     if flights.shape != (*shape, 3) or flights.dtype.kind not in "iuf" or not np.isfinite(flights).all():
         raise BadValue(
-            f"Flights of team {shown(team)} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not "
-            f"{flights.dtype} of the shape {flights.shape}."
+            f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
+            f"{flights.shape}."
         )
     return flights.astype(np.float64)
 

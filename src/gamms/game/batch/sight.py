@@ -24,7 +24,7 @@ from gamms.typing.sensor_engine import SensorType
 
 DELAYS = "delayed looks"  # the key under which a batch shares what sensors are still to report
 SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
-_FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
+FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 _AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in the cache of the processor
 _FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
 _MOST_HIDDEN = 1 << 22  # pairs of nodes of which it is known whether something is between them
@@ -187,7 +187,7 @@ def noted_sensors(agent: IAgent) -> list[str]:
     for name, sensor in getattr(agent, "sensors", {}).items():
         look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else "is of a class of its own"
         is_odd = not isinstance(look, AgentLook) or look.turns or look.delay
-        if sensor.type in _FROM_THE_AIR or (sensor.type in SHOWING_AGENTS and is_odd):
+        if sensor.type in FROM_THE_AIR or (sensor.type in SHOWING_AGENTS and is_odd):
             found.append(name)
     return found
 
