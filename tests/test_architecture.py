@@ -26,6 +26,7 @@ MAX_LINES = 600
 
 FORBIDDEN = {"utils", "helpers", "common", "base", "core", "manager", "impl"}
 HEAVY = [
+    "http.client",
     "networkx",
     "shapely",
     "pygame",

@@ -141,6 +141,13 @@ def test_what_cannot_be_written_leaves_no_file(town, tmp_path):
     assert [(file.name, file.read_text()) for file in tmp_path.iterdir()] == [("old.gpkg", "old")]
 
 
+def test_graphml_keeps_names_that_have_signs_of_xml(town, tmp_path):
+    name = "a & 'b' <\t\"c\">"
+    town.graph.graph.update_node({"id": 5, name: "x & y"})
+    town.graph.export(tmp_path / "a.graphml")
+    assert nx.read_graphml(tmp_path / "a.graphml", node_type=int).nodes[5][name] == "x & y"
+
+
 VALUES = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats() | st.text() | st.binary(),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text() | st.integers(), inner, max_size=3),

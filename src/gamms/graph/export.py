@@ -10,9 +10,9 @@ import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
+from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
-from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
@@ -207,7 +207,7 @@ def _write_graphml(target: Path, layers: Layers) -> list[Path]:
         for kind, table in described.items():
             for number, (name, values) in enumerate(table.items()):
                 if name not in _IN_TAGS[kind]:
-                    attributes = f'attr.name={quoteattr(_xml(name))} attr.type="{_graphml_type(values)}"'
+                    attributes = f'attr.name="{_xml_name(name)}" attr.type="{_graphml_type(values)}"'
                     stream.write(f'<key id="{kind}{number}" for="{kind}" {attributes}/>\n')
         stream.write('<graph edgedefault="directed">\n')
         stream.write(_data("graph", {name: one for name, one in about.items() if one}))
@@ -231,7 +231,11 @@ def _data(kind: str, row: Mapping[str, Scalar]) -> str:
 
 
 def _xml(value: Scalar) -> str:
-    return escape(_NOT_IN_XML.sub("\ufffd", value if isinstance(value, str) else repr(value)))
+    return escape(_NOT_IN_XML.sub("\ufffd", value if isinstance(value, str) else repr(value)), quote=False)
+
+
+def _xml_name(name: str) -> str:
+    return re.sub(r"[\t\n\r]", lambda blank: f"&#{ord(blank[0])};", escape(_NOT_IN_XML.sub("\ufffd", name)))
 
 
 def _graphml_type(values: Iterable[Scalar]) -> str:

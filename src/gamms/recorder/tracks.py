@@ -5,10 +5,10 @@ import json
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
+from html import escape
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
-from xml.sax.saxutils import escape
 
 import numpy as np
 
@@ -224,7 +224,7 @@ def _places(tracks: Tracks, rows: slice) -> Iterator[tuple[list[float], float | 
 
 
 def _xml(text: object) -> str:
-    return escape(_NOT_IN_XML.sub("\ufffd", str(text)))
+    return escape(_NOT_IN_XML.sub("\ufffd", str(text)), quote=False)
 
 
 _FORMATS: dict[str, Callable[[Path, Tracks], None]] = {
