@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-torch check bench docs figures format clean
+.PHONY: demo test test-torch check bench docs figures format release-check clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gamms demo
@@ -36,6 +36,10 @@ figures: $(VENV)/.dev
 	out=$$(mktemp -d) && $(BIN)/gamms demo --no-film --out $$out && cp $$out/final.svg docs/demo.svg && rm -r $$out
 	$(BIN)/python scripts/draw_architecture.py docs/figures
 	GAMMS_REFRESH_EXAMPLES=1 $(BIN)/python -m pytest -q tests/docs/test_docs.py
+
+# Builds the distribution and plays the README's games in empty environments; docs/releasing.md has more of it.
+release-check: $(BIN)/python
+	$(BIN)/python scripts/check_release.py
 
 format: $(VENV)/.dev
 	$(BIN)/ruff format .
