@@ -6,7 +6,7 @@ import pytest
 
 import gamms
 from gamms import recorder, scenario, web
-from gamms.web.choices import Refused
+from gamms.web.choices import RefusedChoice
 from gamms.web.people import People
 
 GRID = {"grid": {"width": 5, "height": 5}}
@@ -119,7 +119,7 @@ def test_choices_that_do_not_count_are_refused_by_name_and_move_nothing(choice, 
         if all(asked.values()) and not found:
             given = {"question": asked["anna"][0]["question"], **choice}
             given["question"] = asked["bert"][0]["question"] if given["question"] == "bert" else given["question"]
-            with pytest.raises(Refused) as caught:
+            with pytest.raises(RefusedChoice) as caught:
                 people.choose("anna", given)
             found.append(caught.value.why)
 
@@ -137,7 +137,7 @@ def test_the_first_choice_counts_and_a_second_one_is_refused():
     def answer(people, name, question):
         choice = {"question": question["question"], "move": 1}
         people.choose(name, choice)
-        with pytest.raises(Refused) as caught:
+        with pytest.raises(RefusedChoice) as caught:
             people.choose(name, {**choice, "move": 5})
         return caught.value.why
 
@@ -164,7 +164,7 @@ def test_flyers_get_a_direction_and_deeds_name_who_is_in_sight():
             {"direction": [1, 0, float("nan")]},
             {"direction": [1, 0, 0], "distance": 9},
         ):
-            with pytest.raises(Refused):
+            with pytest.raises(RefusedChoice):
                 people.choose(name, {"question": question["question"], **bad})
         deed = {"do": {"mark": {"whom": "bert"}}}
         people.choose(name, {"question": question["question"], "direction": [3, 4, 0], "distance": 5.0, **deed})

@@ -42,10 +42,12 @@ def parsed_seeds(text: str) -> Sequence[int]:
 
 
 def imported(strategies: Strategies) -> dict[str, Callable[..., Any]]:
-    """Import the code of strategies."""
+    """Import the code of strategies; one person plays all agents of a team."""
     from gamms.scenario.code import function_of
+    from gamms.web import human
 
-    return {team: function_of(*one) for team, one in strategies.items()}
+    found = {team: function_of(*one) for team, one in strategies.items()}
+    return {team: human() if function is human else function for team, function in found.items()}
 
 
 def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Path, jobs: int | None) -> None:

@@ -160,14 +160,14 @@ def chosen(text: str, path: str) -> tuple[Found, Path]:
     Raises:
         ScenarioError: there is no such file, module or function.
     """
-    left, colon, function = text.rpartition(":")
+    left, colon, function = _in_full(text, None).rpartition(":")
     if not colon:
         raise ScenarioError(path, f"{text!r} is not a reference to code; write mine.py:strategy or module:function.")
     file = Path(left).absolute() if left.endswith(".py") else None
     folder = Path.cwd() if file is None else file.parent
     top = left.partition(".")[0]
     allow = (top,) if file is None and _is_dotted(left) and top not in _REFUSED else ()
-    found = _located(text if file is None else f"{file.name}:{function}", Sources(folder, allow), path)
+    found = _located(f"{left if file is None else file.name}:{function}", Sources(folder, allow), path)
     return _checked(found, is_imported_allowed=True)._replace(owner=None), folder
 
 

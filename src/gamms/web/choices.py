@@ -12,6 +12,7 @@ from gamms.errors import BadFile, BadValue, GammsError
 from gamms.game.deeds import field_of, wanted_deeds
 from gamms.plain import Plain, as_json
 from gamms.text import reason, shown
+from gamms.web.links import Refused
 
 EVENT = "choice"
 """The kind of the events that choices are in results and recordings."""
@@ -25,7 +26,7 @@ _KEYS = ("question", "move", "do")  # of a choice
 _KEYS_IN_THE_AIR = ("question", "direction", "distance", "do")
 
 
-class Refused(GammsError, ValueError):
+class RefusedChoice(Refused):
     """A choice that does not count and moves nothing.
 
     Attributes:
@@ -164,16 +165,18 @@ def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | No
     """Return the action that a choice is.
 
     Raises:
-        Refused: it is illegal.
+        RefusedChoice: it is illegal.
     """
     known = _KEYS if question.moves is not None else _KEYS_IN_THE_AIR
     for key in choice:
         if key not in known:
-            raise Refused("illegal", f"A choice for {shown(question.agent)} has {', '.join(known)}, not {shown(key)}.")
+            raise RefusedChoice(
+                "illegal", f"A choice for {shown(question.agent)} has {', '.join(known)}, not {shown(key)}."
+            )
     if question.moves is None:
         _check_flight(choice, question)
     elif "move" not in choice or not _is_among(choice["move"], question.moves):
-        raise Refused("illegal", f"Agent {shown(question.agent)} may not go to {shown(choice.get('move'))} now.")
+        raise RefusedChoice("illegal", f"Agent {shown(question.agent)} may not go to {shown(choice.get('move'))} now.")
     do = _checked_deeds(choice.get("do") or {}, question, ctx)
     return as_action({**choice, "do": do})
 
@@ -186,33 +189,33 @@ def _check_flight(choice: Mapping[str, Plain], question: Question) -> None:
     direction = choice.get("direction")
     is_right = isinstance(direction, list) and len(direction) == 3
     if not is_right or not all(type(one) in (int, float) and abs(one) < _FARTHEST for one in direction or ()):
-        raise Refused("illegal", f"A direction is three numbers, dx, dy and dz, not {shown(direction)}.")
+        raise RefusedChoice("illegal", f"A direction is three numbers, dx, dy and dz, not {shown(direction)}.")
     distance = choice.get("distance", 0.0)
     if type(distance) not in (int, float) or not 0.0 <= distance <= question.speed:
-        raise Refused(
+        raise RefusedChoice(
             "illegal", f"Agent {shown(question.agent)} flies 0 to {question.speed} a turn, not {shown(distance)}."
         )
 
 
 def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dict[str, Any]:
     if not isinstance(given, Mapping):
-        raise Refused("illegal", f"What an agent does is a mapping from deeds to fields, not {shown(given)}.")
+        raise RefusedChoice("illegal", f"What an agent does is a mapping from deeds to fields, not {shown(given)}.")
     done: dict[str, Any] = {}
     for deed, fields in given.items():
         offered, values = question.deeds.get(deed), {} if fields is None else fields
         if offered is None or not isinstance(values, Mapping):
-            raise Refused("illegal", f"There is no deed {shown(deed)} with {shown(fields)}.")
+            raise RefusedChoice("illegal", f"There is no deed {shown(deed)} with {shown(fields)}.")
         for key, value in values.items():
             choices = offered.get(key, {}).get("choices")
             if isinstance(choices, list) and value is not None and value not in choices:
-                raise Refused("illegal", f"The field {key!r} of {shown(deed)} cannot be {shown(value)} now.")
+                raise RefusedChoice("illegal", f"The field {key!r} of {shown(deed)} cannot be {shown(value)} now.")
         done[deed] = dict(values)
     if not done or ctx is None:
         return {}
     try:
         return wanted_deeds(done, ctx.game.deeds, ctx)
     except GammsError as error:
-        raise Refused("illegal", reason(error)) from None
+        raise RefusedChoice("illegal", reason(error)) from None
 
 
 # -- recordings ------------------------------------------------------------------------------------------------------

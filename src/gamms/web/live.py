@@ -16,7 +16,7 @@ from math import isfinite
 from pathlib import Path
 from time import monotonic
 from types import TracebackType
-from typing import Any, Self, TypedDict, Unpack
+from typing import Any, Protocol, Self, TypedDict, Unpack
 
 from gamms.arguments import as_bool, as_float
 from gamms.context import Context
@@ -29,6 +29,7 @@ from gamms.scenario import Scenario
 from gamms.text import reason, shown
 from gamms.web.links import Audience, Grant, Links, Refused
 from gamms.web.pages import live_page
+from gamms.web.playing import Players
 from gamms.web.server import Connection, Json, Page, Server, Site
 from gamms.web.streams import Streams, news
 
@@ -137,6 +138,26 @@ class Pace:
             self._changed.notify_all()
 
 
+class Host(Protocol):
+    """What serves a game: a `Server`, or the part of one that others share."""
+
+    address: str
+    links: Links
+
+    @property
+    def connections(self) -> list[Connection]:
+        """Those that have joined the game."""
+
+    def link(self, token: str) -> str:
+        """Return the address of the game with a token."""
+
+    def wake(self) -> None:
+        """Let the server send what is new."""
+
+    def close(self) -> None:
+        """Serve the game no longer."""
+
+
 class Live:
     """A game that is served, until `close`; usable in a `with` statement.
 
@@ -147,9 +168,14 @@ class Live:
         handlers: what is done with messages of clients, by their `type`.
         when_joined: called with each connection that opens, in the thread of the server.
         scenario: that is played, with the numbers that were chosen; None: the program plays.
+
+    Args:
+        game: see `serve`.
+        options: see `serve`.
+        host: what serves it; None: a server of its own, by the options.
     """
 
-    def __init__(self, game: Context | Scenario, options: ServeOptions) -> None:
+    def __init__(self, game: Context | Scenario, options: ServeOptions, host: "Host | None" = None) -> None:
         is_scenario = isinstance(game, Scenario)
         of_scenarios = [name for name in ("seed", "strategies", "record", "watch") if options.get(name) is not None]
         if of_scenarios and not is_scenario:
@@ -167,18 +193,14 @@ class Live:
             "restart": self._restart,
         }
         self.when_joined: list[Callable[[Connection], None]] = [self._tell_status]
+        self._players = Players(self)
         self._options, self._seed = options, options.get("seed")
         self._result: Result | None = None
         self._error: BaseException | None = None
         self._is_over, self._is_closed, self._wanted = threading.Event(), threading.Event(), threading.Event()
         self._asking = threading.Lock()
-        self._links, self._tokens = Links(), dict[Grant, str]()
-        title = options.get("title") or _title_of(game)
-        site = Site(self._links, {"/": Page(live_page(title))}, talk=self)
-        network = as_bool(options.get("allow_network", False), "allow_network")
-        self._server = Server(
-            site, host=options.get("host", "127.0.0.1"), port=options.get("port", 0), allow_network=network
-        )
+        self._tokens = dict[Grant, str]()
+        self._server: Host = self._own_server(game, options) if host is None else host
         self._thread: threading.Thread | None = None
         try:
             self._begin()
@@ -186,12 +208,18 @@ class Live:
             self.close()
             raise
 
+    def _own_server(self, game: Context | Scenario, options: ServeOptions) -> Server:
+        title = options.get("title") or _title_of(game)
+        site = Site(Links(), {"/": Page(live_page(title))}, talk=self)
+        network = as_bool(options.get("allow_network", False), "allow_network")
+        return Server(site, host=options.get("host", "127.0.0.1"), port=options.get("port", 0), allow_network=network)
+
     # -- links ----------------------------------------------------------------------------------------------------
 
     def link(self, grant: Grant) -> str:
         """Return the address for the holder of a grant; the same grant has the same address."""
         if grant not in self._tokens:
-            self._tokens[grant] = self._links.add(grant)
+            self._tokens[grant] = self._server.links.add(grant)
         return self._server.link(self._tokens[grant])
 
     @property
@@ -206,6 +234,11 @@ class Live:
         grants += [Grant(team, Audience(team)) for team in self._teams()]
         by_name = {grant.name: grant for grant in reversed(grants)}
         return {name: self.link(by_name[name]) for name in dict.fromkeys(grant.name for grant in grants)}
+
+    @property
+    def players(self) -> dict[str, str]:
+        """The addresses of the people who play in the game, by their names: whose agents have `gamms.web.human()`."""
+        return self._players.links()
 
     def _teams(self) -> list[str]:
         if self.scenario is not None:
@@ -283,6 +316,7 @@ class Live:
     def _begin(self) -> None:
         if self.scenario is None:
             self._context.record.follow(self)
+            self._players.open(self._context)
             return
         begun = threading.Event()
         self._thread = threading.Thread(target=self._play_on, args=(begun,), name="gamms game", daemon=True)
@@ -317,6 +351,7 @@ class Live:
             if (path := self._options.get("record")) is not None:
                 ctx.record.start(path, sensed=True, overwrite=True)
             ctx.record.follow(self)
+            self._players.open(ctx)
             begun.set()
             self._tell_all()
             self.pace.wait()
@@ -426,6 +461,7 @@ class Live:
         """Let the thread that plays end this game, if it goes on, and begin another one."""
         with self._asking:
             self._wanted.set()
+            self._players.let_go()
             self.pace.release(is_released=True)
 
 

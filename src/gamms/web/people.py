@@ -29,7 +29,7 @@ from gamms.web.choices import (
     EVENT,
     Choice,
     Question,
-    Refused,
+    RefusedChoice,
     action_of,
     as_action,
     choices_in,
@@ -71,6 +71,7 @@ class People:
         self._questions: dict[int, tuple[str, Question]] = {}  # of this turn: number -> person, question
         self._last = 0
         self._pending: list[Choice] = []
+        self._is_let_go = False
         self.changed: list[
             Callable[[], object]
         ] = []  # called in some thread when a question comes, goes or is answered
@@ -161,6 +162,16 @@ class People:
         with self._lock:
             return [question.as_message() for name, question in self._questions.values() if name == person]
 
+    def let_go(self) -> None:
+        """Wait for no person any more: the defaults decide, now and in all turns that follow."""
+        with self._lock:
+            self._is_let_go = True
+            open_ones = [question for _, question in self._questions.values()]
+            for question in open_ones:
+                question.until = 0.0
+        for question in open_ones:
+            question.wake()
+
     @property
     def is_waiting(self) -> bool:
         """Whether the choice of some person is still missing."""
@@ -171,7 +182,7 @@ class People:
         """Take the choice of a person: `question`, and `move`, or `direction` and `distance`, and `do`.
 
         Raises:
-            Refused: it does not count: it is late, foreign, illegal or a duplicate; nothing has changed.
+            RefusedChoice: it does not count: it is late, foreign, illegal or a duplicate; nothing has changed.
         """
         with self._lock:
             question = self._open_question(person, choice)
@@ -185,16 +196,16 @@ class People:
     def _open_question(self, person: str, choice: Mapping[str, Plain]) -> Question:
         number = choice.get("question")
         if type(number) is not int:
-            raise Refused("illegal", f"A choice has the number of its question, not {shown(number)}.")
+            raise RefusedChoice("illegal", f"A choice has the number of its question, not {shown(number)}.")
         owner, question = self._questions.get(number, (None, None))
         if question is None:
-            raise Refused("late", f"Question {number} is not open: its time is over, or it was never asked.")
+            raise RefusedChoice("late", f"Question {number} is not open: its time is over, or it was never asked.")
         if owner != person:
-            raise Refused("foreign", f"Question {number} is asked of another player.")
+            raise RefusedChoice("foreign", f"Question {number} is asked of another player.")
         if question.chosen is not None:
-            raise Refused("duplicate", f"Question {number} was answered already; the first choice counts.")
+            raise RefusedChoice("duplicate", f"Question {number} was answered already; the first choice counts.")
         if question.is_over or monotonic() >= question.until:
-            raise Refused("late", f"The time for question {number} is over.")
+            raise RefusedChoice("late", f"The time for question {number} is over.")
         return question
 
     # -- for the game ---------------------------------------------------------------------------------------------
@@ -248,7 +259,7 @@ class People:
         latest = float("inf") if limit is None else max(limit - _MARGIN_S, limit / 2)
         with self._lock:
             now = monotonic()
-            until = now + min(seconds if person.is_here else joins_within, latest)
+            until = 0.0 if self._is_let_go else now + min(seconds if person.is_here else joins_within, latest)
             self._last += 1
             question = Question(
                 self._last,

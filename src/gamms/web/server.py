@@ -194,6 +194,7 @@ class Server:
 
     Attributes:
         address: what links begin with, such as "http://127.0.0.1:8000".
+        links: of the site.
 
     Raises:
         MissingExtra (ImportError): Starlette or uvicorn is not installed.
@@ -217,7 +218,7 @@ class Server:
         listener = _listener(host, as_int(port, "port"))
         port = listener.getsockname()[1]
         name = f"[{host}]" if ":" in host else host
-        self.address = f"http://{name}:{port}"
+        self.address, self.links = f"http://{name}:{port}", site.links
         self._hub = _Hub(site)
         guard = _Guard(self._hub.application(), _own_names(port) if is_local else None)
         config = uvicorn.Config(

@@ -31,6 +31,7 @@ export class App {
     this.speed = 4; // turns a second
     this.isFollowing = false;
     this.movedAt = -Infinity; // when the camera was moved
+    /** @type {import("./player.js").Player | null} */ this.player = null; // of who plays in a live game
     this.needsPaint = true;
     this.paintMs = 0; // that the last frame took
     this.stage = element("div", { class: "stage" });
@@ -147,6 +148,7 @@ export class App {
 
   /** Select the agent near a pixel, or none. @param {View} view @param {number} px @param {number} py @param {number} far */
   click(view, px, py, far) {
+    if (this.player?.click(view, px, py, far)) return;
     const found = view.scene.agentAt(px, py, far);
     this.select(found === null ? null : found.name);
     if (found !== null) this.panel.open();
@@ -159,8 +161,9 @@ export class App {
 
   /** Show what is pointed at. @param {View} view @param {number | null} px @param {number} py */
   point(view, px, py) {
+    const isMove = px !== null && this.player !== null && this.player.point(view, px, py);
     const found = px === null ? null : view.scene.agentAt(px, py);
-    view.canvas.style.cursor = found === null ? "" : "pointer";
+    view.canvas.style.cursor = found === null && !isMove ? "" : "pointer";
     if (this.look.hovered === (found?.name ?? null)) return;
     this.look.hovered = found?.name ?? null;
     this.needsPaint = true;

@@ -103,6 +103,7 @@ function onKey(app, event) {
   if (event.key === "Escape") escape(app);
   else if (isField && (event.key.length > 1 || event.key === " ")) return; // arrows move the timeline and menus
   else if (isButton && (event.key === " " || event.key === "Enter")) return;
+  else if (app.player?.key(event)) event.stopPropagation();
   else if (!act(app, event)) return;
   event.preventDefault();
 }

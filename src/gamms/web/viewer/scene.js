@@ -40,6 +40,7 @@ export class Scene {
     this.ratio = 1;
     /** @type {Disc[]} */ this.discs = [];
     /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
+    /** @type {(() => void) | null} */ this.overlay = null; // paints what a person may choose
     /** @type {Set<number> | null} */ this.visible = null; // numbers of the agents that the fog leaves
   }
 
@@ -92,6 +93,7 @@ export class Scene {
     this.#paintDrawings((layer) => layer >= AGENT_LAYER, look, share);
     this.#paintNames(look, theme);
     if (this.world.isMetric) paintScaleBar(to, camera, theme);
+    this.overlay?.();
     return isSharp;
   }
 
