@@ -7,7 +7,8 @@
         live.wait()
 
 Read `pages.py` first: what such a file holds; then `live.py`: a game that is served while it is played, with
-`streams.py`, what its spectators are sent, `links.py`, what they may, and `server.py`, HTTP and WebSocket; `places.py`
+`streams.py`, what its spectators are sent, `links.py`, what they may, and `server.py`, HTTP and WebSocket. People who
+play: `people.py`, then `choices.py`, what they are asked, `playing.py`, how that travels, and `study.py`. `places.py`
 makes the page on which places of a map are chosen. The viewer itself is JavaScript, in `viewer/`, where `main.js` is
 the first file to read; `scripts/build_viewer.py` makes one page of it, `data/viewer.html`, which ships with GAMMS, and
 `data/places.html`.
@@ -19,8 +20,20 @@ from gamms.web.live import Live, ServeOptions, serve
 from gamms.web.pages import page, page_of_two
 from gamms.web.people import human
 from gamms.web.places import map_page
+from gamms.web.study import Study, StudyOptions, study
 
-__all__ = ["Live", "ServeOptions", "human", "map_page", "page", "page_of_two", "serve"]
+__all__ = [
+    "Live",
+    "ServeOptions",
+    "Study",
+    "StudyOptions",
+    "human",
+    "map_page",
+    "page",
+    "page_of_two",
+    "serve",
+    "study",
+]
 
 FOR_SCENARIOS = {"human": human}
 """What scenario files may name; `strategy: human` is short for it."""
