@@ -2,20 +2,30 @@
 
 import gc
 import logging
+import os
 import signal
 import sys
 from functools import cache
 
 import pytest
-from hypothesis import settings
+from hypothesis import is_hypothesis_test, settings
 
 import gamms
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what runs in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)  # or no program of a test would hear Ctrl-C
 
-settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=40)  # none is about time, or luck
+settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=20)  # none is about time, or luck
 settings.load_profile("gamms")
+
+
+def pytest_collection_modifyitems(items):
+    """Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1."""
+    if os.environ.get("GAMMS_THOROUGH") == "1":
+        for law in {item.function for item in items if is_hypothesis_test(getattr(item, "function", None))}:
+            given = law._hypothesis_internal_use_settings
+            more = settings(given, max_examples=10 * given.max_examples, derandomize=False)
+            law._hypothesis_internal_use_settings = more
 
 
 def pytest_collection_finish():

@@ -44,7 +44,7 @@ def installed():
     return found
 
 
-@settings(LAWS, max_examples=25)
+@settings(LAWS, max_examples=12)
 @given(
     streets=maps(),
     places=st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=2, max_size=9),

@@ -39,7 +39,7 @@ from gamms.strategies import (
     sweep,
 )
 
-LAWS = settings(max_examples=70, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
+LAWS = settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 LARGE = settings(LAWS, phases=[Phase.generate])  # games are too large to be made smaller in reasonable time
 TEAMS = ("red", "blue", "green", None)
 NODES = [3 * number + 2 for number in range(14)]  # ids that are no rows

@@ -27,7 +27,7 @@ def small_map(ctx, edges):
         ctx.graph.graph.add_edge({"id": number, "source": source, "target": target, "length": length})
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=16, deadline=None)
 @given(
     edges=EDGES,
     first=st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), max_size=3),

@@ -102,7 +102,7 @@ def check(ctx, seeds, *, restart=None):
         return games.detached
 
 
-@settings(LAWS, max_examples=30)
+@settings(LAWS, max_examples=12)
 @given(
     rules=ruled,
     first=st.lists(st.sampled_from([TAG, OUT, BACK, PAID, FLAGS]), max_size=2, unique_by=str),
@@ -150,7 +150,7 @@ MADE = {
 }
 
 
-@settings(LAWS, max_examples=12, phases=[Phase.generate])
+@settings(LAWS, max_examples=8, phases=[Phase.generate])
 @given(
     rules=st.lists(
         st.tuples(st.sampled_from([bonus, strike, lucky]), st.sampled_from(["before", "after"])), max_size=2

@@ -172,7 +172,7 @@ sensors = st.fixed_dictionaries(
 )
 
 
-@settings(max_examples=12, deadline=None, derandomize=True)
+@settings(max_examples=8, deadline=None, derandomize=True)
 @given(
     carried=st.lists(st.tuples(kinds, sensors), min_size=2, max_size=4),
     strategies=st.lists(st.sampled_from([chase, flee]), min_size=2, max_size=2),

@@ -200,7 +200,7 @@ SIGHTS = st.sampled_from(
 )
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(red=st.sampled_from([*MADE]), blue=st.sampled_from([*MADE]), seed=st.integers(0, 1000), sight=SIGHTS)
 def test_any_strategies_play_the_same_with_any_sight(red, blue, seed, sight, same_as_one_by_one):
     same_as_one_by_one(hunted(sight=sight), [seed], {"red": MADE[red], "blue": MADE[blue]})

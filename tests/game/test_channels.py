@@ -563,7 +563,7 @@ def test_an_eavesdropper_hears_exactly_what_reaches_it():
         assert inboxes(ctx, "bob") == {1: ["hello", 2]}
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.integers(0, 10**9))
 def test_an_eavesdropper_hears_what_it_would_hear_if_all_were_meant_for_it(seed):
     draw = Random(seed)
@@ -613,7 +613,7 @@ def test_losses_by_distance_have_straight_lines_between():
     assert abs((outcome == "lost").mean() - 0.4) < 4.0 * sqrt(0.4 * 0.6 / 3000)
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.permutations(["ann", "bob", "cat", "dan", "eve"]), st.integers(0, 2**31))
 def test_losses_follow_names_and_seeds_not_the_order_of_creation(names, seed):
     assert losses(names, seed=seed, turns=3) == losses(sorted(names), seed=seed, turns=3)
@@ -770,7 +770,7 @@ def test_an_observation_shows_the_inbox_of_the_turn_that_comes():
         assert ctx.game.observation("bob")["inbox"] == []
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.permutations(list(PLACES)), st.integers(0, 2**31))
 def test_a_game_of_messages_is_the_same_in_any_order_of_creation(names, seed):
     with noisy(seed) as first, noisy(seed, {name: PLACES[name] for name in names}) as second:
@@ -778,7 +778,7 @@ def test_a_game_of_messages_is_the_same_in_any_order_of_creation(names, seed):
         assert first.heard == second.heard
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(st.lists(st.tuples(st.integers(0, 4), st.integers(1, 4)), min_size=1, max_size=6), st.integers(0, 2**31))
 def test_going_back_to_any_snapshot_delivers_the_same_again(jumps, seed):
     with noisy(seed) as ctx:

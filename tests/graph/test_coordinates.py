@@ -208,7 +208,7 @@ POINT = st.tuples(NUMBER, NUMBER)
 
 
 @given(points=st.lists(POINT, min_size=1, max_size=30), place=POINT, gone=st.sets(st.integers(0, 29), max_size=5))
-@settings(max_examples=100, deadline=None, derandomize=True)
+@settings(max_examples=40, deadline=None, derandomize=True)
 def test_the_nearest_node_equals_brute_force(points, place, gone):
     graph = cloud(points)
     graph.nearest_node(0.0, 0.0)  # an index is there before the edits

@@ -13,7 +13,7 @@ import gamms
 from gamms.errors import BadValue, NoPath
 from gamms.graph import Graph, routes
 
-LAWS = settings(max_examples=60, deadline=None, derandomize=True)
+LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 NODES = 12
 ROW = st.integers(0, NODES - 1)
 PLACES = st.lists(st.tuples(st.integers(0, 3), st.integers(0, 3)), min_size=NODES, max_size=NODES)

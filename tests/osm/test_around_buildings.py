@@ -133,7 +133,7 @@ boxes = st.tuples(*[st.floats(1.0, 80.0)] * 2, *[st.floats(1.0, 18.0)] * 2).map(
 )
 
 
-@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(boxes, max_size=6))
 def test_lines_across_are_those_that_meet_no_building(square_with, outlines):
     found = lines_across(walked(square_with(*outlines)))

@@ -13,7 +13,7 @@ import gamms
 from gamms.osm.network import RoadNetwork
 from gamms.osm.networkx_bridge import to_digraph
 
-LAWS = settings(max_examples=40, deadline=None, derandomize=True)
+LAWS = settings(max_examples=20, deadline=None, derandomize=True)
 NODES = 5
 ROW = st.integers(0, NODES - 1)
 TAGS = st.dictionaries(

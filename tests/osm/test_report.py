@@ -339,7 +339,7 @@ def test_a_report_is_a_plain_value(town):
 place = st.integers(-900, 900).map(lambda n: n / 16 + n * n / 1e5)
 
 
-@settings(deadline=None, max_examples=30)
+@settings(deadline=None, max_examples=12)
 @given(
     st.lists(st.tuples(place, place), min_size=2, max_size=10, unique=True),
     st.data(),

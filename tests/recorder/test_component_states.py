@@ -99,7 +99,7 @@ def test_recordings_whose_keyframes_do_not_know_components_are_read_from_their_e
         assert [rec[turn].components for turn in (4, 3, 2, 1)] == EXPECTED[:0:-1]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(programmes, programmes)
 def test_components_are_those_of_the_game_after_pauses_too(before, after):
     ctx = grid_context()
@@ -110,7 +110,7 @@ def test_components_are_those_of_the_game_after_pauses_too(before, after):
         assert rec[-1].components == values_of(ctx)
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(programmes, programmes)
 def test_components_are_those_of_the_game_turn_by_turn(keyframes, before, after):
     ctx, live = grid_context(), []

@@ -225,7 +225,7 @@ steps = st.one_of(
 )
 
 
-@settings(max_examples=80)
+@settings(max_examples=30)
 @given(st.lists(steps, max_size=20))
 def test_a_replay_equals_the_game_and_reports_the_same(programme):
     registry = Components(Log())

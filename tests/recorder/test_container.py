@@ -48,7 +48,7 @@ def entries_of(log):
     return found
 
 
-FEWER = settings(max_examples=30)  # each is a whole recording
+FEWER = settings(max_examples=12)  # each is a whole recording
 
 
 # -- there and back ---------------------------------------------------------------------------------------------

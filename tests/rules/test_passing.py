@@ -12,7 +12,7 @@ from gamms.agent import AgentType
 from gamms.rules import contacts, tag
 from gamms.strategies import goto, patrol
 
-LAWS = settings(max_examples=40, deadline=None, derandomize=True)
+LAWS = settings(max_examples=20, deadline=None, derandomize=True)
 
 
 def open_road(*agents, nodes=10, unit="edges"):

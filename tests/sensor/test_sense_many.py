@@ -38,7 +38,7 @@ def plain(sensor):
     return [names.index(name) for name in data], None
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.data())
 @pytest.mark.parametrize("kind", list(KINDS))
 def test_many_looks_are_the_single_ones(kind, data):

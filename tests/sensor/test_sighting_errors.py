@@ -163,7 +163,7 @@ def reports_of(kind, errors, names, engine=Engine.MEMORY, seed=4):
     return found
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS, seed=st.integers(0, 5))
 def test_both_engines_and_every_order_of_creation_report_the_same(kind, errors, seed):
     names = ["anna", "bert", "cleo", "dora"]
@@ -173,7 +173,7 @@ def test_both_engines_and_every_order_of_creation_report_the_same(kind, errors, 
     assert reports_of(kind, errors, names, Engine.SQLITE, seed=seed) == first
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 @given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS)
 def test_one_more_agent_changes_the_report_of_no_other_but_whose_false_alarm_it_takes(kind, errors):
     names = ["anna", "bert", "cleo", "dora"]
@@ -207,7 +207,7 @@ def test_turns_looks_sensors_owners_and_agents_have_errors_of_their_own():
         assert len({round(x, 9) for report in found for x in report}) == 400
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(kind=st.sampled_from(KINDS + FLYING), errors=ERRORS, number=st.integers(0, 4))
 def test_many_looks_report_what_single_ones_do(kind, errors, number):
     many, single = [], []

@@ -148,7 +148,7 @@ def test_a_patrol_visits_its_nodes_in_order_by_shortest_paths_for_ever(open_worl
 
 
 @given(starts=st.lists(NODES, min_size=2, max_size=4), nodes=st.lists(NODES, min_size=1, max_size=3))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=8, deadline=None)
 def test_agents_that_share_a_strategy_go_as_those_with_one_of_their_own(open_world, starts, nodes):
     for make in (patrol, follow_path):
         walks = []
