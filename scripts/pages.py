@@ -17,6 +17,7 @@ DOCS = ROOT / "docs"
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 REPLAY = re.compile(r"^<!-- replay: (\S+) -->$", re.MULTILINE)  # where a page shows an HTML replay that its code saves
 
+_AFTER = re.compile(r"^<!-- after: (\S+) -->$", re.MULTILINE)
 _FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`[^`\n]*`")  # within a line
 _HEADING = re.compile(r"^#+ (.+?)\s*$", re.MULTILINE)
@@ -50,7 +51,13 @@ def fences_of(page: Path) -> list[Fence]:
 
 
 def run(page: Path) -> Iterator[tuple[Fence, str]]:
-    """Run the fences of a page in the working directory, and yield each with what it has printed."""
+    """Run the fences of a page in the working directory, and yield each with what it has printed.
+
+    A page that goes on with the files of another one says so by `<!-- after: other.md -->`; that one is run before.
+    """
+    for earlier in _AFTER.findall(page.read_text(encoding="utf-8")):
+        for _ in run(page.parent / earlier):
+            pass
     namespace: dict[str, object] = {"__name__": f"docs_{page.stem}"}
     for fence in fences_of(page):
         code = compile("\n" * (fence.line - 1) + fence.code, name_of(page), "exec", dont_inherit=True)
