@@ -10,7 +10,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from enum import Enum
 from pathlib import Path, PurePath
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from gamms.errors import GammsError, nearest
 from gamms.plain import Plain
@@ -209,6 +209,17 @@ def read(file: Path) -> Plain:
         ScenarioError: it is too large, not a text, not YAML or JSON, or has a key twice.
         OSError: it cannot be read.
     """
+    text = text_of(file)
+    return from_json(text) if file.suffix.lower() == ".json" else from_yaml(text)
+
+
+def text_of(file: Path) -> str:
+    """Return the text in a scenario file.
+
+    Raises:
+        ScenarioError: it is too large, or not a text.
+        OSError: it cannot be read.
+    """
     if file.is_dir():
         held = sorted(one.name for one in file.iterdir() if one.suffix.lower() in (".yaml", ".yml"))
         hint = f": give the file in it, {held[0]!r}." if held else ", and none is in it."
@@ -221,10 +232,9 @@ def read(file: Path) -> Plain:
     if len(data) > MOST_BYTES:
         raise ScenarioError("", f"the file has more than {MOST_BYTES:,} bytes. Put maps and tables into other files.")
     try:
-        text = data.decode("utf-8-sig")
+        return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ScenarioError("", f"the file is not UTF-8 text: {error}.") from None
-    return from_json(text) if file.suffix.lower() == ".json" else from_yaml(text)
 
 
 def from_json(text: str) -> Plain:
@@ -261,6 +271,13 @@ def from_yaml(text: str) -> Plain:
     except yaml.YAMLError as error:
         raise ScenarioError("", f"this is not YAML: {_flaw(error, text)}") from None
     return value
+
+
+def nodes_of(text: str) -> Any:  # a yaml.Node; its stubs lack what the kinds of nodes have
+    """Return the values of a text that `from_yaml` or `from_json` has read, as nodes that know where they stand."""
+    import yaml
+
+    return yaml.compose(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
 
 
 def _flaw(error: "yaml.YAMLError", text: str) -> str:
