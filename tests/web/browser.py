@@ -20,7 +20,7 @@ _FLAGS = (
     "--no-first-run",
     "--hide-scrollbars",
     "--remote-debugging-port=0",
-    "--host-resolver-rules=MAP * ~NOTFOUND",  # there is no network
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # there is no network but for this machine
 )
 _SECONDS = 30.0
 
@@ -53,7 +53,7 @@ class Page:
             self.messages.append(params["entry"]["text"])
 
     def open(self, path, width=1280, height=720, *, touch=False, scale=1, dark=False):
-        """Open a file in a window of some size, and wait until the viewer has read it."""
+        """Open a file or an address in a window of some size, and wait until the viewer has read it."""
         self.messages.clear()
         for domain in ("Page", "Runtime", "Log"):
             self.call(f"{domain}.enable")
@@ -63,7 +63,8 @@ class Page:
         self.call("Emulation.setTouchEmulationEnabled", enabled=touch)
         features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=features)
-        self.call("Page.navigate", url=Path(path).absolute().as_uri())
+        is_address = str(path).startswith("http")
+        self.call("Page.navigate", url=path if is_address else Path(path).absolute().as_uri())
         self.wait("document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead")
         return self
 

@@ -2,6 +2,8 @@
 
 import json
 import re
+import urllib.error
+import urllib.request
 
 import pytest
 
@@ -146,6 +148,80 @@ def test_the_starts_of_other_seeds_are_those_of_the_game(chromium, folder):
         assert shown == [ctx.agent.get_agent(name).current_node_id for name in ("red_0", "red_1", "keeper")]
     page.value("gamms.panel.seed.value = 5000; gamms.panel.seed.dispatchEvent(new Event('input'))")
     assert "not of this one" in page.value("gamms.panel.seedWords.textContent")
+
+
+@pytest.fixture
+def hunt(folder, tmp_path):
+    """A copy of the scenario that may be changed."""
+    for name in ("town.gamms", "hunt.yaml"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    return tmp_path / "hunt.yaml"
+
+
+def called(editor, path, message, token=None, **headers):
+    """Call what a page calls; return the status and the answer."""
+    address, _, own = editor.url.partition("/#")
+    given = {"Authorization": f"Bearer {own if token is None else token}", **headers}
+    request = urllib.request.Request(address + path, json.dumps(message).encode(), given)
+    try:
+        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=20) as answer:
+            return answer.status, json.load(answer)["value"]
+    except urllib.error.HTTPError as error:
+        with error:
+            return error.code, error.read().decode()
+
+
+def test_what_was_clicked_is_saved_after_a_look_at_the_difference(chromium, hunt):
+    with web.PlaceEditor(hunt) as editor:
+        page = chromium.open(editor.url)
+        page.value("gamms.panel.targets.value = 'agents blue'; gamms.panel.targets.dispatchEvent(new Event('change'))")
+        for node in (8, 22):
+            page.click(*pixel_of(page, node))
+        page.value("gamms.panel.saveButton.click()")
+        page.wait("document.querySelector('dialog pre')")
+        words = page.value("document.querySelector('dialog').textContent")
+        assert "+      - {name: keeper, node: 8}  # at the gate" in words
+        assert "+      - {name: blue_0, node: 22}" in words
+        assert hunt.read_text() == SCENARIO
+        page.value(
+            "[...document.querySelectorAll('dialog button')].find((one) => one.textContent == 'Save it').click()"
+        )
+        page.wait("!gamms.panel.dialog.open")
+        found = (
+            "  blue:\n    agents:\n      - {name: keeper, node: 8}  # at the gate\n      - {name: blue_0, node: 22}\n"
+        )
+        assert hunt.read_text() == SCENARIO.replace(
+            "  blue:\n    agents:\n      - {name: keeper, node: 30}  # at the gate\n", found
+        )
+        page.wait("gamms.options.teams[1].agents.length == 2")
+        page.value("gamms.panel.seed.value = 5000; gamms.panel.seed.dispatchEvent(new Event('input'))")
+        page.wait("Array.isArray(gamms.options.starts.seeds[5000])")
+        nodes = page.value("gamms.options.starts.seeds[5000]")
+        assert nodes == [one.tolist()[0] for one in scenario.load(hunt).starts([5000]).values()]
+        assert page.messages == []
+
+
+def test_a_page_may_change_places_and_nothing_else(hunt):
+    near = {"keys": ["teams", "red", "near"], "value": [385060.0, 6672060.0]}
+    wrong = [
+        {"keys": ["teams", "red", "strategy"], "value": "mine:strategy"},
+        {"keys": ["teams", "blue", "agents"], "value": [{"name": "keeper", "node": 3, "strategy": "mine:strategy"}]},
+        {"keys": ["rules", 0, "with", "nodes"], "value": [{"function": "mine:nodes"}]},
+        {"keys": ["map", "file"], "value": "/etc/passwd"},
+        {"keys": ["teams", "red", "near"], "value": "mine"},
+    ]
+    with web.PlaceEditor(hunt) as editor:
+        for change in wrong:
+            assert called(editor, "/preview", {"changes": [change]})[0] == 400, change
+        assert called(editor, "/preview", {"changes": [near]}, token="guess")[0] == 401
+        assert called(editor, "/preview", {"changes": [near]}, Origin="http://elsewhere.example")[0] == 403
+        status, words = called(editor, "/preview", {"changes": [near | {"value": [0.0, 0.0]}]})
+        assert (status, "teams.red" in words) == (400, True)
+        status, shown = called(editor, "/preview", {"changes": [near]})
+        assert "+    near: [385060.0, 6672060.0]" in shown["difference"]
+        hunt.write_text(SCENARIO + "# meanwhile\n")
+        assert called(editor, "/save", {"changes": [near], "id": shown["id"]})[0] == 400
+        assert hunt.read_text() == SCENARIO + "# meanwhile\n"
 
 
 def test_names_of_streets_execute_nothing(chromium, folder):

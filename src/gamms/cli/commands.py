@@ -72,24 +72,31 @@ def map(
     ],
     out: Annotated[
         Path | None,
-        typer.Option(help="The page, by default FILE with the ending .html.", metavar="PAGE", show_default=False),
+        typer.Option(help="Write a page that needs no server, and cannot save.", metavar="PAGE", show_default=False),
     ] = None,
     browser: Annotated[bool, typer.Option("--open/--no-open", help="Whether to open it in the browser.")] = True,
+    port: Annotated[int, typer.Option(help="Of the page that can save; 0 takes a free one.")] = 0,
     theme: Annotated[
         str | None, typer.Option(help="light or dark; by default as the browser is.", show_default=False)
     ] = None,
 ) -> None:
-    """Choose places on a map: search streets, click nodes, copy them as YAML."""
+    """Choose places on a map, in the browser, for a scenario file."""
     import webbrowser
 
     from gamms.folders import write_whole
-    from gamms.web import map_page
+    from gamms.web import PlaceEditor, map_page
 
-    page = Path(f"{file.stem}.html") if out is None else out
-    write_whole(page, map_page(file, theme=theme))
-    echo(f"Wrote {page}: {page.absolute().as_uri()}")
-    if browser:
-        webbrowser.open(page.absolute().as_uri())
+    if out is not None:
+        write_whole(out, map_page(file, theme=theme))
+        echo(f"Wrote {out}.")
+        if browser:
+            webbrowser.open(out.absolute().as_uri())
+        return
+    with PlaceEditor(file, theme=theme, port=port) as editor:
+        echo(f"{editor.url}\nCtrl-C ends it.")
+        if browser:
+            webbrowser.open(editor.url)
+        editor.stay_open()
 
 
 def report(

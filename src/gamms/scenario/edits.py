@@ -6,7 +6,7 @@ meant; then the whole scenario is checked, before the file is replaced in one st
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from difflib import unified_diff
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -100,7 +100,7 @@ def edited(file: Path, changes: Sequence[Change], known: Scenario) -> Edit:
     return Edit(game, file, before, after)
 
 
-def _read_again(read: Any, text: str) -> Plain:
+def _read_again(read: Callable[[str], Plain], text: str) -> Plain:
     try:
         return read(text)
     except ScenarioError:

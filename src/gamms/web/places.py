@@ -16,7 +16,6 @@ from gamms import osm
 from gamms.arguments import as_path
 from gamms.context import create_context
 from gamms.errors import BadValue, GammsError
-from gamms.graph.storage import MapSnapshot
 from gamms.scenario import Scenario, ScenarioError, load
 from gamms.scenario.spec import LatLon, Rule, Team
 from gamms.text import shown
@@ -77,8 +76,10 @@ def assembled(game: Scenario, look: Mapping[str, Any], *, is_scenario: bool, con
         is_scenario: whether there is more than a map; else whole scenarios are copied.
         connect: what the page may connect to, as a content security policy has it.
     """
-    options = _options_of(game, is_scenario) | {name: one for name, one in look.items() if one not in (None, "")}
-    packed = base64.b64encode(_packed(game.map_snapshot())).decode()
+    options = options_of(game, is_scenario=is_scenario) | {
+        name: one for name, one in look.items() if one not in (None, "", False)
+    }
+    packed = base64.b64encode(packed_map(game)).decode()
     data = f'<script type="application/json" id="options">{as_json(options)}</script>\n'
     words = {"title": escape(options["title"]), "still": "This page needs JavaScript.", "connect": connect}
     return filled("places", words, f'{data}<script type="application/x-gamms-map" id="map">{packed}</script>')
@@ -98,7 +99,8 @@ def starts_of(game: Scenario, seeds: Sequence[int]) -> dict[str, Any]:
     return {"names": names, "seeds": {seed: nodes for one in each for seed, nodes in one["seeds"].items()}}
 
 
-def _options_of(game: Scenario, is_scenario: bool) -> dict[str, Any]:
+def options_of(game: Scenario, *, is_scenario: bool) -> dict[str, Any]:
+    """Return what a page says of a scenario: its teams, the nodes of its rules, and where agents start."""
     plain, spec = game.to_dict(), game.spec
     found: dict[str, Any] = {"title": spec.name or ("A scenario" if game.file is None else game.file.name)}
     if not is_scenario:
@@ -126,10 +128,10 @@ def _team(game: Scenario, name: str, team: Team) -> dict[str, Any]:
     return found
 
 
-def _packed(map: MapSnapshot) -> bytes:
-    """Return a map with all attributes, and the latitude and longitude of each node, where it has them."""
+def packed_map(game: Scenario) -> bytes:
+    """Return the map of a scenario with all attributes, and the degrees of each node, where it has them."""
     with create_context(logger_config={"level": "ERROR"}) as ctx:
-        ctx.graph.storage.copy_from(map)
+        ctx.graph.storage.copy_from(game.map_snapshot())
         packed, _ = ctx.graph.storage.pack_savable()
         try:
             xy = ctx.graph.columns().xy

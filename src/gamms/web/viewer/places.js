@@ -1,4 +1,5 @@
 // A page on which places of a map are found and chosen, and become text of a scenario file. Begin here.
+import { ask } from "./asking.js";
 import { Camera } from "./camera.js";
 import { element } from "./dom.js";
 import { Pointers } from "./input.js";
@@ -408,16 +409,17 @@ function isInside(points, x, y) {
   return isIn;
 }
 
-/** Show the map in the page. @returns {Places} */
-function begin() {
-  const text = atob((document.getElementById("map")?.textContent ?? "").trim());
+/** Show the map in the page. @returns {Promise<Places>} */
+async function begin() {
+  let options = JSON.parse(document.getElementById("options")?.textContent || "{}");
+  const now = options.editor ? await ask("/state", {}) : {}; // what is in the file now
+  options = { ...options, ...now.options };
+  const text = atob(now.map ?? (document.getElementById("map")?.textContent ?? "").trim());
   const world = new World(Uint8Array.from(text, (letter) => letter.charCodeAt(0)));
-  return new Places(/** @type {HTMLElement} */ (document.getElementById("viewer")), world, JSON.parse(document.getElementById("options")?.textContent || "{}"));
+  return new Places(/** @type {HTMLElement} */ (document.getElementById("viewer")), world, options);
 }
 
-try {
-  Object.defineProperty(window, "gamms", { value: begin() }); // for consoles and tests
-} catch (error) {
+begin().then((places) => Object.defineProperty(window, "gamms", { value: places }), (error) => {
   const words = `This map cannot be shown: ${error instanceof Error ? error.message : error}`;
   document.getElementById("viewer")?.replaceChildren(element("p", { class: "failure", role: "alert", text: words }));
-}
+});

@@ -1,0 +1,200 @@
+"""Serve the page on which places of a map are chosen, so that it can save them into the scenario file.
+
+A page may change where agents start, the nodes of rules and the roads that are closed, and nothing else: no code, no
+other file. It is shown the difference first; what it then saves must be the same.
+"""
+
+import base64
+import hashlib
+import os
+import threading
+from collections.abc import Sequence
+from contextlib import suppress
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from gamms.arguments import as_path
+from gamms.plain import Plain
+from gamms.scenario import Scenario, load
+from gamms.scenario.edits import Change, Edit, edited
+from gamms.web.links import Grant, Links, Refused
+from gamms.web.places import assembled, opened, options_of, packed_map, starts_of
+from gamms.web.server import Call, Json, Page, Server, Site
+
+_LOOK_S = 0.5
+_MOST_CHANGES = 10
+_MOST_NODES = 10_000
+
+
+class PlaceEditor:
+    """Serves a page of a map or scenario file until `close`; usable in a `with` statement.
+
+    Args:
+        file: an OpenStreetMap, GeoJSON or `.gamms` file, or a scenario file, into which the page can save.
+        theme: "light", "dark", or None: as the browser is.
+        host: the address; all but loopback need `allow_network`.
+        port: 0 takes a free one.
+        allow_network: let other machines in, who need the link.
+
+    Attributes:
+        url: the address of the page, with its token.
+
+    Raises:
+        ScenarioError (ValueError), OSError: the file cannot be loaded.
+        MissingExtra, BadValue, NetworkError: see `gamms.web.server.Server`.
+    """
+
+    def __init__(
+        self,
+        file: str | os.PathLike[str],
+        *,
+        theme: str | None = None,
+        host: str = "127.0.0.1",
+        port: int = 0,
+        allow_network: bool = False,
+    ) -> None:
+        self._file: Path = as_path(file, "file")
+        self._game, self._is_scenario = opened(self._file)
+        self._lock, self._closed = threading.Lock(), threading.Event()
+        look = {"theme": theme, "editor": self._is_scenario}
+        page = assembled(self._game, look, is_scenario=self._is_scenario, connect="'self'")
+        self._map_shown = self._game.spec.map
+        links = Links()
+        calls: dict[str, Call] = {
+            "/state": self._state,
+            "/starts": self._starts,
+            "/preview": self._preview,
+            "/save": self._save,
+        }
+        site = Site(links, {"/": Page(page)}, calls if self._is_scenario else {})
+        self._server = Server(site, host=host, port=port, allow_network=allow_network)
+        self.url = self._server.link(links.add(Grant("editor")))
+
+    def stay_open(self) -> None:
+        """Serve on until `close` or Ctrl-C."""
+        with suppress(KeyboardInterrupt):
+            while not self._closed.wait(_LOOK_S):
+                pass
+
+    def close(self) -> None:
+        """End the server."""
+        self._closed.set()
+        self._server.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    # -- what the page calls --------------------------------------------------------------------------------------
+
+    def _state(self, _grant: Grant, _message: Json) -> Plain:
+        """Return the options of the page as the file is now, and the map, if it is another one than in the page."""
+        with self._lock:
+            self._game = load(self._file) if self._changed_outside() else self._game
+            is_shown = self._game.spec.map == self._map_shown
+            return {
+                "options": options_of(self._game, is_scenario=True),
+                "map": None if is_shown else base64.b64encode(packed_map(self._game)).decode(),
+            }
+
+    def _changed_outside(self) -> bool:
+        return load(self._file) != self._game
+
+    def _starts(self, _grant: Grant, message: Json) -> Plain:
+        seed = message.get("seed")
+        if type(seed) is not int:
+            raise Refused("A seed is a whole number.")
+        return starts_of(self._game, [seed])
+
+    def _preview(self, _grant: Grant, message: Json) -> Plain:
+        edit = self._edit(message)
+        return {"difference": edit.diff, "id": _digest(edit)}
+
+    def _save(self, _grant: Grant, message: Json) -> Plain:
+        with self._lock:
+            edit = self._edit(message)
+            if _digest(edit) != message.get("id"):
+                raise Refused("The file has been changed meanwhile. Look at the difference again.")
+            edit.write()
+            self._game = edit.game
+        return {"is_other_map": edit.game.spec.map != self._map_shown}
+
+    def _edit(self, message: Json) -> Edit:
+        given = message.get("changes")
+        if not isinstance(given, list) or len(given) > _MOST_CHANGES:
+            raise Refused(f"A page gives at most {_MOST_CHANGES} changes.")
+        now = load(self._file)
+        return edited(self._file, [change for one in given for change in _checked(one, now)], self._game)
+
+
+def _digest(edit: Edit) -> str:
+    return hashlib.sha256(f"{edit.before}\0{edit.after}".encode("utf-8", "surrogatepass")).hexdigest()
+
+
+def _checked(given: Plain, game: Scenario) -> Sequence[Change]:
+    """Return the changes of the file that one of a page means.
+
+    Raises:
+        Refused: a page may not change this, or so.
+    """
+    match given:
+        case {"keys": ["teams", str(team), "agents"], "value": list(agents)} if team in game.spec.teams:
+            return _of_agents(team, agents, game)
+        case {"keys": ["teams", str(team), "near"], "value": [int() | float() as x, int() | float() as y]}:
+            return [Change(("teams", team, "near"), [x, y])]
+        case {"keys": ["teams", str(team), "within"], "value": int() | float() as metres}:
+            return [Change(("teams", team, "within"), metres)]
+        case {"keys": ["map", "closed"], "value": list(outlines)} if all(map(_is_outline, outlines)):
+            return [Change(("map", "closed"), outlines, is_more=True)]
+        case {"keys": ["rules", int(number), "with", "nodes"], "value": list(nodes)} if all(map(_is_node, nodes)):
+            return [Change(("rules", number, "with", "nodes"), nodes)]
+    raise Refused("A page may change where agents start, the nodes of rules, and which roads are closed.")
+
+
+def _of_agents(team: str, agents: list[Plain], game: Scenario) -> list[Change]:
+    """Return changes that put listed agents elsewhere, and add those that are not there."""
+    known = [one.name for one in game.spec.teams[team].agents]
+    changes, more = list[Change](), list[Plain]()
+    for one in agents[:_MOST_NODES]:
+        match one:
+            case {"name": str(name), "node": node} if len(one) == 2 and _is_place(node):
+                path = ("teams", team, "agents")
+                if name in known:
+                    changes.append(Change((*path, known.index(name), "node"), node))
+                else:
+                    more.append({"name": name, "node": node})
+            case _:
+                raise Refused("An agent has a name and a node.")
+    return [*changes, Change(("teams", team, "agents"), more, is_more=True)] if more else changes
+
+
+def _is_place(value: Plain) -> bool:
+    """Whether a value is the id of a node, [x, y], or a latitude and longitude."""
+    match value:
+        case bool():
+            return False
+        case int() | [int() | float(), int() | float()]:
+            return True
+        case {"lat": int() | float(), "lon": int() | float()}:
+            return len(value) == 2
+    return False
+
+
+def _is_node(value: Plain) -> bool:
+    match value:
+        case {"node_at": place}:
+            return len(value) == 1 and not isinstance(place, int) and _is_place(place)
+    return type(value) is int
+
+
+def _is_outline(value: object) -> bool:
+    return isinstance(value, list) and len(value) <= _MOST_NODES and all(map(_is_corner, value))
+
+
+def _is_corner(value: object) -> bool:
+    return isinstance(value, list) and _is_place(value)
