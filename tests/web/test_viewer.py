@@ -141,3 +141,70 @@ def test_hostile_names_execute_nothing(chromium, tmp_path):
     assert chromium.value("window.attacked") is None
     assert chromium.value("document.images.length") == 0
     assert chromium.value("document.querySelector('.panel h2').textContent") == name
+
+
+@pytest.fixture(scope="module")
+def walled(tmp_path_factory):
+    """A game between walls: what rules keep, sensors of agents, and the nodes that they cover."""
+    path = tmp_path_factory.mktemp("walled") / "walled.ggr"
+    kinds, covered = gamms.sensor.SensorType, {}
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(9, 9))
+        ctx.graph.add_obstacles([[(25, y, 9), (25, y + 30, 9), (25, y, 0), (25, y + 30, 0)] for y in (12, 52)])
+        fields = {"past": ("OCCLUDED_AGENT", "OCCLUDED_MAP", {"sensor_range": 45.0})}
+        fields["ahead"] = ("AGENT_ARC", "ARC", {"sensor_range": 35.0, "fov": 1.3, "orientation": (0.6, 0.8)})
+        for number, (name, (of_agents, _, keywords)) in enumerate(fields.items()):
+            eye = ctx.sensor.create_sensor(name, kinds[of_agents], **keywords)
+            sensors = {"eye": eye.sensor_id}
+            ctx.agent.create_agent(name, start_node_id=30 + 10 * number, team=f"team {name}", sensors=sensors, strategy=east)
+        ctx.game.add(gamms.rules.hold([31, 32], 5, ends=False))
+        ctx.game.add(gamms.rules.discover([33, 80]))
+        ctx.game.add(gamms.rules.resource("fuel", 10, per_edge=4))
+        ctx.record.start(path, sensed=True)
+        ctx.game.run(max_turns=2)
+        ctx.record.stop()
+        for name, (_, of_nodes, keywords) in fields.items():
+            agent = ctx.agent.get_agent(name)
+            sensor = ctx.sensor.create_sensor(f"map of {name}", kinds[of_nodes], **keywords)
+            agent.register_sensor("map", sensor)
+            sensor.sense(agent.current_node_id)
+            covered[name] = sorted(sensor.data["nodes"])
+    return path, covered
+
+
+def east(state):
+    """Go to the right."""
+    state["action"] = state["curr_pos"] + 1
+
+
+def test_fog_past_walls_and_ahead_is_that_of_sensors_of_nodes(chromium, walled, tmp_path):
+    path, covered = walled
+    with recorder.open(path) as recording:
+        recording.save(tmp_path / "walled.html", turn=2)
+    page = chromium.open(tmp_path / "walled.html")
+    for name, nodes in covered.items():
+        page.value(f"gamms.change({{fog: 'team {name}'}}), gamms.select('{name}')")
+        page.settle()
+        scene = "gamms.views[0].scene"
+        found = page.value(f"[...{scene}.sightOfTeam.nodes].map((row) => {scene}.world.nodeIds[row])")
+        assert sorted(found) == nodes
+        assert 1 < len(nodes) < 81
+    assert page.value("[...document.querySelectorAll('.list .row')].map((row) => row.textContent)") == []
+    page.value("gamms.select(null)")
+    assert page.value("document.querySelectorAll('.list .row').length") == 1
+    assert page.messages == []
+
+
+def test_what_rules_keep_is_shown(chromium, walled, tmp_path):
+    with recorder.open(walled[0]) as recording:
+        recording.save(tmp_path / "walled.html", turn=2)
+    page = chromium.open(tmp_path / "walled.html", dark=True)
+    page.settle()
+    before = pixels_of(page.picture())
+    page.value("gamms.select('past')")
+    assert "fuel left2" in page.value("document.querySelector('.panel').textContent")
+    page.value("gamms.select(null), gamms.panel.close(), gamms.views[0].replay.state.data.clear()")
+    page.settle()
+    page.value("gamms.needsPaint = true")
+    page.settle()
+    assert (pixels_of(page.picture()) != before).any(axis=-1).sum() > 500  # rings, squares and bars

@@ -106,7 +106,10 @@ export class App {
   /** Go to a place in the turns. @param {number} position */
   seek(position) {
     this.position = Math.min(Math.max(position, 0), this.turns);
-    for (const { replay } of this.views) replay.show(Math.min(this.turn, replay.turns));
+    for (const { replay, scene } of this.views) {
+      replay.show(Math.min(this.turn, replay.turns));
+      scene.see(this.look);
+    }
     this.needsPaint = true;
     this.controls.renewTurn();
     this.panel.renew();
@@ -173,6 +176,7 @@ export class App {
   /** Change how all is painted. @param {Partial<import("./scene.js").Look>} changes */
   change(changes) {
     Object.assign(this.look, changes);
+    for (const { scene } of this.views) scene.see(this.look);
     if ("theme" in changes) this.#dress();
     this.needsPaint = true;
     this.controls.renew();

@@ -23,6 +23,29 @@ export function placeOf(world, agent) {
 }
 
 /**
+ * Return where an agent looks, as cosine and sine; zeros while it has no heading.
+ * @param {World} world @param {Agent} agent @returns {[number, number]}
+ */
+export function headingOf(world, agent) {
+  const [w, x, y, z] = agent.quat;
+  if (agent.flies && Number.isFinite(w)) return unit(1 - 2 * (y * y + z * z), 2 * (x * y + w * z));
+  if (Number.isFinite(agent.heading[0])) return [agent.heading[0], agent.heading[1]];
+  const isOnEdge = agent.share > 0;
+  const from = world.rowOf.get(isOnEdge ? agent.source : agent.previous), to = world.rowOf.get(isOnEdge ? agent.target : agent.node);
+  if (from === undefined || to === undefined || from === to) return [0, 0];
+  if (!isOnEdge) return unit(world.xy[2 * to] - world.xy[2 * from], world.xy[2 * to + 1] - world.xy[2 * from + 1]);
+  const points = world.pointsBetween(from, to);
+  const [here, ahead] = [along(points, agent.share), along(points, Math.min(agent.share + 1e-3, 1))];
+  return unit(ahead[0] - here[0], ahead[1] - here[1]);
+}
+
+/** @param {number} x @param {number} y @returns {[number, number]} */
+function unit(x, y) {
+  const length = Math.hypot(x, y);
+  return length > 1e-9 ? [x / length, y / length] : [0, 0];
+}
+
+/**
  * Return the ways of all living agents in a turn.
  * @param {World} world @param {State} state after the turn @param {Map<number, Agent>} before the agents before it
  * @returns {Way[]}

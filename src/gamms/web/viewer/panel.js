@@ -1,6 +1,7 @@
 // The panel at the side: the game with its scores, events and agents; or one agent with what it knew and did.
 import { wordsOf } from "./captions.js";
 import { dot, element, iconButton, refill } from "./dom.js";
+import { amountsOf } from "./rules.js";
 import { sideOf } from "./sensed.js";
 import { THEMES } from "./themes.js";
 
@@ -114,7 +115,7 @@ export class Panel {
     const isHidden = app.look.fog !== null && sideOf(agent) !== app.look.fog; // of whom the team knows only where it is
     const facts = [["team", agent.team], ["state", agent.alive ? null : "out of the game"], ["node", agent.node], ["street", street], ["before", agent.previous === agent.node ? null : agent.previous],
       ["on an edge", agent.share > 0 ? `${Math.round(agent.share * 100)} % from ${agent.source} to ${agent.target}` : null],
-      ["position", agent.flies ? Array.from(agent.position, (one) => one.toFixed(1)).join(", ") : null], ["speed", agent.speed], ["strategy", agent.strategy]];
+      ["position", agent.flies ? Array.from(agent.position, (one) => one.toFixed(1)).join(", ") : null], ["speed", agent.speed], ["strategy", agent.strategy], ...(isHidden ? [] : amountsOf(state.data, agent.name))];
     const parts = [element("div", { class: "actions" }, follow, back), table(facts.filter((pair) => pair[1] !== null && pair[1] !== undefined))];
     if (isHidden) return [...parts, element("p", { class: "faint", text: `What ${app.look.fog} does not know of it is not shown.` })];
     return [...parts, ...this.#decision(replay, agent), ...this.#sensors(replay, agent), ...section("Memory", state.memories.get(agent.name)), ...section("Memory of the team", teamMemory(state, agent)), ...this.#messages(replay, agent), ...section("Attributes", agent.attributes)];

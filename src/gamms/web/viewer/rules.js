@@ -1,4 +1,5 @@
 // What the shipped rules keep and do: flags, territories, goals, tags, and agents that go out.
+import { teamText } from "./state.js";
 import { faded } from "./themes.js";
 
 const TINT = 70 / 255, BAND = 0.75;
@@ -6,6 +7,7 @@ const FLAG_PX = 26, ARM_PX = 7;
 const MOST = 100; // flags, territories and goals
 const MOST_RUNS = 20000; // in a text of nodes
 const FEW_GOALS = 12;
+const PLACE_PX = 13, WIDER_PX = 4, ARC_PX = 5, BAR_PX = 26;
 
 /** @typedef {import("./scene.js").Scene} Scene @typedef {import("./themes.js").Theme} Theme */
 /** @typedef {CanvasRenderingContext2D} Context */
@@ -81,6 +83,78 @@ export function paintGoals(to, scene, colors, theme) {
       }
     }
   }
+}
+
+/** Places of the rule `hold`: rings, on which an arc grows while a team holds them. @param {Context} to @param {Scene} scene @param {Map<string, string>} colors @param {Theme} theme */
+export function paintHeld(to, scene, colors, theme) {
+  for (const [, state] of entriesOf(scene.replay.state.data.get("held"))) {
+    if (!(state instanceof Map)) continue;
+    const share = Math.min(Math.max(state.get("turns") / Math.max(state.get("of"), 1), 0), 1);
+    const color = state.get("team") === null ? theme.faint : colors.get(teamText(state.get("team")) ?? "") ?? theme.faint;
+    for (const [x, y] of placesOf(scene, state.get("nodes"))) {
+      circle(to, x, y, PLACE_PX, theme.background, 4);
+      circle(to, x, y, PLACE_PX, theme.faint, 2);
+      if (share > 0) arc(to, x, y, PLACE_PX, share, color, ARC_PX);
+    }
+  }
+}
+
+/** Nodes of the rule `discover`: a square, and one in the colour of each team that has found it. @param {Context} to @param {Scene} scene @param {Map<string, string>} colors @param {Theme} theme @param {import("./scene.js").Look} look */
+export function paintDiscovered(to, scene, colors, theme, look) {
+  for (const [, state] of entriesOf(scene.replay.state.data.get("discovered"))) {
+    if (!(state instanceof Map)) continue;
+    for (const [x, y] of look.fog === null ? placesOf(scene, state.get("nodes")) : []) {
+      square(to, x, y, PLACE_PX, theme.background, 4);
+      square(to, x, y, PLACE_PX, theme.faint, 2);
+    }
+    entriesOf(state.get("by")).forEach(([team, ids], i) => {
+      if (look.fog !== null && teamText(team) !== look.fog) return;
+      for (const [x, y] of placesOf(scene, ids)) square(to, x, y, PLACE_PX + WIDER_PX * i, colors.get(teamText(team) ?? "") ?? theme.faint, 3);
+    });
+  }
+}
+
+/** What agents have left by the rule `resource`, as bars below them, and deeds that they cannot do again yet, as arcs. @param {Context} to @param {Scene} scene @param {Theme} theme @param {import("./scene.js").Look} look */
+export function paintAmounts(to, scene, theme, look) {
+  const { data } = scene.replay.state;
+  if (scene.discs.length > MOST) return; // too many to read
+  const own = (/** @type {string} */ name) => {
+    const disc = scene.discOf(name);
+    return disc === undefined || (look.fog !== null && disc.side !== look.fog) ? undefined : disc;
+  };
+  entriesOf(data.get("resources")).forEach(([, state], i) => {
+    if (!(state instanceof Map) || !(state.get("full") > 0)) return;
+    for (const [name, amount] of entriesOf(state.get("amounts"))) {
+      const disc = own(name);
+      if (disc === undefined || typeof amount !== "number") continue;
+      const [x, y] = [disc.px - BAR_PX / 2, disc.py + disc.radius + 5 + 6 * i];
+      for (const [length, color, more] of /** @type {[number, string, number][]} */ ([[1, theme.background, 3], [1, theme.faint, 0], [Math.min(Math.max(amount / state.get("full"), 0), 1), disc.color, 0]])) {
+        to.fillStyle = color;
+        to.fillRect(x - more / 2, y - more / 2, length * BAR_PX + more, 4 + more);
+      }
+    }
+  });
+  entriesOf(data.get("cooldowns")).forEach(([, state], i) => {
+    for (const [name, turns] of state instanceof Map ? entriesOf(state.get("left")) : []) {
+      const disc = own(name);
+      if (disc !== undefined && turns > 0) arc(to, disc.px, disc.py, disc.radius + 4 + 4 * i, Math.min(turns / Math.max(state.get("of"), 1), 1), theme.faint, 3);
+    }
+  });
+}
+
+/** Return what an agent has left of each resource, and of each deed for how many turns it is not ready. @param {Map<any, any>} data @param {string} name @returns {[string, any][]} */
+export function amountsOf(data, name) {
+  const left = (/** @type {string} */ group, /** @type {string} */ field) => entriesOf(data.get(group)).map(([key, state]) => [String(key), state instanceof Map ? state.get(field)?.get?.(name) : undefined]);
+  const found = [...left("resources", "amounts").map(([key, amount]) => [`${key} left`, amount]), ...left("cooldowns", "left").map(([key, turns]) => [`${key} not ready`, turns ? `${turns} turns` : undefined])];
+  return /** @type {[string, any][]} */ (found.filter(([, value]) => value !== undefined));
+}
+
+/** Return the pixels of nodes, given as ids or as a text of them. @param {Scene} scene @param {any} nodes @returns {[number, number][]} */
+function placesOf(scene, nodes) {
+  const { world, camera } = scene;
+  const ids = Array.isArray(nodes) || ArrayBuffer.isView(nodes) ? Array.from(/** @type {ArrayLike<number>} */ (/** @type {any} */ (nodes))) : null;
+  const rows = ids === null ? [...rowsIn(nodes ?? "", world.rowOf)] : ids.flatMap((id) => world.rowOf.get(id) ?? []);
+  return rows.map((row) => camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]));
 }
 
 /** Flags where they are, or with the agents that carry them. @param {Context} to @param {Scene} scene @param {Map<string, string>} colors @param {Set<string>} hidden */
@@ -162,6 +236,27 @@ function pennant(to, x, y, color) {
 function circle(to, x, y, radius, color, width) {
   to.beginPath();
   to.arc(x, y, radius, 0, 2 * Math.PI);
+  to.strokeStyle = color;
+  to.lineWidth = width;
+  to.stroke();
+}
+
+/** A part of a circle, from the top on and clockwise. @param {Context} to @param {number} x @param {number} y @param {number} radius @param {number} share @param {string} color @param {number} width */
+function arc(to, x, y, radius, share, color, width) {
+  to.beginPath();
+  to.arc(x, y, radius, -Math.PI / 2, (2 * share - 0.5) * Math.PI);
+  to.strokeStyle = color;
+  to.lineWidth = width;
+  to.lineCap = "butt";
+  to.stroke();
+}
+
+/** A square that stands on a corner. @param {Context} to @param {number} x @param {number} y @param {number} radius @param {string} color @param {number} width */
+function square(to, x, y, radius, color, width) {
+  to.beginPath();
+  to.moveTo(x, y - radius);
+  for (const [dx, dy] of [[1, 0], [0, 1], [-1, 0]]) to.lineTo(x + dx * radius, y + dy * radius);
+  to.closePath();
   to.strokeStyle = color;
   to.lineWidth = width;
   to.stroke();

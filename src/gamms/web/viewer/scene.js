@@ -1,11 +1,12 @@
 // Paint one frame: the map, what teams know, rules, sensors, trails, agents, messages, names and the scale bar.
 import { Camera } from "./camera.js";
 import { commandsOf, paintCommands } from "./draw_commands.js";
+import { fieldOf } from "./fields.js";
 import { paintScaleBar, paintWords } from "./lettering.js";
 import { MapLayer } from "./map_layer.js";
 import { placeOn } from "./motion.js";
 import { Replay } from "./replay.js";
-import { paintFlags, paintGoals, paintMarks, territoriesOf } from "./rules.js";
+import { paintAmounts, paintDiscovered, paintFlags, paintGoals, paintHeld, paintMarks, territoriesOf } from "./rules.js";
 import { paintMessages } from "./messages.js";
 import { sideOf } from "./sensed.js";
 import { THEMES, faded, isBright, teamColors } from "./themes.js";
@@ -84,10 +85,13 @@ export class Scene {
     if (look.heat !== null) this.#cached("heat", `${look.heat} ${replay.state.turn}`, (into) => this.#paintHeat(into, look.heat ?? ""));
     this.#paintDrawings((layer) => layer < AGENT_LAYER, look, share);
     paintGoals(to, this, colors, theme);
+    paintHeld(to, this, colors, theme);
+    paintDiscovered(to, this, colors, theme, look);
     this.#paintTrails(look);
     this.#paintSights(look, colors);
     if (look.messages) paintMessages(to, this, look);
     this.#paintAgents(look, theme);
+    paintAmounts(to, this, theme, look);
     paintFlags(to, this, colors, hidden);
     paintMarks(to, this, colors, theme, look);
     this.#paintDrawings((layer) => layer >= AGENT_LAYER, look, share);
@@ -132,14 +136,20 @@ export class Scene {
     return best;
   }
 
-  /** Work out where all agents are painted. @param {Look} look @param {number} share */
-  #place(look, share) {
-    const { replay, camera } = this;
+  /** Work out what the team sees whose eyes are used. @param {Look} look */
+  see(look) {
+    const { replay } = this;
     const key = `${look.fog} ${replay.state.turn}`;
     if (look.fog === null) this.sightOfTeam = null;
     else if (this.sightKey !== key || this.sightOfTeam === null) this.sightOfTeam = replay.knowledge.sight(replay.state, look.fog);
     this.sightKey = key;
     this.visible = this.sightOfTeam?.agents ?? null;
+  }
+
+  /** Work out where all agents are painted. @param {Look} look @param {number} share */
+  #place(look, share) {
+    const { replay, camera } = this;
+    this.see(look);
     const colors = this.colors(look);
     const ways = replay.ways.filter((way) => (way.agent.alive || share < 1) && (this.visible === null || this.visible.has(way.number)));
     const least = Math.max(LEAST_PX, Math.min(AGENT_PX, AGENT_PX * Math.sqrt(MANY / Math.max(ways.length, 1))));
@@ -278,22 +288,22 @@ export class Scene {
   }
 
   /** Paint the field of a sensor with a range. */
-  #paintField(/** @type {Disc} */ disc, /** @type {{type: string, keywords: Map<string, any>} | undefined} */ sensor, /** @type {string} */ color) {
-    const { to, camera } = this;
-    const far = sensor?.keywords.get("sensor_range");
-    if (sensor === undefined || !Number.isFinite(far) || !(far > 0) || sensor.type.startsWith("OCCLUDED") || far * camera.scale > 2 * Math.max(camera.width, camera.height)) return;
-    const fov = sensor.keywords.get("fov") ?? 2 * Math.PI;
-    const [px, py] = camera.toScreen(disc.x, disc.y);
-    const [cos, sin] = disc.way.agent.heading;
+  #paintField(/** @type {Disc} */ disc, /** @type {import("./fields.js").Sensor | undefined} */ sensor, /** @type {string} */ color) {
+    const { to, camera, replay } = this;
+    const field = sensor === undefined ? null : fieldOf(this.world, disc.way.agent, sensor);
+    if (sensor === undefined || field === null || field.far * camera.scale > 2 * Math.max(camera.width, camera.height)) return;
+    const isCarried = !sensor.keywords.has("at"); // it goes with its agent
+    const [px, py] = isCarried ? camera.toScreen(disc.x, disc.y) : camera.toScreen(field.x, field.y);
+    const { far, ahead, fov } = field;
     to.beginPath();
-    if (fov < 6.28 && Number.isFinite(cos)) {
-      const angle = Math.atan2(-sin, cos);
+    if (field.height !== null) {
+      const corners = replay.knowledge.fields.outline(field);
+      for (let i = 0; i < corners.length; i += 2) to.lineTo(...camera.toScreen(corners[i], corners[i + 1]));
+    } else if (ahead !== null) {
       to.moveTo(px, py);
-      to.arc(px, py, far * camera.scale, angle - fov / 2, angle + fov / 2);
-      to.closePath();
-    } else if (fov >= 6.28) {
-      to.arc(px, py, far * camera.scale, 0, 2 * Math.PI);
-    }
+      to.arc(px, py, far * camera.scale, -ahead - fov / 2, -ahead + fov / 2);
+    } else to.arc(px, py, far * camera.scale, 0, 2 * Math.PI);
+    to.closePath();
     to.fillStyle = faded(color, 0.07);
     to.fill();
     to.strokeStyle = faded(color, 0.35);

@@ -1,13 +1,11 @@
 // What sensors saw in a turn, from the columns of an event; and what a team knows of the map and of others.
+import { Fields, fieldOf } from "./fields.js";
 import { Recording } from "./recording.js";
 import { KINDS, State, stateAt, teamText } from "./state.js";
-import { placeOf } from "./motion.js";
-import { Squares } from "./squares.js";
 import { World } from "./world.js";
 
 const IDS = 0, MAP = 1, AGENTS = 2, OTHER = 3, IN_SPACE = 4; // forms
 const OF_NODES = new Set(["NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL"]);
-const IN_THE_OPEN = new Set(["AGENT_RANGE", "AGENT_ARC"]); // kinds that see agents and have a field without walls
 
 /**
  * @typedef {{sensor: string, kind: string, nodes: number[], edges: number[], agents: number[], other: any}} Look
@@ -62,7 +60,7 @@ export class Knowledge {
   constructor(recording, world) {
     this.recording = recording;
     this.world = world;
-    this.squares = new Squares(world);
+    this.fields = new Fields(world);
     /** @type {Map<string, Int32Array>} */ this.since = new Map(); // team -> the turn in which it first saw each node
   }
 
@@ -89,11 +87,9 @@ export class Knowledge {
   /** Return the nodes in the field of a sensor that sees agents wherever they are in it. */
   #inField(/** @type {State} */ state, /** @type {import("./state.js").Agent} */ agent, /** @type {Look} */ look) {
     const sensor = state.sensors.get(agent.sensors.get(look.sensor) ?? "");
-    const far = sensor?.keywords.get("sensor_range");
-    const fov = sensor?.keywords.get("fov");
-    if (!IN_THE_OPEN.has(look.kind) || !(far > 0) || !Number.isFinite(far) || (look.kind === "AGENT_ARC" && !(fov >= 6.28))) return [];
-    const [x, y] = placeOf(this.world, agent);
-    return Number.isFinite(x) ? this.squares.within(x, y, far) : [];
+    if (sensor === undefined || OF_NODES.has(look.kind)) return [];
+    const field = fieldOf(this.world, agent, sensor);
+    return field === null ? [] : this.fields.nodesIn(field);
   }
 
   /** Return for each node the turn in which a team first saw it; -1: never. @param {string} team @returns {Int32Array} */

@@ -35,6 +35,7 @@ export class World {
     const base = state.get("base_map") ?? new Map();
     const own = state.get("face_corners");
     this.buildings = footprints(own.length ? own : base.get("face_corners") ?? own, own.length ? state.get("face_types") : base.get("face_types") ?? []);
+    this.walls = wallsOf(own);
     this.shapes = shapesOf(base);
     this.#check();
     this.isMetric = this.crs !== null && this.crs !== "EPSG:4326" && this.crs !== "OGC:CRS84";
@@ -159,6 +160,15 @@ function bendsOf(state, edges) {
     if (!(rows[i] >= 0 && rows[i] < edges && size >= 4 && at + size <= points.length)) throw new Error("The map of this recording is damaged.");
     found.set(rows[i], points.subarray(at, at + size));
     at += size;
+  }
+  return found;
+}
+
+/** Return the obstacles from above: x, y, x, y of the ends, base and top of each. @param {Float64Array} corners as of `footprints` */
+function wallsOf(corners) {
+  const found = new Float64Array(corners.length / 2);
+  for (let i = 0, at = 0; i < corners.length; i += 12) {
+    for (const one of [corners[i], corners[i + 1], corners[i + 3], corners[i + 4], Math.min(corners[i + 8], corners[i + 11]), Math.max(corners[i + 2], corners[i + 5])]) found[at++] = one;
   }
   return found;
 }
