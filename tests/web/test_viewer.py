@@ -155,8 +155,8 @@ def walled(tmp_path_factory):
         fields["ahead"] = ("AGENT_ARC", "ARC", {"sensor_range": 35.0, "fov": 1.3, "orientation": (0.6, 0.8)})
         for number, (name, (of_agents, _, keywords)) in enumerate(fields.items()):
             eye = ctx.sensor.create_sensor(name, kinds[of_agents], **keywords)
-            sensors = {"eye": eye.sensor_id}
-            ctx.agent.create_agent(name, start_node_id=30 + 10 * number, team=f"team {name}", sensors=sensors, strategy=east)
+            given = {"sensors": {"eye": eye.sensor_id}, "strategy": east}
+            ctx.agent.create_agent(name, start_node_id=30 + 10 * number, team=f"team {name}", **given)
         ctx.game.add(gamms.rules.hold([31, 32], 5, ends=False))
         ctx.game.add(gamms.rules.discover([33, 80]))
         ctx.game.add(gamms.rules.resource("fuel", 10, per_edge=4))

@@ -71,7 +71,7 @@ export class Panel {
   #renewGame(replay) {
     const chart = replay.overview.scores.length ? element("canvas", { class: "chart", role: "img", "aria-label": "Scores over the turns" }) : null;
     const legends = [...replay.state.drawings.values()].flatMap((drawing) => drawing.get("legend") ?? []);
-    refill(this.body, ...(chart ? [element("h3", { text: "Scores" }), chart] : []), ...(this.app.look.fog === null ? legends.map(legendOf) : []), ...this.#events(replay), ...this.#agents(replay), ...this.#about(replay));
+    refill(this.body, ...(chart ? [element("h3", { text: "Scores" }), chart] : []), ...(this.app.look.fog === null ? legends.map(legendOf) : []), ...signs(replay), ...this.#events(replay), ...this.#agents(replay), ...this.#about(replay));
     if (chart) paintScores(chart, replay, this.app);
   }
 
@@ -191,6 +191,21 @@ function section(title, values) {
 /** @param {any[][]} rows */
 function table(rows) {
   return element("dl", {}, ...rows.flatMap(([key, value]) => [element("dt", { text: key }), element("dd", { text: wordsOf(value) })]));
+}
+
+/** What the signs on the map mean that this game has. @param {Replay} replay @returns {Node[]} */
+function signs(replay) {
+  const { data } = replay.state;
+  const has = (/** @type {string} */ key) => data.get(key) instanceof Map && data.get(key).size > 0;
+  const hasFlags = [...data.values()].some((kept) => kept instanceof Map && kept.get("carriers") instanceof Map);
+  const kinds = new Set(replay.overview.kinds);
+  const rows = [
+    [hasFlags, "⚑", "a flag; a ring is its home"], [has("territories"), "▒", "streets of a territory"], [has("goals of reach"), "◎", "a goal"], [has("held"), "◔", "a place to hold, and how long it was held"],
+    [has("discovered"), "◇", "a node to find, and who has found it"], [has("resources"), "▬", `${[...(data.get("resources")?.keys?.() ?? [])].map(String).join(", ")} left`], [has("cooldowns"), "◜", "a deed that is not ready"],
+    [kinds.has("tag"), "⊗", "tagged"], [kinds.has("died"), "✕", "out of the game"], [replay.overview.hasMessages, "⌒", "a message; dashed: overheard; crossed: lost"],
+  ].filter(([isThere]) => isThere);
+  if (rows.length === 0) return [];
+  return [element("details", { open: true }, element("summary", { text: "Signs" }), ...rows.map(([, sign, words]) => element("div", { class: "team" }, element("span", { class: "sign", "aria-hidden": "true", text: sign }), element("span", { text: words }))))];
 }
 
 /** What an artist says of its colours. @param {Map<string, any>} block */

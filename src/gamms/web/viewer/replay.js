@@ -20,6 +20,7 @@ export class Overview {
     /** @type {{turn: number, data: () => any}[]} */ this.visuals = [];
     /** @type {{turn: number, data: () => any}[]} */ this.worlds = [];
     /** @type {Map<string, string>} */ this.sides = new Map(); // of agents that come during the game, by their names
+    /** @type {Set<string>} */ this.kinds = new Set(); // of what happens
     this.hasSensed = false;
     this.hasMessages = false;
   }
@@ -42,8 +43,10 @@ export class Overview {
         else if (kind === KINDS.WORLD) this.worlds.push({ turn, data });
         else if (kind === KINDS.SENSED) this.hasSensed = true;
         else if (kind === KINDS.MESSAGE) this.hasMessages = true;
+        else if (kind === KINDS.ALIVE && !chunk.data(event).get("alive")) this.kinds.add("died");
         else if (kind === KINDS.AGENT_CREATE) this.#addAgent(chunk.data(event));
       }
+      for (const event of events) this.kinds.add(String(event.get("kind")));
       for (const { words, agent } of captionsOf(events)) this.#add({ turn, words, agent, isMajor: false, isMarked: events.some(isMarked) });
     }
     this.turns = chunk.first + chunk.turns;
