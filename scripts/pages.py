@@ -18,6 +18,7 @@ LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 REPLAY = re.compile(r"^<!-- replay: (\S+) -->$", re.MULTILINE)  # where a page shows an HTML replay that its code saves
 
 _AFTER = re.compile(r"^<!-- after: (\S+) -->$", re.MULTILINE)
+_ROW = re.compile(r"^\| \[[^\]]*\]\(([^)#\s]+\.md)\)", re.MULTILINE)
 _FENCE = re.compile(r"^```([^\n`]*)\n(.*?)^```[ \t]*$", re.MULTILINE | re.DOTALL)
 _CODE = re.compile(r"`[^`\n]*`")  # within a line
 _HEADING = re.compile(r"^#+ (.+?)\s*$", re.MULTILINE)
@@ -97,10 +98,7 @@ def anchors_of(page: Path) -> set[str]:
 
 
 def contents_of(page: Path) -> list[tuple[str, list[Path]]]:
-    """Return what a page lists as a table of contents: each second-level heading, and the pages linked below it."""
+    """Return what a page lists as a table of contents: each heading, and the pages that begin the rows below it."""
     parts = re.split(r"^## (.+)$", prose_of(page), flags=re.MULTILINE)
     sections = zip(["", *parts[1::2]], parts[::2], strict=True)
-    return [
-        (heading, [(page.parent / path).resolve() for path in re.findall(r"\]\(([^)#\s]+\.md)\)", text)])
-        for heading, text in sections
-    ]
+    return [(heading, [(page.parent / path).resolve() for path in _ROW.findall(text)]) for heading, text in sections]
