@@ -4,7 +4,7 @@ import os
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 
@@ -42,7 +42,26 @@ def whole_file(path: Path) -> Iterator[Path]:
     path = Path(os.path.realpath(path))
     beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:
-        yield beside
-        beside.replace(path)
+        with naming(path, beside):
+            yield beside
+            beside.replace(path)
     finally:
-        beside.unlink(missing_ok=True)
+        with suppress(OSError):
+            beside.unlink()
+
+
+@contextmanager
+def naming(path: Path, beside: Path) -> Iterator[None]:
+    """Let errors of the system name the file that could not be written.
+
+    Those of `write` name none, and others the file beside it that a caller knows nothing of.
+
+    Raises:
+        OSError: with the path.
+    """
+    try:
+        yield
+    except OSError as error:
+        if error.filename is None or os.fspath(error.filename) == str(beside):
+            raise OSError(error.errno, error.strerror, str(path)) from error
+        raise

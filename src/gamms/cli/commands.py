@@ -1,6 +1,7 @@
 """All commands in the order of the help, and those on scenario files and maps, which only look."""
 
 import json
+import sys
 from collections.abc import Callable, Mapping
 from enum import StrEnum
 from itertools import pairwise
@@ -13,7 +14,7 @@ from typer.core import TyperCommand, TyperGroup
 import gamms
 from gamms.cli import experiments, play, recordings, suites
 from gamms.cli.new import new
-from gamms.cli.output import console, echo, guarded, rich_table, warn
+from gamms.cli.output import console, echo, explained, guarded, rich_table, warn
 from gamms.cli.tournaments import tournament
 from gamms.text import printable_line
 
@@ -243,4 +244,7 @@ app.add_typer(
 
 def main() -> None:
     """Run the command line."""
-    app()
+    try:
+        app()
+    except OSError as error:  # the output is full: of a help or a version, which no command has printed
+        sys.exit(explained(error))

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gamms.cli.output import echo, in_words, warn
+from gamms.cli.output import INTERRUPTED, echo, in_words, warn
 from gamms.cli.play import Allow, foreign_code
 from gamms.errors import MissingExtra, install_command
 from gamms.text import printable_line
@@ -14,7 +14,6 @@ if TYPE_CHECKING:
     from gamms.experiment import Rows
 
 _MOST_VARIANTS = 40  # that are shown one by one
-_INTERRUPTED = 130  # the exit code of what Ctrl-C has ended
 
 
 def run(
@@ -72,7 +71,7 @@ def run(
         )
     except KeyboardInterrupt:
         echo(f"Interrupted with {len(rows_in(part / JOURNAL)):,} games in {part}; the same command goes on.", err=True)
-        raise typer.Exit(_INTERRUPTED) from None
+        raise typer.Exit(INTERRUPTED) from None
     _print(rows)
     if shard is not None:
         echo(f"\nWrote {part / JOURNAL}; when all parts are played: gamms experiment merge {folder}")

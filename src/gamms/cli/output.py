@@ -1,5 +1,6 @@
 """What all commands share: printing, errors, tables, and the files that a game is saved to."""
 
+import errno
 import os
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator
@@ -32,6 +33,7 @@ _MaxMemory = Annotated[
 _Traceback = Annotated[bool, typer.Option("--traceback", help="Print errors with all that Python knows of them.")]
 _GAMMS = str(Path(__file__).parents[1])
 _FINE = 192.0  # pixels of an inch
+INTERRUPTED = 130  # as shells say it of Ctrl-C
 _MOST_ROWS = 500  # of a table that is printed
 _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under a minute for 600 turns
     "game.mp4": {"fps": 25, "frames_per_turn": 2},
@@ -49,6 +51,9 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
                 command(*args, **keywords)
         except (typer.Exit, typer.Abort, typer.BadParameter, BrokenPipeError):
             raise
+        except KeyboardInterrupt:
+            echo("gamms: Interrupted.", err=True)
+            raise typer.Exit(INTERRUPTED) from None
         except (Exception, SystemExit) as error:  # which a strategy may raise, too
             if traceback:
                 raise
@@ -91,14 +96,23 @@ def _own_traceback(error: BaseException) -> list[str]:
 def _own_frames(frames: StackSummary) -> list[FrameSummary]:
     """Return the frames from the first one of the user's on, but for those of GAMMS."""
     foreign = tuple(sysconfig.get_paths()[name] for name in ("stdlib", "purelib", "platlib"))
-    own = [frame for frame in frames if not frame.filename.startswith((_GAMMS, "<frozen"))]
+    own = [frame for frame in frames if not frame.filename.startswith((_GAMMS, "<frozen")) and not _is_compiled(frame)]
     return list(dropwhile(lambda frame: frame.filename.startswith(foreign), own))
 
 
-def _sentence(error: GammsError | OSError) -> str:
+def _is_compiled(frame: FrameSummary) -> bool:
+    """Return whether a frame is of a compiled library, which names its source as its makers had it."""
+    return frame.filename.endswith((".pyx", ".pxi")) or not (
+        frame.filename.startswith("<") or Path(frame.filename).exists()
+    )
+
+
+def _sentence(error: GammsError | OSError) -> str:  # noqa: PLR0911 - one for each kind
     """Return what an error says; of one of the system, which file it is about, and a file of nearly that name."""
-    if isinstance(error, GammsError) or error.filename is None:
+    if isinstance(error, GammsError) or error.strerror is None:
         return reason(error)
+    if error.filename is None:
+        return f"{error.strerror}, while something was read or written."
     path = Path(os.fsdecode(error.filename))
     if isinstance(error, FileNotFoundError):
         folder = path.parent
@@ -125,6 +139,10 @@ def warn(game: Scenario) -> None:
 
 class _Console(Console):
     """Prints styled texts with their control characters escaped."""
+
+    def on_broken_pipe(self) -> None:
+        """Let commands end as after any other output when a reader such as `head` has enough."""
+        raise BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
 
     def print(self, *objects: object, **options: Any) -> None:  # Any: the options of rich
         """Print texts, and tables of `rich_table`."""

@@ -171,14 +171,15 @@ def _play_one(
 
 def _changes(texts: list[str]) -> dict[str, Any]:
     """Parse `--set`: dotted path -> value."""
-    from gamms.scenario.documents import from_yaml
+    from gamms.scenario.documents import from_yaml, named
 
     changes = {}
     for text in texts:
         path, sign, value = text.partition("=")
         if not sign or not path:
             raise typer.BadParameter(f"{text!r}: give a path and a value, teams.red.count=8.", param_hint="--set")
-        changes[path] = from_yaml(value)
+        with named(f"--set {path}"):
+            changes[path] = from_yaml(value)
     return changes
 
 

@@ -31,7 +31,8 @@ def tournament(
     from gamms.experiment.executors import cores
     from gamms.scenario import documents
 
-    values: Any = documents.read(file)
+    with documents.named(file):
+        values: Any = documents.read(file)
     _check(file, values)
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
@@ -45,7 +46,8 @@ def tournament(
 def _check(file: Path, values: object) -> None:
     """Refuse what is no tournament file."""
     if not isinstance(values, dict):
-        raise BadValue(f"{file}: a tournament is a mapping with the keys {', '.join(_REQUIRED)}, not {shown(values)}.")
+        found = "nothing" if values is None else shown(values)
+        raise BadValue(f"{file}: a tournament is a mapping with the keys {', '.join(_REQUIRED)}, not {found}.")
     for key in values:
         if key not in _KEYS:
             raise BadValue(f"{file}: unknown key {shown(key)}.{nearest(key, _KEYS)} Keys are {', '.join(_KEYS)}.")

@@ -145,7 +145,11 @@ def readable(path: _PathOrStream) -> tuple[BinaryIO, bool]:
         if not file.exists() and file.suffix != _SUFFIX:
             file = Path(f"{file}{_SUFFIX}")
         refuse_other(file)
-        return file.open("rb"), True
+        stream = file.open("rb")
+        if format_of(stream) < 0:
+            stream.close()
+            raise RecordingError(f"{str(file)!r} is no recording: it does not begin with 'MMGR' and a version.")
+        return stream, True
     if hasattr(path, "read") and not isinstance(path, io.TextIOBase):
         return path if path.seekable() else io.BytesIO(path.read()), False
     raise BadType(f"A recording is read from a path or a binary stream, not from {shown(path)}.")

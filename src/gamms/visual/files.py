@@ -11,6 +11,7 @@ from weakref import WeakValueDictionary
 
 from gamms.arguments import as_float, as_int, as_path
 from gamms.errors import BadValue, Duplicate, MissingFolder, NotYet, UnknownName
+from gamms.folders import naming
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
 from gamms.typing import IArtist, IContext, PictureOptions
@@ -350,9 +351,10 @@ class Film:
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))
         self._part = self._place.with_name(f".{self._place.name}.{os.getpid()}.part")
-        self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](
-            self._part, frames.width, frames.height, plan.fps
-        )
+        with naming(self._place, self._part):
+            self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](
+                self._part, frames.width, frames.height, plan.fps
+            )
         _being_made[self._place] = self
         self.frames = 0
 
@@ -367,7 +369,8 @@ class Film:
         try:
             self._frames.begin_turn()
             for number in range(1, self.plan.frames_per_turn + 1):
-                self._writer.add(self._frames.at(number / self.plan.frames_per_turn))
+                with naming(self._place, self._part):
+                    self._writer.add(self._frames.at(number / self.plan.frames_per_turn))
                 self.frames += 1
         except BaseException:
             self.discard()
@@ -380,11 +383,12 @@ class Film:
         writer, self._writer = self._writer, None
         try:
             if self.frames:
-                self._hold(writer, _HELD_SECONDS)
-                if self._frames.add_card():
-                    self._hold(writer, _CARD_SECONDS)
-                writer.finish()
-                self._part.replace(self._place)
+                with naming(self._place, self._part):
+                    self._hold(writer, _HELD_SECONDS)
+                    if self._frames.add_card():
+                        self._hold(writer, _CARD_SECONDS)
+                    writer.finish()
+                    self._part.replace(self._place)
             else:
                 writer.discard()
                 self._frames.ctx.logger.warning("The film %r has no turn: it is not written.", self.plan.path.name)

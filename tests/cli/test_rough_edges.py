@@ -1,0 +1,135 @@
+"""What commands say where the system fails them: one sentence that names the file, and nothing half written."""
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from gamms import cli
+
+GAME = """
+map: {grid: {width: 4, height: 4}}
+seed: 1
+max_turns: %d
+teams:
+  red: {count: 2, strategy: "gamms.strategies:random_walk"}
+  blue: {count: 1, strategy: "gamms.strategies:random_walk"}
+"""
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, list(map(str, arguments)), catch_exceptions=False)
+
+
+def gamms(*arguments, **options):
+    """Start the command line in a process of its own."""
+    return subprocess.Popen(
+        [sys.executable, *options.pop("flags", ()), "-m", "gamms", *map(str, arguments)],
+        stdin=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        **{"stdout": subprocess.PIPE, **options},
+    )
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    """A folder with spaces and umlauts in its name, with a game, a recording, and what is neither."""
+    place = tmp_path / "spiele für zwei"
+    place.mkdir()
+    monkeypatch.chdir(place)
+    (place / "game.yaml").write_text(GAME % 3, encoding="utf-8")
+    (place / "endless.yaml").write_text(GAME % 10_000_000, encoding="utf-8")
+    (place / "junk.ggr").write_bytes(b"\x00\x01junk" * 9)
+    (place / "binary.yaml").write_bytes(bytes(range(256)))
+    assert run("run", "game.yaml", "--out", "öut").exit_code == 0
+    return place
+
+
+@pytest.mark.parametrize("suffix", [".svg", ".png", ".pdf", ".html", ".mp4", ".gif"])
+@pytest.mark.skipif(not Path("/sys/kernel").is_dir(), reason="needs a folder in which not even root can write")
+def test_a_file_that_cannot_be_written_is_named_as_it_was_asked_for(suffix):
+    done = run("render", "öut/game.ggr", f"/sys/kernel/picture{suffix}")
+    assert done.exit_code == 1
+    assert done.stderr.startswith(f"gamms: '/sys/kernel/picture{suffix}': ")
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("name", ["a.csv", "a.jsonl", "red.ggr"])
+def test_a_folder_that_is_not_there_is_named_without_the_name_of_a_temporary_file(name):
+    done = run("convert", "öut/game.ggr", f"nope/{name}", *(["--team", "red"] if name == "red.ggr" else []))
+    assert done.exit_code == 1
+    assert "There is no folder" in done.stderr
+    assert ".part" not in done.stderr
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs limits on the size of files")
+@pytest.mark.parametrize("name", ["a.png", "a.html", "a.jsonl"])
+def test_where_there_is_no_room_nothing_half_written_is_left(folder, name):
+    import resource
+
+    before, limits = signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.getrlimit(resource.RLIMIT_FSIZE)
+    command = ["convert" if name.endswith("jsonl") else "render", "öut/game.ggr", name]
+    was_writing, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # modules would be half written, too
+    resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
+    try:
+        done = run(*command)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+        signal.signal(signal.SIGXFSZ, before)
+        sys.dont_write_bytecode = was_writing
+    assert done.exit_code == 1
+    assert done.stderr.startswith("gamms: ")
+    assert name in done.stderr
+    assert not [path for path in folder.iterdir() if name in path.name]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["verify", "junk.ggr"], "'junk.ggr' is no recording"),
+        (["diff", "öut/game.ggr", "junk.ggr"], "'junk.ggr' is no recording"),
+        (["tournament", "binary.yaml"], "binary.yaml: the file is not UTF-8 text"),
+        (["run", "game.yaml", "--set", "teams.red.count=[1"], "--set teams.red.count: this is not YAML"),
+    ],
+)
+def test_an_error_names_the_file_or_option_that_it_is_about(arguments, said):
+    done = run(*arguments)
+    assert done.exit_code == 1
+    assert done.stderr.startswith(f"gamms: {said}")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="pipes end differently there")
+def test_a_reader_that_has_enough_ends_a_command_without_a_word():
+    reading, writing = os.pipe()
+    os.close(reading)
+    with gamms("info", "öut/game.ggr", stdout=writing) as process:
+        os.close(writing)
+        said = process.communicate()[1]
+    assert process.returncode == 1
+    assert said == b""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is another signal there")
+def test_ctrl_c_ends_a_game_with_a_word_and_leaves_a_recording_that_can_be_read(folder):
+    with gamms("run", "endless.yaml", "--out", "long", start_new_session=True) as process:
+        while not (folder / "long" / "game.ggr").exists():
+            assert process.poll() is None
+        process.send_signal(signal.SIGINT)
+        said = process.communicate()[1].decode()
+    assert process.returncode == 130
+    assert said.strip() == "gamms: Interrupted."
+    assert run("info", "long/game.ggr").exit_code == 0
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a locale of Unix")
+def test_commands_work_in_a_narrow_terminal_without_utf_8_without_a_home_and_with_warnings_as_errors():
+    clean = {name: os.environ[name] for name in ("PATH", "PYTHONPATH") if name in os.environ}
+    strict = {**clean, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "COLUMNS": "20"}
+    with gamms("run", "game.yaml", "--out", "öut", env=strict, flags=["-W", "error"]) as process:
+        printed, said = process.communicate()
+    assert (process.returncode, said) == (0, b"")
+    assert printed.isascii() or "öut".encode() in printed
