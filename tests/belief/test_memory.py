@@ -268,16 +268,12 @@ print(known.last_seen, sorted(known.reachable("p0")), known.probability("p1", be
 """
 
 
-def test_beliefs_are_the_same_with_any_hash_seed():
-    printed = set()
-    for seed in ("0", "77"):
-        paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
-        environment = os.environ | {"PYTHONHASHSEED": seed, "PYTHONPATH": paths}
-        run = subprocess.run(
-            [sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True
-        )
-        printed.add(run.stdout)
-    assert len(printed) == 1
+def test_beliefs_are_the_same_with_any_hash_seed(capsys):
+    exec(PROGRAM.replace("from test_memory import hunt\n", ""), {"hunt": hunt})
+    paths = os.pathsep.join([str(Path(__file__).parent), *sys.path])
+    environment = os.environ | {"PYTHONHASHSEED": "77", "PYTHONPATH": paths}
+    run = subprocess.run([sys.executable, "-c", PROGRAM], env=environment, capture_output=True, text=True, check=True)
+    assert run.stdout == capsys.readouterr().out
 
 
 def test_errors_name_what_is_missing(make_ctx, add):

@@ -11,7 +11,7 @@ import av
 import pytest
 from typer.testing import CliRunner
 
-from gamms import cli
+from gamms import cli, recorder
 
 
 def run(*arguments):
@@ -52,6 +52,13 @@ def test_it_prints_what_happened_and_draws_the_picture_of_the_readme(tmp_path):
     result = json.loads((tmp_path / "result.json").read_text())
     assert len(result["agents"]) == 10
     assert result["provenance"]["scenario"]["name"] == "Capture the flag"
+    assert CliRunner().invoke(cli.app, ["verify", str(tmp_path / "game.ggr")]).exit_code == 0
+    with recorder.open(tmp_path / "game.ggr") as recording:
+        agents = recording[-1].agents
+        nodes = dict(zip(agents["name"].tolist(), agents["node"].tolist(), strict=True))
+        assert nodes == {name: agent["node"] for name, agent in result["agents"].items()}
+        assert recording.turns == result["turns"]
+        assert list(recording.events()) == result["events"]
     drawn = (tmp_path / "final.svg").read_text()
     assert drawn == (Path(__file__).parents[2] / "docs" / "demo.svg").read_text()  # `make figures` draws it again
     text = "".join(ET.fromstring(drawn).itertext())
@@ -100,7 +107,7 @@ def test_the_same_seed_gives_the_same_bytes_in_any_process(town, tmp_path):
         out.mkdir()
         printed = subprocess.run(
             [
-                *(sys.executable, "-m", "gamms", "demo", "--max-turns", "40", "--seed", "5", "--map", str(town)),
+                *(sys.executable, "-m", "gamms", "demo", "--max-turns", "15", "--seed", "5", "--map", str(town)),
                 *("--out", "here", "--no-film"),
             ],
             cwd=out,
@@ -161,13 +168,8 @@ def test_a_bad_map_ends_in_one_sentence(tmp_path, content, hint):
     path = tmp_path / "bad.osm"
     if content is not None:
         path.write_text(content)
-    done = subprocess.run(
-        [sys.executable, "-m", "gamms", "demo", "--map", str(path), "--out", str(tmp_path / "out")],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert done.returncode == 1
+    done = run("--map", path, "--out", tmp_path / "out")
+    assert done.exit_code == 1
     assert done.stderr.startswith("gamms: ")
     assert hint in done.stderr
     assert "Traceback" not in done.stderr

@@ -15,7 +15,7 @@ def is_long(result):
     return result.turns > 1
 
 {begin}
-    print(len(experiment.run(HUNT, range(3), workers=2{more})), "games")
+    print(len(experiment.run(HUNT, range(3), workers=1{more})), "games")
 """
 
 

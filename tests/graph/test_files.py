@@ -352,7 +352,7 @@ def test_no_flipped_byte_does_harm(saved):
 def test_no_forged_state_does_harm(saved):
     """Checksums are no protection against an attacker who writes them."""
     data, rng = saved.read_bytes(), random.Random(1)
-    for _ in range(800):
+    for _ in range(400):
         state = _state_of(data)
         for _ in range(rng.choice((1, 1, 2))):
             _disturb(state, rng)
@@ -361,7 +361,7 @@ def test_no_forged_state_does_harm(saved):
 
 def test_no_forged_value_does_harm(saved):
     data, rng = packing.to_bytes(_state_of(saved.read_bytes()), "It"), random.Random(3)
-    for _ in range(800):
+    for _ in range(400):
         damaged = bytearray(data)
         for _ in range(rng.choice((1, 1, 3))):
             damaged[rng.randrange(len(damaged))] = rng.randrange(256)
@@ -370,7 +370,7 @@ def test_no_forged_value_does_harm(saved):
 
 def test_no_forged_column_does_harm(saved):
     data, rng = saved.read_bytes(), random.Random(2)
-    for _ in range(800):
+    for _ in range(400):
         state = _state_of(data)
         holder, name = rng.choice(_arrays_in(state))
         column = holder[name]
@@ -618,9 +618,9 @@ def test_a_missing_folder_is_named_before_anything_is_written(ctx, tmp_path):
 
 
 def test_a_shared_list_is_not_copied_into_a_bomb(ctx, tmp_path):
-    ctx.graph.add_nodes(range(1000), np.zeros(1000), np.zeros(1000))
+    ctx.graph.add_nodes(range(300), np.zeros(300), np.zeros(300))
     long = [0] * 10_000
-    for id in range(1000):
+    for id in range(300):
         ctx.graph.graph.update_node({"id": id, "long": long})
     path = tmp_path / "bomb.gamms"
     ctx.graph.save(path)

@@ -357,19 +357,6 @@ def test_version_2_is_replayed_too():
 # -- games of the command line ----------------------------------------------------------------------------------
 
 
-def test_a_demo_is_recorded_and_can_be_verified(tmp_path):
-    one = tmp_path / "game.ggr"
-    done = run("demo", "--no-film", "--max-turns", 12, "--out", tmp_path)
-    assert str(one) in done.stdout
-    assert run("verify", one).exit_code == 0
-    result = json.loads((tmp_path / "result.json").read_text())
-    with recorder.open(one) as rec:
-        assert rec.turns == result["turns"]
-        nodes = dict(zip(rec[-1].agents["name"].tolist(), rec[-1].agents["node"].tolist(), strict=True))
-        assert nodes == {name: agent["node"] for name, agent in result["agents"].items()}
-        assert list(rec.events()) == result["events"]
-
-
 def test_what_a_team_knew_becomes_a_recording(tmp_path):
     with gamms.create_context(logger_config=QUIET) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))

@@ -44,9 +44,13 @@ EVADERS = {
 
 def pursuit(pursuers, evaders):
     """The game that comes with GAMMS: three pursuers tag two evaders, who see as far as they do."""
-    raw = yaml.safe_load((Path(gamms.__file__).parent / "data" / "pursuit.yaml").read_text(encoding="utf-8"))
+    raw = yaml.safe_load(
+        (Path(gamms.__file__).parent / "data" / "gallery" / "pursuit.yaml").read_text(encoding="utf-8")
+    )
     for team, strategy in (("pursuers", PURSUERS[pursuers]), ("evaders", EVADERS[evaders])):
         raw["teams"][team]["strategy"] = strategy
+    if evaders == "flee":
+        raw["rules"][-1]["with"]["turns"] = 100  # after which those that do not flee are all caught
     return raw
 
 

@@ -58,7 +58,10 @@ def played(out="out", seeds=(1, 2), entries=GIVEN, **options):
 
 
 def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
-    table = played(entries={name: GIVEN[name] for name in ("hunt", "walk", "fail")})
+    entries = {name: GIVEN[name] for name in ("hunt", "walk", "fail")}
+    first = played(entries=entries, seeds=[1])
+    table = played(entries=entries)
+    assert table.rows[:2] == first.rows[:2]
     ways = [(row["entries"]["red"], row["entries"]["blue"], row["seed"]) for row in table.rows]
     pairs = [("fail", "hunt"), ("fail", "walk"), ("hunt", "walk")]
     assert ways == [way for a, b in pairs for seed in (1, 2) for way in ((a, b, seed), (b, a, seed))]
@@ -71,8 +74,6 @@ def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
     assert {file.stem for file in folder.glob("out/games/*.ggr")} == {row["id"] for row in table.rows}
     manifest = json.loads(folder.joinpath("out/tournament.json").read_text())
     assert sorted(manifest["entries"]) == ["fail", "hunt", "walk"]
-    again = played(entries={name: GIVEN[name] for name in ("hunt", "walk", "fail")}, seeds=(1, 2, 3))
-    assert again.rows[:4] == table.rows[:4]
     with pytest.raises(WriteConflict, match="another memory_mb"):
         played(memory_mb=300)
 
