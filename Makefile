@@ -9,8 +9,9 @@ BIN := $(VENV)/bin
 demo: $(VENV)/.demo
 	$(BIN)/gamms demo
 
+# Three processes for two cores: some tests wait for programs, locks and clocks, and others go on meanwhile.
 test: $(VENV)/.dev
-	$(BIN)/python -m pytest -q -n 2 --dist worksteal
+	$(BIN)/python -m pytest -q -n 3 --dist worksteal
 
 # Batches in arrays of PyTorch, and of the strict library of the array API, and learning with PyTorch: on the CPU.
 test-torch: $(VENV)/.dev

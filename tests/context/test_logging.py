@@ -17,23 +17,36 @@ def printed_by(code, **env):
     return run.stdout, run.stderr
 
 
-def level_of(env, config="None"):
-    code = f"import gamms; print(gamms.create_context(logger_config={config}).logger.level)"
-    printed, complaints = printed_by(code, **env)
-    return int(printed), complaints
+@pytest.fixture
+def level_of(monkeypatch, capfd):
+    """The level of a new context in an environment, and what was printed."""
+
+    def level(value, config=None):
+        monkeypatch.delenv("GAMMS_LOG_LEVEL", raising=False)
+        if value is not None:
+            monkeypatch.setenv("GAMMS_LOG_LEVEL", value)
+        with gamms.create_context(logger_config=config) as ctx:
+            return ctx.logger.level, "".join(capfd.readouterr())
+
+    return level
 
 
 @pytest.mark.parametrize(
     ("value", "level"),
     [(None, 20), ("DEBUG", 10), ("warning", 30), ("Error", 40), ("CRITICAL", 50), ("loud", 20), ("", 20)],
 )
-def test_the_environment_names_the_level(value, level):
-    assert level_of({} if value is None else {"GAMMS_LOG_LEVEL": value}) == (level, "")  # and nothing is printed
+def test_the_environment_names_the_level(level_of, value, level):
+    assert level_of(value) == (level, "")  # and nothing is printed
 
 
-def test_the_config_wins_over_the_environment():
-    assert level_of({"GAMMS_LOG_LEVEL": "DEBUG"}, "{'level': 'ERROR'}") == (40, "")
-    assert level_of({"GAMMS_LOG_LEVEL": "DEBUG"}, "{'level': None}")[0] == 10
+def test_the_environment_of_a_program_names_the_level():
+    code = "import gamms; print(gamms.create_context().logger.level)"
+    assert printed_by(code, GAMMS_LOG_LEVEL="Error") == ("40\n", "")
+
+
+def test_the_config_wins_over_the_environment(level_of):
+    assert level_of("DEBUG", {"level": "ERROR"}) == (40, "")
+    assert level_of("DEBUG", {"level": None})[0] == 10
 
 
 @pytest.mark.parametrize(("level", "number"), [("ERROR", 40), (35, 35), (gamms.logger.CRITICAL, 50)])

@@ -147,15 +147,15 @@ def test_without_the_extra_the_error_prints_the_pip_command(make_map, monkeypatc
 
 
 def test_walls_take_no_memory_before_they_are_asked_for():
-    """A dict of a wall takes a kilobyte; 40,000 of them at once would take 40 MB."""
-    ring = shapely.Point(24.94, 60.17).buffer(0.001, quad_segs=10_000)
+    """A dict of a wall takes a kilobyte; 20,000 of them at once would take 20 MB."""
+    ring = shapely.Point(24.94, 60.17).buffer(0.001, quad_segs=5_000)
     faces = faces_of_features([(ring, HOUSE)], min_tolerance=0.0, relative_tolerance=0.0)
     tracemalloc.start()
     count = sum(1 for _ in faces)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert count == 40_000
-    assert peak < 15_000_000
+    assert count == 20_000
+    assert peak < 8_000_000
 
 
 refs = st.lists(st.integers(1, 12), min_size=1, max_size=9)

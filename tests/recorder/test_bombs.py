@@ -10,6 +10,7 @@ import pytest
 from fuzzing import _block as sealed
 from recordings import HEADER, logs_of, opened, read_all, walk, written
 
+from gamms import limits
 from gamms.errors import BadFile
 from gamms.ir import packing
 from gamms.recorder import RecordingError
@@ -83,12 +84,13 @@ def test_a_bomb_is_refused_without_much_memory(bomb):
         tracemalloc.stop()
 
 
-def test_what_is_so_regular_that_it_looks_like_a_bomb_is_read_again():
-    header = {"a": bytes(2**25), "b": np.zeros(2**22)}
-    data = written([[1, 2, (3, bytes(2**25))]], header)
+def test_what_is_so_regular_that_it_looks_like_a_bomb_is_read_again(monkeypatch):
+    monkeypatch.setattr(limits, "_FLOOR", 1 << 23)
+    header = {"a": bytes(2**22), "b": np.zeros(2**19)}
+    data = written([[1, 2, (3, bytes(2**22))]], header)
     reader = opened(data)
     assert reader.header["a"] == header["a"]
-    assert reader.log(0)[2] == (3, bytes(2**25))
+    assert reader.log(0)[2] == (3, bytes(2**22))
 
 
 def test_a_million_moves_in_a_turn_are_read_again():

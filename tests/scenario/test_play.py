@@ -346,11 +346,11 @@ def test_many_games_leave_nothing_behind(made, tmp_path, monkeypatch):
     one.play()
     gc.collect()
     files, modules, objects = set(tmp_path.iterdir()), set(sys.modules), len(gc.get_objects())
-    for seed in range(150):
+    for seed in range(60):
         one.play(seed=seed)
     gc.collect()
     assert set(sys.modules) == modules
-    assert len(gc.get_objects()) < objects + 2000
+    assert len(gc.get_objects()) < objects + 800
     assert set(tmp_path.iterdir()) == files
 
 
