@@ -10,6 +10,7 @@ import { THEMES } from "./themes.js";
 
 const SLICE_MS = 12; // of reading on at once
 const RESTS_MS = 160; // after which the map is painted sharply
+const COVERED = 0.4; // of the height, from where the panel covers the map on a phone
 const WIDE_PX = 1000; // pages that show the panel at first
 
 /** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number}} Options */
@@ -37,6 +38,7 @@ export class App {
     this.stage = element("div", { class: "stage" });
     /** @type {View[]} */
     this.views = replays.map((replay, i) => this.#view(replay, i));
+    this.pointedAt = this.views[0]; // where an agent is pointed at
     this.controls = new Controls(this);
     this.panel = new Panel(this);
     this.settings = new Settings(this);
@@ -154,7 +156,10 @@ export class App {
     if (this.player?.click(view, px, py, far)) return;
     const found = view.scene.agentAt(px, py, far);
     this.select(found === null ? null : found.name);
-    if (found !== null) this.panel.open();
+    if (found === null) return;
+    this.panel.open();
+    const { clientHeight } = this.stage;
+    if (!this.isWide && py > COVERED * clientHeight) this.moveCamera((camera) => camera.pan(0, COVERED * clientHeight / 2 - py));
   }
 
   /** Look closer at a place. @param {number} px @param {number} py */
@@ -169,6 +174,7 @@ export class App {
     view.canvas.style.cursor = found === null && !isMove ? "" : "pointer";
     if (this.look.hovered === (found?.name ?? null)) return;
     this.look.hovered = found?.name ?? null;
+    this.pointedAt = view;
     this.needsPaint = true;
     this.panel.explain(view, found);
   }
@@ -243,6 +249,7 @@ export class App {
         if (!scene.paint(this.look, this.turn > replay.turns ? 1 : share, isMoving)) this.needsPaint = true;
       }
       this.paintMs = performance.now() - begun;
+      if (this.look.hovered !== null) this.panel.explain(this.pointedAt, this.pointedAt.scene.discOf(this.look.hovered) ?? null);
       this.firstPaintMs ??= performance.now(); // since the page was opened
     } else if (isMoving) {
       this.needsPaint = true;
