@@ -14,6 +14,7 @@ import { THEMES, faded, isBright, teamColors } from "./themes.js";
 const AGENT_LAYER = 20; // artists below it are behind the agents
 const RADIUS = 0.22, MOST_RADIUS = 0.018; // of an agent: in lengths of a typical edge, and at most in widths of the map
 const AGENT_PX = 6, LEAST_PX = 3, MANY = 150; // radius of agents; more than so many are smaller
+const MOST_PICTURES = 50;
 const SPREAD = [0, 0, 0.7, 0.85, 0.95, 1.0]; // how far so many discs on one node are moved, in radii
 const MOST_SPREAD = 6; // of more on one node, one stands for each team, with their number
 const MOST_NAMES = 30; // that are shown by themselves
@@ -40,6 +41,7 @@ export class Scene {
     this.camera = new Camera(replay.world.box, replay.world.unit);
     this.ratio = 1;
     /** @type {Disc[]} */ this.discs = [];
+    /** @type {Map<string, HTMLCanvasElement>} */ this.pictures = new Map(); // of discs
     /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
     /** @type {(() => void) | null} */ this.overlay = null; // paints what a person may choose
     /** @type {Set<number> | null} */ this.visible = null; // numbers of the agents that the fog leaves
@@ -349,20 +351,31 @@ export class Scene {
     to.textAlign = "left";
   }
 
-  /** Paint discs of one colour: of many all at once, which takes a tenth of the time. @param {Disc[]} discs */
+  /** Paint discs of one colour: of many as copies of one picture, which takes a third of the time. @param {Disc[]} discs */
   #paintDiscs(discs) {
-    const { to } = this;
+    const { to, ratio } = this;
     const [{ radius, color }] = discs;
-    to.beginPath();
-    for (const { px, py } of discs) {
-      to.moveTo(px + radius, py);
-      to.arc(px, py, radius, 0, 2 * Math.PI);
+    if (discs.length > MANY / 10) {
+      const picture = this.#pictureOf(radius, color), half = radius + 1, size = picture.width / ratio;
+      for (const { px, py } of discs) to.drawImage(picture, Math.round((px - half) * ratio) / ratio, Math.round((py - half) * ratio) / ratio, size, size);
+      return;
     }
-    to.fillStyle = color;
-    to.fill();
-    to.strokeStyle = isBright(color) ? "#3c3c3c" : "#ffffff";
-    to.lineWidth = Math.min(1.5, radius / 2);
-    to.stroke();
+    for (const { px, py } of discs) paintDisc(to, px, py, radius, color);
+  }
+
+  /** Return the picture of a disc. @param {number} radius @param {string} color @returns {HTMLCanvasElement} */
+  #pictureOf(radius, color) {
+    const key = `${radius} ${color} ${this.ratio}`;
+    const known = this.pictures.get(key);
+    if (known !== undefined) return known;
+    const made = document.createElement("canvas");
+    made.width = made.height = Math.ceil(2 * (radius + 1) * this.ratio);
+    const into = /** @type {CanvasRenderingContext2D} */ (made.getContext("2d"));
+    into.setTransform(this.ratio, 0, 0, this.ratio, 0, 0);
+    paintDisc(into, radius + 1, radius + 1, radius, color);
+    if (this.pictures.size > MOST_PICTURES) this.pictures.clear();
+    this.pictures.set(key, made);
+    return made;
   }
 
   /** An agent in the air has a ring around it, and a nose that points where it looks. */
@@ -415,6 +428,17 @@ export class Scene {
       paintWords(to, words, place[0], place[1], theme);
     }
   }
+}
+
+/** @param {CanvasRenderingContext2D} to @param {number} x @param {number} y @param {number} radius @param {string} color */
+function paintDisc(to, x, y, radius, color) {
+  to.beginPath();
+  to.arc(x, y, radius, 0, 2 * Math.PI);
+  to.fillStyle = color;
+  to.fill();
+  to.strokeStyle = isBright(color) ? "#3c3c3c" : "#ffffff";
+  to.lineWidth = Math.min(1.5, radius / 2);
+  to.stroke();
 }
 
 /** Add the points of a polyline to a path, in pixels. */
