@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: demo test test-torch check bench docs figures format release-check clean
+.PHONY: demo test test-torch check bench docs figures format release-check reproduce clean
 
 demo: $(VENV)/.demo
 	$(BIN)/gamms demo
@@ -37,6 +37,10 @@ figures: $(VENV)/.dev
 	out=$$(mktemp -d) && $(BIN)/gamms demo --no-film --out $$out && cp $$out/final.svg docs/demo.svg && rm -r $$out
 	$(BIN)/python scripts/draw_architecture.py docs/figures
 	GAMMS_REFRESH_EXAMPLES=1 $(BIN)/python -m pytest -q tests/docs/test_docs.py
+
+# Measures again what benchmarks/README.md says, in under 30 minutes; raw data in reproduced/. Containerfile runs it, too.
+reproduce: $(VENV)/.dev
+	$(BIN)/python scripts/reproduce.py
 
 # Builds the distribution and plays the README's games in empty environments; docs/releasing.md has more of it.
 release-check: $(BIN)/python

@@ -1,0 +1,77 @@
+"""Counts that stand for speed: the same on every machine, so an upper bound can be a test. Each bound leaves a tenth.
+
+They are of CPython 3.11 and later; a version that inlines comprehensions counts less. Where a bound is passed, either
+find what came in, or measure (`benchmarks/run.py`) and raise the bound with that number in the commit.
+"""
+
+import subprocess
+import sys
+import tracemalloc
+
+import pytest
+
+import gamms
+from gamms.sensor import SensorType
+
+AGENTS, TURNS = 20, 30
+
+
+@pytest.fixture
+def ctx():
+    """Agents that walk on a grid, each with a sensor of its neighbours; what is remembered has been looked up."""
+    ctx = gamms.create_context(seed=1)
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(12, 12))
+    for i in range(AGENTS):
+        eyes = ctx.sensor.create_sensor(f"eyes{i}", SensorType.NEIGHBOR)
+        ctx.agent.create_agent(f"a{i}", start_node_id=i, sensors={"eyes": eyes}, strategy=stay)
+    ctx.game.max_turns = 10_000
+    for _ in range(10):
+        ctx.game.step()
+    yield ctx
+    ctx.terminate()
+
+
+def stay(state):
+    state["action"] = state["legal"][0]
+
+
+def test_importing_gamms_loads_few_modules():
+    code = "import sys; before = set(sys.modules); import gamms; print(len(set(sys.modules) - before))"
+    loaded = int(
+        subprocess.run(
+            [sys.executable, "-S", "-c", f"import sys; sys.path[:0] = {sys.path!r}; {code}"],
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+    )
+    assert loaded <= 46  # 41
+
+
+def test_a_step_of_an_agent_makes_few_calls(ctx):
+    calls = 0
+
+    def count(_frame, event, _argument):
+        nonlocal calls
+        calls += event in ("call", "c_call")
+
+    sys.setprofile(count)
+    try:
+        for _ in range(TURNS):
+            ctx.game.step()
+    finally:
+        sys.setprofile(None)
+    assert calls / (TURNS * AGENTS) <= 10.2  # 9.25
+
+
+def test_a_turn_allocates_little_and_keeps_little(ctx):
+    tracemalloc.start()
+    try:
+        before = tracemalloc.get_traced_memory()[0]
+        for _ in range(TURNS):
+            ctx.game.step()
+        after, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert (peak - before) / AGENTS <= 5_900  # 5,300
+    assert (after - before) / (TURNS * AGENTS) <= 100  # 90, of which 60 once
