@@ -3,6 +3,7 @@
     python benchmarks/planning.py grid_tag              # 20 games by the script and by the search, the same seeds
     python benchmarks/planning.py pursuit --games 4 --first 1
     python benchmarks/planning.py speed                 # a turn of a model, in turn with `ctx.game.step`
+    python benchmarks/planning.py budget --seconds 0.05 --games 300   # how long decisions take, by CPU time
 
 Scenarios, teams, seeds and budgets are fixed here; settings were chosen on other seeds. Each game is played three times
 with one seed: the team as its file says, by the rollout policy of the search alone, and by a plan of
@@ -11,7 +12,9 @@ with bootstrap intervals of 95 %.
 """
 
 import argparse
+import itertools
 import json
+import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
 
@@ -101,10 +104,46 @@ def speed(name="grid_tag", turns=20, rounds=40):
     )
 
 
+def budget(seconds, decisions, name="grid_tag"):
+    """Print how long decisions with a budget take, in shares of it: by the CPU's clock, for machines that are busy."""
+    sys.modules["gamms.planning.mcts"].perf_counter = time.process_time
+    team, options = CASES[name]
+    timed, took = {key: value for key, value in options.items() if key != "iterations"}, []
+    for seed in itertools.count(1):
+        plan = planning.mcts(seconds=seconds, **timed)
+
+        def decide(states, plan=plan):
+            began = time.process_time()
+            plan(states)
+            took.append(time.process_time() - began)
+
+        decide.prepare = plan.prepare
+        with scenario.from_gallery(name).replace(**SCRIPTS.get(name, {})).build(seed) as ctx:
+            ctx.logger.setLevel("ERROR")
+            ctx.game.command(team, decide)
+            ctx.game.run(min(60, decisions - len(took)))
+        if len(took) >= decisions:
+            break
+    shares = np.array(took) / seconds
+    print(f"{name}: {decisions} decisions of {seconds} s take", end=" ")
+    print(
+        *(
+            f"{part} {value:.2f}"
+            for part, value in zip(("p50", "p99", "most"), np.percentile(shares, [50, 99, 100]), strict=True)
+        )
+    )
+
+
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("case", choices=[*CASES, "speed"])
+    parser.add_argument("case", choices=[*CASES, "speed", "budget"])
     parser.add_argument("--games", type=int, default=20)
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="the seed of the first game")
+    parser.add_argument("--seconds", type=float, default=0.05, help="the budget of each decision")
     given = parser.parse_args()
-    speed() if given.case == "speed" else compare(given.case, given.games, given.first)
+    if given.case == "budget":
+        budget(given.seconds, given.games)
+    elif given.case == "speed":
+        speed()
+    else:
+        compare(given.case, given.games, given.first)

@@ -1,5 +1,6 @@
 """Search: better actions than those of scripts, the same for the same seed, and in time."""
 
+import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -169,6 +170,16 @@ def test_a_budget_of_time_is_kept_also_where_it_is_enough_for_few_turns(tag, mon
             spent.append(process_time() - began)
     assert sorted(spent)[1] <= 1.1 * 0.05
     assert turn_s + value_s > 0.02 or sorted(spent)[1] > 0.03
+
+
+@pytest.mark.parametrize("options", [{"seconds": 60.0, "iterations": 2}, {"iterations": 2}])
+def test_garbage_is_not_collected_while_a_decision_has_a_limit(tag, options):
+    seen = []
+    with tag.build() as ctx:
+        ctx.game.command("red", mcts(depth=1, value=lambda _: seen.append(gc.isenabled()) or 0.0, **options))
+        ctx.game.run(1)
+    assert seen[-1] is ("seconds" not in options)
+    assert gc.isenabled()
 
 
 def test_where_a_budget_is_too_short_for_a_model_the_policy_decides(tag, monkeypatch):
