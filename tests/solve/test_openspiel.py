@@ -4,7 +4,7 @@ import sys
 
 import numpy as np
 import pytest
-from solved_games import pursuit, scene
+from solved_games import matrix_value, pursuit, scene
 
 pytest.importorskip("pyspiel", reason="OpenSpiel is not installed")
 
@@ -13,7 +13,7 @@ from open_spiel.python import policy
 from open_spiel.python.algorithms import cfr, expected_game_score, exploitability
 
 from gamms.errors import BadValue, MissingExtra
-from gamms.solve import matrix_game, openspiel, solve
+from gamms.solve import double_oracle, matrix_game, openspiel, solve
 
 EYES = {"eyes": {"type": "AGENT"}}
 TEAMS = {"red": {"count": 1, "sensors": ["eyes"]}, "blue": {"count": 1, "sensors": ["eyes"]}}
@@ -66,6 +66,14 @@ def test_openspiel_finds_the_same_value_and_nothing_to_gain_against_our_strategi
     assert exploitability.exploitability(turned, played) == pytest.approx(0.0, abs=1e-9)
     value = expected_game_score.policy_value(turned.new_initial_state(), [played, played])
     assert value == pytest.approx([solution.value, -solution.value], abs=1e-9)
+
+
+def test_the_double_oracle_ends_at_the_value_of_the_matrix_that_openspiel_makes_of_the_game():
+    matrix = pyspiel.extensive_to_matrix_game(pyspiel.convert_to_turn_based(openspiel(PENNIES)))
+    expected = matrix_value(matrix.row_utilities())
+    found = double_oracle(PENNIES)
+    assert found.value == pytest.approx(expected, abs=1e-9)
+    assert solve(PENNIES).value == pytest.approx(expected, abs=1e-9)
 
 
 def test_cfr_gets_near_our_value():
