@@ -2,6 +2,7 @@
 
 import os
 import signal
+import time
 from pathlib import Path
 
 from gamms.scenario import Scenario
@@ -32,6 +33,13 @@ def die_at_times(state):
     """Kill the process that plays, in some games."""
     if state["turn"] == 2 and state["draw"].random() < 0.6:
         os._exit(3)
+    state["action"] = state["curr_pos"]
+
+
+def linger(state):
+    """Take a while in the first turn."""
+    if state["turn"] == 0:
+        time.sleep(0.02)
     state["action"] = state["curr_pos"]
 
 

@@ -1,8 +1,16 @@
 """Programs that let worker processes play."""
 
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
+
+import pytest
+import small_hunts
+from small_hunts import HUNT
+
+from gamms import experiment
 
 HERE = Path(__file__).parent
 PROGRAM = """
@@ -36,3 +44,50 @@ def test_functions_of_the_script_are_there_in_workers(tmp_path):
     printed, error = said_by(tmp_path, "if True:", own)
     assert not printed
     assert 'under if __name__ == "__main__":' in error
+
+
+KILLED = """
+import sys
+sys.path.insert(0, {here!r})
+import small_hunts
+from gamms import experiment
+
+if __name__ == "__main__":
+    vary = {{"strategies.blue": [small_hunts.linger]}}
+    experiment.run(small_hunts.HUNT, range(30), vary, workers=2, out="killed")
+"""
+
+
+def children(of):
+    try:
+        tasks = list(Path(f"/proc/{of}/task").iterdir())
+        below = [int(one) for task in tasks for one in (task / "children").read_text().split()]
+    except OSError:
+        return []
+    return below + [one for child in below for one in children(child)]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_a_runner_that_was_killed_leaves_no_process_and_goes_on_to_the_same_rows(tmp_path):
+    (tmp_path / "program.py").write_text(KILLED.format(here=str(HERE)))
+    path = os.pathsep.join(sys.path)
+    process = subprocess.Popen([sys.executable, "program.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": path})
+    journal = tmp_path / "killed" / "journal.jsonl"
+    while not journal.exists() or len(journal.read_bytes().splitlines()) < 3:
+        assert process.poll() is None
+        time.sleep(0.01)
+    below = children(process.pid)
+    process.kill()
+    process.wait()
+    until = time.monotonic() + 60.0  # they end when they ask for more, which one that begins does last
+    while any(Path(f"/proc/{one}").exists() for one in below) and time.monotonic() < until:
+        time.sleep(0.01)
+    assert below
+    assert not any(Path(f"/proc/{one}").exists() for one in below)
+    done = len(journal.read_bytes().splitlines())
+    assert 3 <= done < 30
+    vary = {"strategies.blue": [small_hunts.linger]}
+    whole = experiment.run(HUNT, range(30), vary, out=tmp_path / "whole")
+    assert list(experiment.run(HUNT, range(30), vary, out=tmp_path / "killed")) == list(whole)
+    files = [(tmp_path / name / "rows.jsonl").read_bytes() for name in ("whole", "killed")]
+    assert files[0] == files[1]

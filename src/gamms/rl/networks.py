@@ -204,7 +204,8 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
 
     It takes `observation`, (rows, …) float32, and may take `action_mask`, (rows, actions) float32; its first output has
     a number for each action, (rows, actions). As a file may hold any computation, nothing is worked out when it is
-    loaded, and an evaluation may take 10 seconds and, with those of all other models, `limits.max_memory`.
+    loaded, and an evaluation may take 10 seconds and, with those of all other models, `limits.max_memory`. onnxruntime
+    looks at the time between the nodes of the graph: a single node goes on to its end.
 
     Raises:
         MissingExtra (ImportError): onnxruntime is not installed.
