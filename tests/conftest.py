@@ -15,6 +15,8 @@ import gamms
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what runs in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)  # or no program of a test would hear Ctrl-C
 
+gc.disable()  # until all tests are collected
+
 settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=20)  # none is about time, or luck
 settings.load_profile("gamms")
 
@@ -34,6 +36,7 @@ def pytest_collection_finish():
         runner._get_command = cache(runner._get_command)  # half of the time of a command
     gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(autouse=True)

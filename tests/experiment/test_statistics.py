@@ -5,7 +5,6 @@ from itertools import product
 
 import numpy as np
 import pytest
-import scipy.stats
 import small_hunts
 from small_hunts import HUNT
 
@@ -81,6 +80,8 @@ def test_sobol_indices_are_those_of_the_ishigami_function():
 
 
 def test_sobol_indices_are_those_of_scipy():
+    import scipy.stats
+
     points = experiment.sample(dict.fromkeys("xyz", (0.0, 1.0)), 64)
     blocks = ishigami(np.array([list(point.values()) for point in points])).reshape(5, 1, 64)
     theirs = scipy.stats.sobol_indices(func={"f_A": blocks[0], "f_B": blocks[1], "f_AB": blocks[2:]}, n=64)

@@ -115,10 +115,10 @@ def test_yaml_that_is_more_than_data_is_refused(text, hint):
 @pytest.mark.parametrize(
     "text",
     [
-        "a: {" + ", ".join(f"{(2**61 - 1) * i + 5}: 0" for i in range(20_000)) + "}",  # keys of one hash
-        "a: [" + "1," * 225_000 + "1]",
-        "a: [" + "{}," * 150_000 + "1]",
-        "? " + "k" * 150_000 + "\n: [" + "1," * 150_000 + "1]",
+        "a: {" + ", ".join(f"{(2**61 - 1) * i + 5}: 0" for i in range(10_000)) + "}",  # keys of one hash
+        "a: [" + "1," * 112_000 + "1]",
+        "a: [" + "{}," * 75_000 + "1]",
+        "? " + "k" * 75_000 + "\n: [" + "1," * 75_000 + "1]",
         "a: " + "[" * 450_000,
         '"' + "\\x41" * 100_000 + '": 1',
         "---\n" * 100_000,
@@ -131,7 +131,7 @@ def test_the_time_to_read_a_file_is_bounded_by_its_size(tmp_path, text):
     begun = time.process_time()
     with pytest.raises(ScenarioError):
         scenario.load(tmp_path / "big.yaml")
-    assert time.process_time() - begun < 2.5
+    assert time.process_time() - begun < 1.3
 
 
 @pytest.mark.parametrize(

@@ -55,9 +55,9 @@ def test_numbers_that_are_no_count_are_refused(folder):
 
 
 def test_the_caller_may_allow_more_or_less(little):
-    little["teams"]["red"]["count"] = 300_000
+    little["teams"]["red"]["count"] = 170_000
     with allowing(8 << 30):
-        assert Scenario(**little).spec.teams["red"].count == 300_000
+        assert Scenario(**little).spec.teams["red"].count == 170_000
     with pytest.raises(ScenarioError, match=r"GiB of memory; 2\.0 GiB are allowed"):
         Scenario(**little)
 
@@ -88,13 +88,13 @@ def test_names_have_a_bounded_length(little):
 
 
 def test_the_time_of_a_check_is_bounded_by_the_size_of_the_file():
-    teams = {f"t{number}": {"agents": [{"name": f"a{number}", "node": 0}]} for number in range(8_000)}
+    teams = {f"t{number}": {"agents": [{"name": f"a{number}", "node": 0}]} for number in range(4_000)}
     away = {name: {**team, "from": {"team": "t0", "at_least": 0.0}} for name, team in list(teams.items())[1:]}
-    flags = {f"nobodys{chr(97 + number % 26) * 9}{number}": 0 for number in range(8_000)}
+    flags = {f"nobodys{chr(97 + number % 26) * 9}{number}": 0 for number in range(4_000)}
     begun = time.process_time()
     Scenario(
         map={"grid": {"width": 3, "height": 3}},
         teams={**teams, **away},
         rules=[{"rule": "capture_flag", "with": {"flags": flags, "goal": 1}}],
     )
-    assert time.process_time() - begun < 5.0
+    assert time.process_time() - begun < 2.5
