@@ -65,10 +65,9 @@ MADE = {
 }
 
 
-@pytest.mark.parametrize("name", MADE)
-@pytest.mark.parametrize("team", ["red", "blue"])
-def test_strategies_play_the_same_in_arrays(name, team, same_as_one_by_one):
-    same_as_one_by_one(hunted(), [1, 2, 3], {team: MADE[name]})
+@pytest.mark.parametrize(("hunter", "hunted_one"), list(zip(MADE, [*[*MADE][1:], "goto"], strict=True)))
+def test_strategies_play_the_same_in_arrays(hunter, hunted_one, same_as_one_by_one):
+    same_as_one_by_one(hunted(), [1, 2, 3], {"red": MADE[hunter], "blue": MADE[hunted_one]})
 
 
 @pytest.mark.parametrize("speeds", [(2, 3), (1.4, None)])
