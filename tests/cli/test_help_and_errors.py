@@ -8,7 +8,21 @@ from typer.testing import CliRunner
 from gamms import cli
 
 COMMANDS = [
-    *("demo", "new", "run", "tournament", "replay", "render", "info", "verify", "diff", "convert", "map", "suite"),
+    *(
+        "demo",
+        "gallery",
+        "new",
+        "run",
+        "tournament",
+        "replay",
+        "render",
+        "info",
+        "verify",
+        "diff",
+        "convert",
+        "map",
+        "suite",
+    ),
 ]
 GAME = """
 map: {grid: {width: 4, height: 4}}

@@ -35,7 +35,16 @@ def test_a_new_game_can_be_played_at_once(folder, options, agents):
 
 
 @pytest.mark.parametrize("source", list(scenario.gallery()))
-def test_every_game_that_comes_with_gamms_can_be_begun_with_and_run(folder, source):
+def test_every_game_that_comes_with_gamms_can_be_begun_with(folder, source):
+    assert run("new", "mine", "--from", source).exit_code == 0
+    copy, original = scenario.load("mine/mine.yaml", allow=["gamms.llm"]), scenario.from_gallery(source)
+    assert [(one.path, one.function) for one in copy.code()] == [(one.path, one.function) for one in original.code()]
+    assert all(found.file.parent == folder / "mine" for found in copy.code() if found.file is not None)
+    assert copy.spec.name == "mine"
+
+
+@pytest.mark.parametrize("source", ["patrol", "people_and_machines"])
+def test_a_copy_of_a_game_runs(folder, source):
     assert run("new", "mine", "--from", source).exit_code == 0
     assert run("scenario", "check", "mine/mine.yaml").exit_code == 0
     played = run("run", "mine/mine.yaml", "--max-turns", 2, "--out", "mine/first")

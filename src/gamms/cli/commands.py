@@ -13,6 +13,7 @@ from typer.core import TyperCommand, TyperGroup
 
 import gamms
 from gamms.cli import experiments, play, recordings, suites
+from gamms.cli.gallery import gallery
 from gamms.cli.new import new
 from gamms.cli.output import console, echo, explained, guarded, rich_table, warn
 from gamms.cli.tournaments import tournament
@@ -141,7 +142,8 @@ _Commands = Mapping[Callable[..., None], tuple[str, ...]]  # each with examples,
 
 _COMMANDS: _Commands = {
     play.demo: ("gamms demo", "gamms demo --seed 7 --teams cats=5,dogs=3 --map town.osm.pbf"),
-    new: ("gamms new hunt", "gamms new flags --from capture_the_flag"),
+    gallery: ("gamms gallery patrol --seed 7", "gamms gallery patrol --out played", "gamms gallery --page games"),
+    new: ("gamms new hunt", "gamms new guards --from patrol"),
     play.run: (
         "gamms run match.yaml --seeds 0:50",
         "gamms run match.yaml --seed 7 --film match.mp4",

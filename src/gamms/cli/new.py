@@ -12,7 +12,7 @@ from gamms.errors import BadValue
 from gamms.scenario import Scenario, from_gallery
 
 _DEMO = "gamms.demo.strategies"  # what its scenario calls the strategies of the demo
-_WHAT = {"strategies.py": "how its agents play", "rules.py": "its own rules"}
+_WHAT = {"strategies.py": "its strategies, and what is its own", "rules.py": "its own rules"}
 
 
 def new(

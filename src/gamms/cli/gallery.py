@@ -1,0 +1,198 @@
+"""`gamms gallery`: the games that come with GAMMS: a list of them, one of them played, or a page with all."""
+
+import json
+from html import escape
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
+
+import typer
+
+from gamms.cli.output import console, echo, recorded, rich_table
+from gamms.errors import MissingExtra
+
+if TYPE_CHECKING:
+    from gamms.game import Result
+    from gamms.scenario import Scenario
+
+_STILL = 340  # pixels: less than 60 kB, on the streets of Helsinki, too
+_STYLE = """
+:root { color-scheme: light dark; font: 16px/1.5 system-ui, sans-serif }
+body { max-width: 72rem; margin: 2rem auto; padding: 0 1rem }
+main { display: grid; grid-template-columns: repeat(auto-fill, minmax(20rem, 1fr)); gap: 2rem }
+img { width: 100%; aspect-ratio: 4 / 3; object-fit: contain; background: #fff; border: 1px solid #8886 }
+h2 { margin: .5rem 0 0; font-size: 1.1rem }
+p { margin: .3rem 0 } code { font-size: .9em } summary { cursor: pointer }
+"""
+_PAGE = """<!DOCTYPE html>
+<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<title>Games that come with GAMMS</title><style>{style}</style>
+<h1>Games that come with GAMMS</h1>
+<p>A picture opens the game, which plays in this browser, offline. Each is a scenario file and at most a page of code:
+<code>gamms gallery NAME</code> plays it, <code>gamms new mine --from NAME</code> copies it.</p>
+<main>
+{cards}
+</main></html>
+"""
+_CARD = """<article id="{name}">
+<a href="{name}.html"><img src="{still}" alt="{title} after turn {turn} of {turns}"></a>
+<h2><a href="{name}.html">{title}</a></h2>
+<p>{description}</p>
+<p>{ending}</p>
+<p>{wins}</p>
+<details><summary>What it is about</summary>{about}</details>
+</article>"""
+
+
+class Record(NamedTuple):
+    """What is known of a game of the gallery: `data/gallery/results.json`.
+
+    Attributes:
+        games: how many were played, with the seeds from 0 on.
+        wins: by team, "" for none: how many, and the ends of the 95 % interval of their share.
+        turns: of the game of middle length.
+    """
+
+    games: int
+    wins: dict[str, tuple[int, float, float]]
+    turns: int
+
+    def __str__(self) -> str:
+        """Name the shares of the teams, with their intervals."""
+        shares = (
+            f"{team or 'no team'} {won / self.games:.0%} ({low:.0%} to {high:.0%})"
+            for team, (won, low, high) in self.wins.items()
+        )
+        return f"{', '.join(shares)} of {self.games} games, {self.turns} turns in the middle"
+
+
+def gallery(
+    name: Annotated[
+        str | None, typer.Argument(help="The game to play; without one, all are listed.", metavar="[NAME]")
+    ] = None,
+    seed: Annotated[
+        int | None, typer.Option(help="The same seed plays the same game; by default that of the file.", metavar="SEED")
+    ] = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="The folder for game.html, result.json and game.ggr; by default gamms-NAME.", metavar="DIR"),
+    ] = None,
+    page: Annotated[
+        Path | None,
+        typer.Option(help="Write a page with pictures that play all games, or the one of this name.", metavar="DIR"),
+    ] = None,
+) -> None:
+    """List games that come with GAMMS, or play one."""
+    from gamms import scenario
+
+    if page is not None:
+        _write_page(page, [name] if name else list(scenario.gallery()), seed)
+    elif name is not None:
+        _play(name, seed, out or Path(f"gamms-{name}"))
+    elif seed is not None or out is not None:
+        raise typer.BadParameter("this is for one game: add its name.", param_hint="--out" if out else "--seed")
+    else:
+        _print_list()
+
+
+def records() -> dict[str, Record]:
+    """Return what came of many games, by the name of the game."""
+    from gamms import scenario
+
+    file = next(iter(scenario.gallery().values())).with_name("results.json")
+    return {name: Record(**found) for name, found in json.loads(file.read_text(encoding="utf-8")).items()}
+
+
+def about(game: "Scenario") -> list[str]:
+    """Return the paragraphs at the head of a scenario file: what is modelled, and what plays well."""
+    lines = [] if game.file is None else game.file.read_text(encoding="utf-8").splitlines()
+    head = next(i for i, line in enumerate([*lines, ""]) if not line.startswith("#"))
+    text = "\n".join(line.removeprefix("#").strip() for line in lines[:head])
+    return [" ".join(part.split()) for part in text.split("\n\n")]
+
+
+def _print_list() -> None:
+    from gamms import scenario
+
+    rows = [(name, scenario.from_gallery(name).spec.description or "") for name in scenario.gallery()]
+    console().print(rich_table(("game", ""), rows, right=False))
+    first = next(name for name, _ in rows if name == "patrol")
+    echo(
+        f"\nPlay one:      gamms gallery {first}\nChange one:    gamms new mine --from {first}\n"
+        "See them all:  gamms gallery --page games"
+    )
+
+
+def _play(name: str, seed: int | None, out: Path) -> None:
+    from gamms import scenario
+
+    game = scenario.from_gallery(name)
+    result = _recorded(game, seed, out, out / "game.html")
+    echo(f"{game.spec.name}: {result}")
+    echo(
+        f"\nWrote {out / 'game.html'} (the game, to be opened in a browser), {out / 'result.json'} (what came "
+        f"of it) and {out / 'game.ggr'} (every move; gamms replay).\nIts file is {game.file}; to change it: "
+        f"gamms new mine --from {name}"
+    )
+
+
+def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path) -> "Result":
+    """Play a game, with its result and its recording in a folder, and write the page that replays it."""
+    from gamms import recorder
+
+    with game.build(seed) as ctx, recorded(ctx, folder, sensed=True) as recording:
+        result = ctx.game.run(progress=True)
+    result.save(folder / "result.json")
+    with recorder.open(recording) as whole:
+        whole.save(html, title=game.spec.name or "")
+    return result
+
+
+def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
+    """Write `index.html`, and a replay and a still of each game."""
+    from gamms import scenario
+
+    games = {name: scenario.from_gallery(name) for name in names}
+    folder.mkdir(parents=True, exist_ok=True)
+    known, cards = records(), []
+    for name, game in games.items():
+        echo(f"{name} ...")
+        cards.append(_card(name, game, seed, folder, str(known[name]) if name in known else ""))
+    index = folder / "index.html"
+    index.write_text(_PAGE.format(style=_STYLE, cards="\n".join(cards)), encoding="utf-8")
+    echo(f"Wrote {index}.")
+
+
+def _card(name: str, game: "Scenario", seed: int | None, folder: Path, wins: str) -> str:
+    """Play a game, write its replay and its still, and return what the page says of it."""
+    with TemporaryDirectory() as scratch:
+        result = _recorded(game, seed, Path(scratch), folder / f"{name}.html")
+        turn = result.turns // 3
+        still = _still(Path(scratch) / "game.ggr", folder / name, turn)
+    texts: dict[str, Any] = {
+        "name": name,
+        "still": still.name,
+        "turn": turn,
+        "turns": result.turns,
+        "title": game.spec.name or name,
+        "description": game.spec.description or "",
+        "ending": f"Here: {result.headline()}.",
+        "wins": wins and f"By the baselines: {wins}.",
+    }
+    paragraphs = "".join(f"<p>{escape(part)}</p>" for part in about(game))
+    return _CARD.format(**{key: escape(str(text)) for key, text in texts.items()}, about=paragraphs)
+
+
+def _still(recording: Path, file: Path, turn: int) -> Path:
+    """Write a picture of the game after a turn, as PNG where Pillow is installed, else as SVG; return the file."""
+    from gamms.rendering import RenderOptions, render
+
+    for suffix in (".png", ".svg"):
+        found = file.with_suffix(suffix)
+        try:
+            options = RenderOptions(last=turn, width=_STILL, height=_STILL * 3 // 4, captions=False, labels=False)
+            render(recording, found, options)
+        except MissingExtra:
+            continue
+        return found
+    raise AssertionError("SVG needs no library")

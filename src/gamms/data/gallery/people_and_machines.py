@@ -1,0 +1,27 @@
+"""A town of blocks, and the machine that plays the runner where no person does."""
+
+from gamms.graph import grid
+
+
+def blocks(width, height):
+    """Return a grid of streets around blocks of three by one nodes."""
+    graph = grid(height, width)
+    inner = [y * width + x for y in range(1, height, 2) for x in range(width) if x % 4]
+    graph.remove_nodes_from(inner)
+    return graph
+
+
+def collect(ctx, fear):
+    """Make the strategy of the runner: to the nearest coin, and not nearer than `fear` to hunters in sight."""
+
+    def strategy(state):
+        coins = [coin.current_node_id for coin in ctx.agent.teams["coins"] if coin.alive]
+        hunters = state["sensor"]["sees_hunters"][1].values()
+
+        def cost(node):
+            fears = sum(max(0.0, fear - ctx.graph.distance(node, hunter)) for hunter in hunters)
+            return 3 * fears + min(ctx.graph.distance(node, coin) for coin in coins) + state["draw"].random()
+
+        state["action"] = min(state["legal"], key=cost)
+
+    return strategy

@@ -1,0 +1,61 @@
+"""Rings and spokes, attackers that look for gaps, and defenders that are matched with attackers."""
+
+from math import cos, hypot, pi, sin
+
+import networkx as nx
+
+
+def rings(rings, spokes, spacing):
+    """Return `rings` rings of `spokes` nodes around (0, 0), joined along the rings and along the spokes."""
+    graph = nx.cartesian_product(nx.path_graph(rings), nx.cycle_graph(spokes))
+    for ring, spoke in graph:
+        radius, angle = spacing * (ring + 4), 2 * pi * spoke / spokes
+        graph.nodes[ring, spoke].update(x=radius * cos(angle), y=radius * sin(angle))
+    return nx.convert_node_labels_to_integers(graph, ordering="sorted")
+
+
+def inside(spokes):
+    """Return the nodes of the innermost ring."""
+    return list(range(spokes))
+
+
+def storm(ctx, fear):
+    """Make the strategy of an attacker: inwards, but not nearer than `fear` to defenders in sight if it can help it."""
+    columns = ctx.graph.columns()
+    places = dict(zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True))
+
+    def strategy(state):
+        near = [places[node] for node in state["sensor"]["eyes"][1].values()]
+
+        def cost(node):
+            x, y = places[node]
+            fears = sum(hypot(x - there_x, y - there_y) < fear for there_x, there_y in near)
+            return hypot(x, y) + 12 * fears + 4 * state["draw"].random()
+
+        state["action"] = min(state["legal"], key=cost)
+
+    return strategy
+
+
+def match(ctx):
+    """Make the plan of the defenders: those nearest to each other are matched first, and each goes for its attacker."""
+    columns = ctx.graph.columns()
+    places = dict(zip(columns.node_ids.tolist(), columns.xy.tolist(), strict=True))
+
+    def metres(node, other):
+        return hypot(places[node][0] - places[other][0], places[node][1] - places[other][1])
+
+    def plan(states):
+        seen = {name: node for state in states.values() for name, node in state["sensor"]["radar"][1].items()}
+        here = {name: state["curr_pos"] for name, state in states.items()}
+        pairs = sorted((metres(here[one], seen[other]), one, other) for one in here for other in seen)
+        goals, taken = {}, set()
+        for _, one, other in pairs:
+            if one not in goals and other not in taken:
+                goals[one] = seen[other]
+                taken.add(other)
+        for name, state in states.items():
+            goal = goals.get(name, here[name])
+            state["action"] = min(state["legal"], key=lambda node: (metres(node, goal), node))
+
+    return plan

@@ -1,0 +1,46 @@
+"""Drones that fly along lanes and report, and rescuers that go where the nearest person was reported last."""
+
+from math import hypot
+
+from gamms.strategies import goto
+
+BREADTH = 250.0  # metres between two lanes
+
+
+def fly(ctx, north):
+    """Make the strategy of a drone: go up and down the map in lanes, and tell the rescuers whom it sees.
+
+    Args:
+        ctx: the context.
+        north: whether it begins in the south, and goes north first.
+    """
+    (west, south), (east, top) = ctx.graph.columns().xy.min(axis=0), ctx.graph.columns().xy.max(axis=0)
+    lanes = [west + BREADTH * (i + 0.5) for i in range(int((east - west) / BREADTH) + 1)]
+    corners = [(x, y) for i, x in enumerate(lanes) for y in ((south, top) if (i % 2 == 0) == north else (top, south))]
+    corners = corners if north else corners[::-1]
+
+    def strategy(state):
+        for name, (_, (x, y, _)) in state["sensor"]["camera"][1].items():
+            report = {"who": name, "at": ctx.graph.nearest_node(x, y)}
+            state["outbox"].append({"channel": "radio", "to": "rescuers", "body": report})
+        (x, y, _), lane = state["curr_pos"], state["memory"].get("lane", 0)
+        if hypot(corners[lane][0] - x, corners[lane][1] - y) < 25:
+            lane = (lane + 1) % len(corners)
+        state["memory"]["lane"] = lane
+        state["action"] = (corners[lane][0] - x, corners[lane][1] - y, 0.0)
+
+    return strategy
+
+
+def rescue(ctx, patience):
+    """Make the strategy of a rescuer: go to the nearest place at which a person was reported, for `patience` turns."""
+
+    def target(state):
+        reports = state["memory"].setdefault("reports", {})
+        for message in state["inbox"]:
+            reports[message["body"]["who"]] = (message["turn"], message["body"]["at"])
+        fresh = [node for turn, node in reports.values() if state["turn"] - turn <= patience]
+        there = [node for node in fresh if node != state["curr_pos"]]
+        return ctx.graph.routes.nearest(state["curr_pos"], sorted(there)) if there else None
+
+    return goto(ctx, target)

@@ -1,0 +1,134 @@
+"""`gamms gallery`: the games that come with GAMMS."""
+
+import json
+import os
+import re
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+
+import pytest
+from typer.testing import CliRunner
+
+import gamms
+from gamms import cli, scenario
+from gamms.cli.gallery import about, records
+
+GAMES = {name: scenario.from_gallery(name) for name in scenario.gallery()}
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+def run(*arguments):
+    return CliRunner().invoke(cli.app, list(map(str, arguments)), catch_exceptions=False)
+
+
+def test_the_list_says_a_line_of_each_game():
+    shown = " ".join(run("gallery").stdout.split())
+    assert len(GAMES) >= 12
+    for name, game in GAMES.items():
+        assert f"{name} {game.spec.description}" in shown
+
+
+@pytest.mark.parametrize("name", GAMES)
+def test_a_game_says_what_it_models_and_is_at_most_a_page_of_code(name):
+    game = GAMES[name]
+    assert len(about(game)) >= 2
+    assert re.search(r"\b(19|20)\d\d\b", about(game)[0]), "name what it is near to in the literature"
+    files = {found.file for found in game.code() if found.file is not None}
+    assert all(len([line for line in file.read_text().splitlines() if line]) <= 60 for file in files)
+
+
+@pytest.mark.parametrize("name", records())
+def test_both_sides_win_games(name):
+    found = records()[name]
+    assert found.games >= 100
+    assert sum(won for won, _, _ in found.wins.values()) == found.games
+    assert all(5 <= won <= 95 and low < won / found.games < high for won, low, high in found.wins.values())
+
+
+def test_a_game_is_played_into_a_folder(folder):
+    done = run("gallery", "people_and_machines", "--seed", 5, "--out", "played")
+    assert done.exit_code == 0
+    assert {path.name for path in (folder / "played").iterdir()} == {"game.html", "result.json", "game.ggr"}
+    assert json.loads((folder / "played/result.json").read_text())["seed"] == 5
+    assert done.stdout.index("game.html") < done.stdout.index("result.json")
+
+
+def test_a_page_has_a_picture_that_opens_the_replay(folder):
+    assert run("gallery", "people_and_machines", "--page", "games").exit_code == 0
+    page = (folder / "games/index.html").read_text()
+    assert '<a href="people_and_machines.html"><img src="people_and_machines.png"' in page
+    assert GAMES["people_and_machines"].spec.description in page
+    assert "http" not in page, "it is for reading offline"
+    assert (folder / "games/people_and_machines.png").stat().st_size < 60_000
+    assert (folder / "games/people_and_machines.html").stat().st_size > 100_000
+
+
+def test_what_cannot_be_meant_is_refused():
+    assert "Unknown game 'patrl'. Did you mean 'patrol'?" in run("gallery", "patrl").stderr
+    assert "add its name" in run("gallery", "--seed", 3).stderr
+
+
+class Model(BaseHTTPRequestHandler):
+    """A model that takes the last of its moves."""
+
+    def do_POST(self):
+        asked = json.loads(self.rfile.read(int(self.headers["content-length"])))
+        moves = asked["response_format"]["json_schema"]["schema"]["properties"]["move"]["enum"]
+        message = {"role": "assistant", "content": json.dumps({"move": moves[-1]})}
+        body = json.dumps({"choices": [{"message": message}]}).encode()
+        self.send_response(200)
+        self.send_header("content-length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+    def log_message(self, *_):
+        pass
+
+
+def test_the_hunters_of_language_model_do_what_a_server_answers():
+    with ThreadingHTTPServer(("127.0.0.1", 0), Model) as server:
+        thread = Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01})
+        thread.start()
+        address = f"http://127.0.0.1:{server.server_port}/v1"
+        game = GAMES["language_model"].replace(**{"teams.hunters.strategy.with.client": address, "max_turns": 2})
+        try:
+            outcomes = game.play().table("llm")["outcome"]
+        finally:
+            server.shutdown()
+            thread.join()
+    assert outcomes.tolist() == ["answer"] * 4
+
+
+@pytest.mark.skipif(os.environ.get("GAMMS_ALL_PLAYS") != "1", reason="takes a quarter of an hour")
+@pytest.mark.parametrize("name", records())
+def test_the_games_of_a_hundred_seeds_are_won_as_the_page_says(name):
+    game, found = GAMES[name], records()[name]
+    if name == "language_model":  # no server answers there
+        game = game.replace(**{"teams.hunters.strategy.with.client": "http://127.0.0.1:9/v1"})
+    wins, turns = {}, []
+    with game.build(0) as ctx:
+        ctx.logger.setLevel("CRITICAL")
+        for seed in range(found.games):
+            ctx.game.reset(seed)
+            result = ctx.game.run()
+            wins[result.winner or ""] = wins.get(result.winner or "", 0) + 1
+            turns.append(result.turns)
+    intervals = {team: gamms.experiment.statistics.rate_interval(won, found.games) for team, won in wins.items()}
+    assert {team: won for team, (won, _, _) in found.wins.items()} == wins
+    assert found.wins == {team: [wins[team], round(one.low, 3), round(one.high, 3)] for team, one in intervals.items()}
+    assert found.turns == sorted(turns)[found.games // 2]
+
+
+def test_the_page_of_the_documentation_says_what_the_files_say():
+    page = (Path(__file__).parents[2] / "docs" / "gallery.md").read_text()
+    words = " ".join(page.split())
+    for name, game in GAMES.items():
+        assert all(part in words for part in (game.spec.description, *about(game))), name
+    for name, found in records().items():
+        assert f"[{GAMES[name].spec.name}](#{GAMES[name].spec.name.lower().replace(' ', '-')}) | {found} |" in page
