@@ -63,8 +63,9 @@ class Page:
         self.call("Emulation.setTouchEmulationEnabled", enabled=touch)
         features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=features)
+        self.call("Page.navigate", url="about:blank")  # for another token alone would not load a page again
         is_address = str(path).startswith("http")
-        self.call("Page.navigate", url=path if is_address else Path(path).absolute().as_uri())
+        self.call("Page.navigate", url=str(path) if is_address else Path(path).absolute().as_uri())
         self.wait("document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead")
         return self
 

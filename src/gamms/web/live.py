@@ -11,6 +11,7 @@ has what each audience is sent; `Live.connections` are those that are open. Hand
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
+from functools import partial
 from html import escape
 from math import isfinite
 from pathlib import Path
@@ -25,7 +26,7 @@ from gamms.game.result import Result
 from gamms.ir.events import Log
 from gamms.ir.graph import GraphColumns
 from gamms.plain import Plain
-from gamms.scenario import Scenario
+from gamms.scenario import Scenario, load
 from gamms.text import reason, shown
 from gamms.web.links import Audience, Grant, Links, Refused
 from gamms.web.pages import live_page
@@ -38,6 +39,7 @@ _CLOSE_S = 10.0
 _LOOK_S = 0.5  # between two looks whether a file has changed, and at signals
 _FASTEST = 1000.0  # turns a second
 _MOST_NUMBERS = 60
+_WATCHED = {".py", ".yaml", ".yml", ".json", ".toml"}
 
 
 class ServeOptions(TypedDict, total=False):
@@ -61,8 +63,8 @@ class ServeOptions(TypedDict, total=False):
     """Of a scenario: by team or agent, in place of its own; None."""
     record: str | Path | None
     """Of a scenario: the file of a recording; None: the game is not recorded."""
-    watch: bool
-    """Of a scenario: begin again when its file or code changes: False."""
+    watch: bool | Callable[[], Scenario]
+    """Of a scenario: begin again when a file in its folder changes, with it loaded again, or as a function gives it."""
 
 
 def serve(game: Context | Scenario, **options: Unpack[ServeOptions]) -> "Live":
@@ -197,8 +199,10 @@ class Live:
         self._options, self._seed = options, options.get("seed")
         self._result: Result | None = None
         self._error: BaseException | None = None
+        self._trouble: str | None = None  # with files that have changed
         self._is_over, self._is_closed, self._wanted = threading.Event(), threading.Event(), threading.Event()
         self._asking = threading.Lock()
+        self._is_following = False
         self._tokens = dict[Grant, str]()
         self._server: Host = self._own_server(game, options) if host is None else host
         self._thread: threading.Thread | None = None
@@ -315,8 +319,7 @@ class Live:
 
     def _begin(self) -> None:
         if self.scenario is None:
-            self._context.record.follow(self)
-            self._players.open(self._context)
+            self.follow()
             return
         begun = threading.Event()
         self._thread = threading.Thread(target=self._play_on, args=(begun,), name="gamms game", daemon=True)
@@ -324,6 +327,32 @@ class Live:
         begun.wait()
         if self._error is not None:
             raise self._error
+        if watched := self._options.get("watch"):
+            source = watched if callable(watched) else partial(load, self.scenario.file or "", self.scenario.allow)
+            threading.Thread(target=self._watch_files, args=(source,), name="gamms files", daemon=True).start()
+
+    def follow(self) -> None:
+        """Show the game of a context from now on, unless it is shown, or the context is not open yet."""
+        if not self._is_following and not self._context.is_terminated():
+            self._is_following = True
+            self._context.record.follow(self)
+            self._players.open(self._context)
+
+    def _watch_files(self, source: Callable[[], Scenario]) -> None:
+        """Begin again whenever a file in the folder of the scenario has changed, and can be read."""
+        folder = Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
+        known = _stamps(folder)
+        while not self._is_closed.wait(_LOOK_S):
+            stamps = _stamps(folder)
+            if stamps == known:
+                continue
+            known = stamps
+            try:
+                self.scenario, self._trouble = source(), None
+                self._play_again()
+            except (GammsError, OSError) as error:  # it is being written, or wrong: the game goes on as it is
+                self._trouble = reason(error)
+                self._tell_all()
 
     def _play_on(self, begun: threading.Event) -> None:
         """Play the scenario, and again as often as that is asked for."""
@@ -385,12 +414,14 @@ class Live:
         """See `Talk`."""
         for hear in self.when_joined:
             hear(connection)
+        self._tell_controllers()
 
     def left(self, connection: Connection) -> None:
         """Write no stream any more that no connection reads."""
         audience = connection.grant.audience
         if not connection.grant.may_play and all(one.grant.audience != audience for one in self.connections):
             self.streams.drop(audience)
+        self._tell_controllers()
 
     def received(self, connection: Connection, message: Json) -> None:
         """See `Talk`."""
@@ -407,6 +438,12 @@ class Live:
         if connection.counts["dropped"] != before:
             self._tell_status(connection)
 
+    def _tell_controllers(self) -> None:
+        """Say to those who may control how many look on; to all it would be a message for each pair of them."""
+        for connection in self.connections:
+            if connection.grant.may_control:
+                self._tell_status(connection)
+
     def _tell_all(self) -> None:
         for connection in self.connections:
             self._tell_status(connection)
@@ -421,7 +458,7 @@ class Live:
             "control": connection.grant.may_control,
             "watching": len(self.connections),
             "dropped": connection.counts["dropped"],
-            "error": None if self._error is None else reason(self._error),
+            "error": self._trouble if self._error is None else reason(self._error),
         }
         if connection.grant.may_control and self.scenario is not None:
             status |= {"restart": True, "numbers": list(numbers_of(self.scenario)), "seed": self._seed}
@@ -526,6 +563,16 @@ def _is_flag(value: object) -> bool:
 def _check_control(connection: Connection) -> None:
     if not connection.grant.may_control:
         raise Refused("This link is for looking on.")
+
+
+def _stamps(folder: Path) -> dict[str, tuple[int, int]]:
+    """Return when the files of a scenario were changed, and how large they are."""
+    found = {}
+    for file in folder.iterdir():
+        with suppress(OSError):
+            if file.suffix in _WATCHED:
+                found[file.name] = (file.stat().st_mtime_ns, file.stat().st_size)
+    return found
 
 
 def _speed(speed: float | None) -> float | None:

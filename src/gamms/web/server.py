@@ -446,19 +446,29 @@ class _Hub:
         talk = self._site.talk
         assert talk is not None  # noqa: S101 - there is no route without it
         self.open[connection] = None
-        sending = asyncio.create_task(_send_all(websocket, connection, talk))
         try:
             talk.joined(connection)
             connection._woken.set()
-            while (message := await websocket.receive())["type"] == "websocket.receive":
-                if not connection.may_speak():
-                    await websocket.close(_TOO_MUCH, "Too many messages, or too many that make no sense.")
-                    break
-                self._hear(connection, talk, message.get("text"))
+            tasks = {
+                asyncio.create_task(_send_all(websocket, connection, talk)),
+                asyncio.create_task(self._hear_all(websocket, connection, talk)),
+            }
+            ended, others = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            for task in others:
+                task.cancel()
+            for task in ended:
+                task.result()
         finally:
             del self.open[connection]
-            sending.cancel()
             talk.left(connection)
+
+    async def _hear_all(self, websocket: "WebSocket", connection: Connection, talk: Talk) -> None:
+        """Hear what a client says until it leaves, or has to."""
+        while (message := await websocket.receive())["type"] == "websocket.receive":
+            if not connection.may_speak():
+                await websocket.close(_TOO_MUCH, "Too many messages, or too many that make no sense.")
+                return
+            self._hear(connection, talk, message.get("text"))
 
     def _hear(self, connection: Connection, talk: Talk, text: object) -> None:
         try:

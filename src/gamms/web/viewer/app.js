@@ -11,6 +11,7 @@ import { THEMES } from "./themes.js";
 const SLICE_MS = 12; // of reading on at once
 const RESTS_MS = 160; // after which the map is painted sharply
 const COVERED = 0.4; // of the height, from where the panel covers the map on a phone
+const NARROW_PX = 1100; // as in the style sheet
 const WIDE_PX = 1000; // pages that show the panel at first
 
 /** @typedef {{title?: string, theme?: "light" | "dark", labels?: boolean | "auto", trails?: number, turn?: number, follow?: string, audience?: string, names?: string[], parts?: number}} Options */
@@ -30,6 +31,8 @@ export class App {
     this.position = 0; // turns, with the share of the one that is under way
     this.isPlaying = false;
     this.speed = 4; // turns a second
+    this.isLive = false; // whether the last turn of a game that goes on is shown, as soon as it is there
+    /** @type {{speed: number} | null} */ this.live = null; // the game that goes on
     this.isFollowing = false;
     this.movedAt = -Infinity; // when the camera was moved
     /** @type {import("./player.js").Player | null} */ this.player = null; // of who plays in a live game
@@ -56,6 +59,11 @@ export class App {
 
   get turns() {
     return Math.max(...this.views.map((view) => view.replay.turns));
+  }
+
+  /** The first turn that can be shown. */
+  get first() {
+    return Math.min(...this.views.map((view) => view.replay.recording.first));
   }
 
   /** The turn that is shown, at its end or on the way there. */
@@ -95,8 +103,8 @@ export class App {
     for (const { scene } of this.views) scene.known = undefined;
     const position = this.position; // drawings and what was sensed are known only now
     for (const view of this.views) {
-      view.replay.show(view.replay.state.turn ? 0 : Math.min(1, view.replay.turns));
       view.replay.show(Math.min(Math.ceil(position), view.replay.turns));
+      view.replay.refresh();
     }
     this.controls.renew();
     this.settings.renew();
@@ -105,9 +113,48 @@ export class App {
     this.root.dataset.isRead = "true";
   }
 
+  /** Show a game that goes on. @param {{speed: number}} live */
+  enliven(live) {
+    this.live = live;
+    this.#resize();
+  }
+
+  /** Take further turns of a game that goes on, which have come. */
+  grow() {
+    const [{ replay, scene }] = this.views;
+    const { overview } = replay;
+    const offered = [overview.hasSensed, overview.hasMessages, overview.sides.size].join();
+    while (overview.readOn(replay.recording));
+    if (offered !== [overview.hasSensed, overview.hasMessages, overview.sides.size].join()) {
+      scene.known = undefined;
+      this.settings.renew();
+    }
+    if (replay.turns === replay.recording.first) replay.refresh(); // by a better keyframe
+    else if (replay.state.turn >= replay.turns - 1) replay.learn();
+    this.controls.renew();
+    this.panel.renew();
+    this.needsPaint = true;
+    this.root.dataset.isRead = "true";
+  }
+
+  /** Show another game in place of the one that is shown. @param {Replay} replay */
+  replace(replay) {
+    const [view] = this.views;
+    const { camera } = view.scene;
+    const isSameMap = JSON.stringify(view.replay.world.box) === JSON.stringify(replay.world.box);
+    view.replay = replay;
+    view.scene = new Scene(replay, view.canvas);
+    if (isSameMap) view.scene.camera = camera;
+    this.look.selected = this.look.hovered = null;
+    this.position = replay.recording.first;
+    this.#resize();
+    this.seek(replay.turns);
+    this.grow();
+  }
+
   /** Go to a place in the turns. @param {number} position */
   seek(position) {
-    this.position = Math.min(Math.max(position, 0), this.turns);
+    this.position = Math.min(Math.max(position, this.first), this.turns);
     for (const { replay, scene } of this.views) {
       replay.show(Math.min(this.turn, replay.turns));
       scene.see(this.look);
@@ -119,19 +166,20 @@ export class App {
 
   /** Go some whole turns on or back, and stop there. @param {number} turns */
   step(turns) {
-    this.pause();
+    this.pause(); // a live game goes on, and is looked at no more
     this.seek(turns > 0 ? Math.floor(this.position) + turns : Math.ceil(this.position) + turns);
   }
 
   play() {
-    if (this.position >= this.turns) this.seek(0);
+    if (this.position >= this.turns && this.live === null) this.seek(0);
+    this.isLive = this.live !== null && this.position >= this.turns;
     this.isPlaying = true;
     this.lastFrame = performance.now();
     this.controls.renewTurn();
   }
 
   pause() {
-    this.isPlaying = false;
+    this.isPlaying = this.isLive = false;
     this.controls.renewTurn();
     this.panel.renew(true);
   }
@@ -226,7 +274,8 @@ export class App {
   }
 
   #resize() {
-    const bar = (this.controls.bar.offsetHeight || 64) + 12;
+    const strip = this.live !== null && this.root.clientWidth <= NARROW_PX ? 46 : 0; // with what is said of a live game
+    const bar = (this.controls.bar.offsetHeight || 64) + 12 + strip;
     for (const { scene } of this.views) {
       scene.camera.insets = { left: 0, top: this.isWide ? 0 : 64, right: 0, bottom: bar };
       scene.resize();
@@ -259,11 +308,14 @@ export class App {
 
   /** @param {number} seconds */
   #playOn(seconds) {
-    const position = Math.min(this.position + Math.min(seconds, 0.25) * this.speed, this.turns);
+    const behind = this.turns - this.position;
+    const speed = this.isLive ? Math.max(behind, 1) * (this.live?.speed ?? this.speed) : this.speed;
+    const position = Math.min(this.position + Math.min(seconds, 0.25) * speed, this.turns);
     if (Math.ceil(position) !== this.turn) this.seek(position);
+    this.needsPaint ||= position !== this.position;
     this.position = position;
-    this.needsPaint = true;
     this.controls.renewPosition();
-    if (position >= this.turns) this.pause();
+    if (position >= this.turns && this.live !== null) this.isLive = true;
+    else if (position >= this.turns) this.pause();
   }
 }

@@ -50,6 +50,7 @@ export class Controls {
 
   /** Say what is different after the recording, the theme or the size has changed. */
   renew() {
+    this.range.min = String(this.app.first);
     this.range.max = String(Math.max(this.app.turns, 1));
     this.#paintMarks();
     this.renewTurn();
@@ -69,10 +70,16 @@ export class Controls {
     this.#renewCaptions();
   }
 
+  /** Return where on the line a turn is, 0 to 1. @param {number} turn */
+  #share(turn) {
+    const { first, turns } = this.app;
+    return (turn - first) / Math.max(turns - first, 1);
+  }
+
   /** Move the handle. */
   renewPosition() {
     this.range.value = String(this.app.turn);
-    this.track.style.setProperty("--share", String(this.app.turns ? this.app.position / this.app.turns : 0));
+    this.track.style.setProperty("--share", String(this.#share(this.app.position)));
   }
 
   #renewTeams() {
@@ -135,18 +142,17 @@ export class Controls {
     const to = /** @type {CanvasRenderingContext2D} */ (marks.getContext("2d"));
     to.scale(ratio, ratio);
     to.clearRect(0, 0, width, height);
-    const turns = Math.max(app.turns, 1);
     app.views.forEach(({ replay, scene }) => {
       const colors = scene.colors(app.look);
       for (const one of replay.overview.happenings) {
         if (!one.isMarked) continue;
         to.fillStyle = colors.get(replay.sideOf(one.agent ?? "")) ?? theme.faint;
-        const x = (one.turn / turns) * width, high = one.isMajor ? 16 : 9;
+        const x = this.#share(one.turn) * width, high = one.isMajor ? 16 : 9;
         to.fillRect(x - (one.isMajor ? 1.5 : 0.75), height / 2 - high / 2, one.isMajor ? 3 : 1.5, high);
       }
     });
     if (app.options.parts) {
-      const x = (app.options.parts / turns) * width;
+      const x = this.#share(app.options.parts) * width;
       to.strokeStyle = theme.ink;
       to.setLineDash([3, 2]);
       to.beginPath();
@@ -165,9 +171,9 @@ export class Controls {
     const { app } = this;
     const box = this.marks.getBoundingClientRect();
     const share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
-    const turn = Math.round(share * app.turns), far = Math.max((4 / box.width) * app.turns, 0.5);
-    const near = app.views[0].replay.overview.happenings.filter((one) => one.isMarked && Math.abs(one.turn - share * app.turns) <= far && this.#isOpen(one)).slice(0, 4);
-    const parts = app.options.parts && Math.abs(app.options.parts - share * app.turns) <= far ? ["here the games part"] : [];
+    const at = app.first + share * (app.turns - app.first), turn = Math.round(at), far = Math.max((4 / box.width) * (app.turns - app.first), 0.5);
+    const near = app.views[0].replay.overview.happenings.filter((one) => one.isMarked && Math.abs(one.turn - at) <= far && this.#isOpen(one)).slice(0, 4);
+    const parts = app.options.parts && Math.abs(app.options.parts - at) <= far ? ["here the games part"] : [];
     this.tip.textContent = [`Turn ${near.length ? near[0].turn : turn}`, ...near.map((one) => one.words), ...parts].join(" · ");
     this.tip.style.left = `${share * 100}%`;
     this.tip.classList.add("shown");

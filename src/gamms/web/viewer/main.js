@@ -1,6 +1,7 @@
 // Begin: read the recordings that are in the page, and show them.
 import { App } from "./app.js";
 import { element } from "./dom.js";
+import { Live } from "./live.js";
 import { Recording } from "./recording.js";
 import { Replay } from "./replay.js";
 
@@ -12,21 +13,25 @@ function bytesIn(holder) {
   return bytes;
 }
 
-/** Show the recordings in the page. @returns {App} */
+/** Show the recordings in the page; of a game that goes on there are none, and it is asked for. @returns {App | null} */
 function begin() {
   const root = /** @type {HTMLElement} */ (document.getElementById("viewer"));
+  const options = JSON.parse(document.getElementById("options")?.textContent || "{}");
+  if (options.live) {
+    new Live(root, options);
+    return null;
+  }
   const replays = [...document.querySelectorAll("script.recording")].map((holder) => {
     const recording = new Recording();
     recording.feed(bytesIn(holder));
     return new Replay(recording);
   });
-  const options = JSON.parse(document.getElementById("options")?.textContent || "{}");
   return new App(root, replays, options);
 }
 
 try {
   const app = begin();
-  Object.defineProperty(window, "gamms", { value: app }); // for consoles and tests
+  if (app !== null) Object.defineProperty(window, "gamms", { value: app }); // for consoles and tests
 } catch (error) {
   const words = `This recording cannot be shown: ${error instanceof Error ? error.message : error}`;
   document.getElementById("viewer")?.replaceChildren(element("p", { class: "failure", role: "alert", text: words }));

@@ -22,6 +22,7 @@ export class Recording {
     /** @type {Map<string, any>} */ this.header = new Map();
     /** @type {Block[]} */ this.keyframes = [];
     /** @type {Block[]} */ this.chunks = [];
+    this.first = 0; // turns that come before it, and are not in it
     this.turns = 0;
     this.isComplete = false;
     this.hasBegun = false;
@@ -60,6 +61,7 @@ export class Recording {
       this.header = unpackedValue(block.body);
       this.key = crc32(block.body);
     } else if (block.type === KEYFRAME) {
+      if (this.chunks.length === 0) this.first = this.turns = block.first;
       this.keyframes.push(block);
     } else if (block.type === TURNS) {
       if (block.first !== this.turns) throw new Error("Some turns of this recording are missing.");

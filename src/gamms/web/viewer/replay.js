@@ -27,6 +27,7 @@ export class Overview {
 
   /** Read the next block of turns. @param {Recording} recording @returns {boolean} whether there was one */
   readOn(recording) {
+    this.turns = Math.max(this.turns, recording.first);
     if (this.turns >= recording.turns) return false;
     const chunk = recording.chunk(this.turns);
     for (let i = 0; i < chunk.turns; i++) {
@@ -88,7 +89,7 @@ export class Replay {
     this.worldBytes = world;
     this.world = new World(world);
     this.knowledge = new Knowledge(recording, this.world);
-    /** @type {State} */ this.state = stateAt(recording, 0);
+    /** @type {State} */ this.state = stateAt(recording, recording.first);
     this.first = [...this.state.agents.values()].map(sideOf);
     /** @type {Map<number, import("./state.js").Agent>} */ this.before = new Map();
     /** @type {import("./motion.js").Way[]} */ this.ways = [];
@@ -108,7 +109,7 @@ export class Replay {
       this.before = copyOf(this.state);
       this.state.advance(this.recording);
     } else if (turn !== this.state.turn) {
-      const from = Math.max(turn - 1, 0);
+      const from = Math.max(turn - 1, this.recording.first);
       const isNear = this.state.turn <= from && this.recording.keyframeBefore(from) <= this.state.turn;
       const state = isNear ? this.state : stateAt(this.recording, from);
       while (state.turn < from) state.advance(this.recording);
@@ -119,6 +120,22 @@ export class Replay {
     } else {
       return;
     }
+    this.#prepare();
+  }
+
+  /** Show the same turn again, of which more has become known. */
+  refresh() {
+    const { first } = this.recording;
+    const { turn } = this.state;
+    this.state = stateAt(this.recording, Math.max(turn - 1, first));
+    this.before = copyOf(this.state);
+    if (turn > first) this.state.advance(this.recording);
+    this.#restoreLooks(turn);
+    this.#prepare();
+  }
+
+  /** Take what was sensed in the turn that is shown, which the next turn says. */
+  learn() {
     this.#prepare();
   }
 
@@ -163,7 +180,7 @@ export class Replay {
       if (known === undefined) found.set(number, [{ turn, points }]);
       else known.push({ turn, points });
     };
-    for (let turn = Math.max(this.state.turn - turns - 1, 0); turn < this.state.turn - 1; turn++) {
+    for (let turn = Math.max(this.state.turn - turns - 1, this.recording.first); turn < this.state.turn - 1; turn++) {
       replayTurn(this.recording.chunk(turn), turn, (number, node) => {
         const from = rows.get(number), to = world.rowOf.get(node);
         if (to === undefined) return;
@@ -186,7 +203,7 @@ export class Replay {
   visits(side) {
     const counts = new Float64Array(this.world.nodeIds.length);
     const sides = new Map([...this.state.agents.values()].map((agent) => [agent.number, sideOf(agent)]));
-    for (let first = 0; first < this.state.turn; ) {
+    for (let { first } = this.recording; first < this.state.turn; ) {
       const chunk = this.recording.chunk(first);
       const end = chunk.moveEnds[Math.min(this.state.turn - chunk.first, chunk.turns)];
       for (let move = 0; move < end; move++) {

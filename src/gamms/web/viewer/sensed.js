@@ -39,7 +39,7 @@ export function looksOf(data) {
 
 /** Return what was sensed in a turn; null where that is not recorded. @param {Recording} recording @param {number} turn from 0 */
 export function sensedIn(recording, turn) {
-  if (turn < 0 || turn >= recording.turns) return null;
+  if (turn < recording.first || turn >= recording.turns) return null;
   const chunk = recording.chunk(turn);
   for (let event = chunk.eventEnds[turn - chunk.first]; event < chunk.eventEnds[turn - chunk.first + 1]; event++) {
     if (chunk.kinds[event] === KINDS.SENSED) return looksOf(chunk.data(event));
@@ -61,13 +61,15 @@ export class Knowledge {
     this.recording = recording;
     this.world = world;
     this.fields = new Fields(world);
-    /** @type {Map<string, Int32Array>} */ this.since = new Map(); // team -> the turn in which it first saw each node
+    /** @type {Map<string, {since: Int32Array, state: State}>} */ this.known = new Map(); // team -> when it first saw each node, up to a state
+    this.isCut = recording.header.has("audience"); // what is not known is not in it
   }
 
   /** Return what a team sees in a state. @param {State} state @param {string} team @param {Map<number, Look[]> | null} sensed @returns {Sight} */
   sight(state, team, sensed = sensedAt(this.recording, state.turn)) {
     const nodes = new Set(), agents = new Set();
     for (const agent of state.agents.values()) {
+      if (this.isCut) agents.add(agent.number);
       if (sideOf(agent) !== team) continue;
       agents.add(agent.number);
       if (!agent.alive) continue;
@@ -94,17 +96,14 @@ export class Knowledge {
 
   /** Return for each node the turn in which a team first saw it; -1: never. @param {string} team @returns {Int32Array} */
   firstSeen(team) {
-    const known = this.since.get(team);
-    if (known !== undefined) return known;
-    const since = new Int32Array(this.world.nodeIds.length).fill(-1);
-    const state = stateAt(this.recording, 0);
-    for (;;) {
+    const known = this.known.get(team) ?? { since: new Int32Array(this.world.nodeIds.length).fill(-1), state: stateAt(this.recording, this.recording.first) };
+    this.known.set(team, known);
+    const { since, state } = known;
+    for (;;) { // the last state again: what is sensed in it may have come only now
       for (const row of this.sight(state, team).nodes) if (since[row] < 0) since[row] = state.turn;
-      if (state.turn >= this.recording.turns) break;
+      if (state.turn >= this.recording.turns) return since;
       state.advance(this.recording);
     }
-    this.since.set(team, since);
-    return since;
   }
 }
 

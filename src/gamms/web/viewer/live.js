@@ -1,0 +1,194 @@
+// A game that goes on: the recording as it comes over a WebSocket, how the game goes, and what may be done with it.
+import { App } from "./app.js";
+import { element, iconButton, icon, refill } from "./dom.js";
+import { Recording } from "./recording.js";
+import { Replay } from "./replay.js";
+
+const SPEEDS = [0.5, 1, 2, 4, 8, 16, 32];
+const AGAIN_MS = 1000, MOST_AGAIN_MS = 15000; // between two attempts to connect
+const BAD_TOKEN = 4401;
+const FAST = 30; // turns a second that are shown of a game that is played as fast as possible
+
+/**
+ * @typedef {{path: string, value: number, low: number, high: number, step: number}} Choice
+ * @typedef {{paused: boolean, speed: number | null, over: boolean, control: boolean, watching: number, dropped: number, error: string | null,
+ *   restart?: boolean, numbers?: Choice[], seed?: number | null}} Status
+ */
+
+/** The connection to the server of a game. */
+export class Live {
+  /** @param {HTMLElement} root @param {import("./app.js").Options} options */
+  constructor(root, options) {
+    this.root = root;
+    this.options = options;
+    /** @type {App | null} */ this.app = null;
+    this.recording = new Recording();
+    /** @type {Status | null} */ this.status = null;
+    this.wait = AGAIN_MS;
+    this.strip = new LiveStrip(this);
+    refill(root, element("p", { class: "waiting", role: "status", text: "Waiting for the game." }));
+    this.#connect();
+  }
+
+  /** Turns a second. */
+  get speed() {
+    return this.status?.speed ?? FAST;
+  }
+
+  /** Send a message. @param {Record<string, any>} message */
+  send(message) {
+    if (this.socket?.readyState === WebSocket.OPEN) this.socket.send(JSON.stringify(message));
+  }
+
+  #connect() {
+    const socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/live`);
+    this.socket = socket;
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("open", () => socket.send(JSON.stringify({ type: "join", token: location.hash.slice(1) })));
+    socket.addEventListener("message", (event) => this.#take(event.data));
+    socket.addEventListener("close", (event) => this.#closed(event));
+  }
+
+  /** @param {ArrayBuffer | string} data */
+  #take(data) {
+    this.wait = AGAIN_MS;
+    try {
+      if (typeof data === "string") this.#hear(JSON.parse(data));
+      else this.#feed(new Uint8Array(data));
+    } catch (error) {
+      this.#say(`This game cannot be shown: ${error instanceof Error ? error.message : error}`);
+      this.socket?.close();
+    }
+  }
+
+  /** @param {any} message */
+  #hear(message) {
+    if (message.type === "status") this.status = message;
+    else if (message.type === "refused") this.strip.refuse(message.words);
+    this.strip.renew();
+  }
+
+  /** @param {Uint8Array} bytes */
+  #feed(bytes) {
+    const begins = bytes.length >= 4 && String.fromCharCode(...bytes.subarray(0, 4)) === "MMGR";
+    if (begins) this.recording = new Recording();
+    this.recording.feed(bytes);
+    if (this.recording.keyframes.length === 0) return;
+    const shown = this.app?.views[0].replay.recording;
+    if (this.app === null) this.#begin();
+    else if (shown !== this.recording) this.app.replace(new Replay(this.recording));
+    else this.app.grow();
+    this.strip.renew();
+  }
+
+  #begin() {
+    const audience = this.recording.header.get("audience");
+    this.app = new App(this.root, [new Replay(this.recording)], audience === undefined ? this.options : { ...this.options, audience });
+    this.app.enliven(this);
+    this.root.dataset.live = "true";
+    this.root.append(this.strip.element, this.strip.menu);
+    this.app.seek(this.recording.turns);
+    this.app.play();
+    this.app.grow();
+    Object.defineProperty(window, "gamms", { value: this.app, configurable: true });
+  }
+
+  /** @param {CloseEvent} event */
+  #closed(event) {
+    if (event.code === BAD_TOKEN) {
+      this.#say("This link is not known here, or not any more. Ask for another one.");
+      return;
+    }
+    this.strip.renew();
+    setTimeout(() => this.#connect(), this.wait);
+    this.wait = Math.min(this.wait * 2, MOST_AGAIN_MS);
+  }
+
+  /** Say why there is no game to be seen. @param {string} words */
+  #say(words) {
+    if (this.app === null) refill(this.root, element("p", { class: "failure", role: "status", text: words }));
+    else this.strip.refuse(words);
+  }
+}
+
+/** What stands above the map of a game that goes on: how it goes, and the buttons of those who may change it. */
+class LiveStrip {
+  /** @param {Live} live */
+  constructor(live) {
+    this.live = live;
+    this.edge = element("button", { type: "button", class: "edge", title: "Show the last turn, as soon as it is there", on: { click: () => this.#toEdge() } }, element("span", { class: "dot" }), element("span", { text: "Live" }));
+    this.words = element("span", { class: "words", role: "status" });
+    this.pause = iconButton("pause", "Pause the game", () => live.send({ type: "pause", paused: !live.status?.paused }));
+    this.step = iconButton("next", "Play one turn of the game", () => live.send({ type: "step" }));
+    this.speed = element("select", { "aria-label": "Speed of the game", title: "Speed of the game", on: { change: () => live.send({ type: "speed", speed: this.speed.value ? Number(this.speed.value) : null }) } },
+      ...SPEEDS.map((speed) => element("option", { value: speed, text: `${speed} turn${speed === 1 ? "" : "s"}/s` })), element("option", { value: "", text: "fastest" }));
+    this.again = element("button", { type: "button", class: "wanted", text: "Restart…", "aria-expanded": "false", on: { click: () => this.#toggle() } });
+    this.control = element("span", { class: "control", hidden: true }, this.pause, this.step, this.speed, this.again);
+    this.element = element("section", { class: "live card", "aria-label": "The game that is played" }, this.edge, this.words, this.control);
+    this.menu = element("form", { class: "menu card restart", hidden: true, on: { submit: (/** @type {Event} */ event) => this.#restart(event) } });
+    this.refused = "";
+  }
+
+  /** Say what was refused, until something else is new. @param {string} words */
+  refuse(words) {
+    this.refused = words;
+    this.renew();
+    setTimeout(() => { this.refused = ""; this.renew(); }, 6000);
+  }
+
+  renew() {
+    const { status, app, socket } = this.live;
+    this.edge.classList.toggle("now", Boolean(app?.isLive));
+    this.edge.setAttribute("aria-pressed", String(Boolean(app?.isLive)));
+    const isOpen = socket?.readyState === WebSocket.OPEN;
+    this.words.textContent = this.refused || (isOpen ? wordsOfStatus(status) : "connecting again");
+    this.control.hidden = !status?.control || !isOpen;
+    if (!status?.control) return;
+    refill(this.pause, icon(status.paused ? "play" : "pause"));
+    for (const [name, words] of [["aria-label", status.paused ? "Let the game go on" : "Pause the game"], ["title", status.paused ? "Let the game go on" : "Pause the game"]]) this.pause.setAttribute(name, words);
+    this.pause.disabled = this.step.disabled = status.over;
+    this.speed.value = status.speed === null ? "" : String(SPEEDS.find((speed) => speed >= /** @type {number} */ (status.speed)) ?? "");
+    this.again.hidden = !status.restart;
+  }
+
+  #toEdge() {
+    const { app } = this.live;
+    app?.seek(app.turns);
+    app?.play();
+    this.renew();
+  }
+
+  /** Open the menu of what the game begins with, or close it. */
+  #toggle() {
+    this.menu.hidden = !this.menu.hidden;
+    this.again.setAttribute("aria-expanded", String(!this.menu.hidden));
+    const { status } = this.live;
+    if (this.menu.hidden || !status) return;
+    this.seed = element("input", { type: "number", step: 1, value: status.seed ?? "", placeholder: "that of the scenario" });
+    this.sliders = (status.numbers ?? []).map((one) => ({ ...one, input: element("input", { type: "range", min: one.low, max: one.high, step: one.step, value: one.value }) }));
+    refill(this.menu, element("h2", { text: "Begin again" }), element("label", { class: "choice" }, element("span", { text: "Seed" }), this.seed), ...this.sliders.map(slider), element("button", { type: "submit", class: "wanted", text: "Begin again" }));
+  }
+
+  /** @param {Event} event */
+  #restart(event) {
+    event.preventDefault();
+    const changed = (this.sliders ?? []).filter((one) => one.input.valueAsNumber !== one.value);
+    const seed = this.seed?.value ? Number(this.seed.value) : null;
+    this.live.send({ type: "restart", seed, numbers: Object.fromEntries(changed.map((one) => [one.path, one.input.valueAsNumber])) });
+    this.#toggle();
+  }
+}
+
+/** Make the label of a number. @param {Choice & {input: HTMLInputElement}} one */
+function slider({ path, input }) {
+  const shown = element("output", { text: input.value });
+  input.addEventListener("input", () => { shown.textContent = String(Number(input.valueAsNumber.toPrecision(4))); });
+  return element("label", { class: "choice" }, element("span", {}, `${path}: `, shown), input);
+}
+
+/** @param {Status | null} status */
+function wordsOfStatus(status) {
+  if (status === null) return "";
+  const state = status.error ? `the game has failed: ${status.error}` : status.over ? "over" : status.paused ? "paused" : "";
+  return [state, `${status.watching} watching`, status.dropped ? `${status.dropped} turns skipped` : ""].filter(Boolean).join(" · ");
+}
