@@ -147,6 +147,7 @@ _COMMANDS: _Commands = {
     play.run: (
         "gamms run match.yaml --seeds 0:50",
         "gamms run match.yaml --seed 7 --film match.mp4",
+        "gamms run match.yaml --web --watch",
         "gamms run match.yaml --set teams.red.count=8 --strategy red=mine.py:strategy --out results",
     ),
     tournament: ("gamms tournament cup.yaml", "gamms tournament cup.yaml --out cup --workers 4"),

@@ -1,7 +1,7 @@
 """The commands that play a game: demo and run."""
 
 from collections.abc import Iterator
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -9,6 +9,7 @@ import typer
 
 from gamms.cli import many
 from gamms.cli.output import (
+    RECORDING,
     console,
     echo,
     filmed,
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from gamms.game import Result
     from gamms.scenario import Scenario
     from gamms.typing import PictureOptions
+    from gamms.web import ServeOptions
 
 _HELSINKI = "Central Helsinki"
 _NAMES = ("red", "blue")
@@ -108,6 +110,17 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     window: Annotated[
         bool, typer.Option("--window", help="Show the game in a window, which stays open at the end.")
     ] = False,
+    web: Annotated[
+        bool, typer.Option("--web", help="Show the game to browsers while it is played, and print the links.")
+    ] = False,
+    port: Annotated[int, typer.Option(help="With --web; 0 takes a free one.", metavar="PORT")] = 0,
+    host: Annotated[str, typer.Option(help="With --web: the address to serve at.", metavar="HOST")] = "127.0.0.1",
+    allow_network: Annotated[
+        bool, typer.Option("--allow-network", help="With --web: let other machines in, at an address of this one.")
+    ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="With --web: begin again when the file or its code changes.")
+    ] = False,
     out: Annotated[
         Path,
         typer.Option(
@@ -124,9 +137,12 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     """Play the game in a scenario file."""
     from gamms import scenario
 
-    game = scenario.load(file, allow or ()).replace(**_changes(changes or []))
-    if max_turns is not None:
-        game = game.replace(max_turns=max_turns)
+    given = _changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
+
+    def load() -> "Scenario":
+        return scenario.load(file, allow or ()).replace(**given)
+
+    game = load()
     found = _found_strategies(strategies or [])
     for line in foreign_code(game, found):
         echo(f"imports {printable_line(line)}")
@@ -134,10 +150,15 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     if seeds is None:
         if jobs is not None:
             raise typer.BadParameter(f"{jobs} games at once need several seeds: add --seeds 0:20.", param_hint="--jobs")
-        _play_one(game, seed, found, film, out, is_shown=window)
+        if web:
+            options: ServeOptions = {"seed": seed, "port": port, "host": host, "allow_network": allow_network}
+            options |= {"watch": load if watch else False, "strategies": many.imported(found)}
+            _serve(game, options, out)
+        else:
+            _play_one(game, seed, found, film, out, is_shown=window)
         return
-    if seed is not None or film is not None or window:
-        raise typer.BadParameter("--seed, --film and --window are for a single game.", param_hint="--seeds")
+    if seed is not None or film is not None or window or web:
+        raise typer.BadParameter("--seed, --film, --window and --web are for a single game.", param_hint="--seeds")
     many.play(game, many.parsed_seeds(seeds), found, out, jobs)
 
 
@@ -167,6 +188,25 @@ def _play_one(
         echo(f"\nWrote {', '.join(made)}.{missing}")
         if is_shown:
             ctx.visual.stay_open()
+
+
+def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
+    """Serve a game to browsers, and write what came of it, until Ctrl-C."""
+    from gamms import web
+
+    out.mkdir(parents=True, exist_ok=True)
+    recording = out / RECORDING
+    options["record"] = recording
+    with web.serve(game, **options) as live, suppress(KeyboardInterrupt):
+        echo("The game is served until Ctrl-C. Open a link in a browser:")
+        for name, link in live.links.items():
+            echo(f"  {name:<12} {link}")
+        result = live.wait()
+        if result is not None:
+            result.save(out / "result.json")
+            echo(f"\n{result}\n\nWrote {out / 'result.json'}. The last turn is served until Ctrl-C.")
+        live.stay_open()
+    echo(f"\nWrote {recording} (every move; gamms replay).")
 
 
 def _changes(texts: list[str]) -> dict[str, Any]:
