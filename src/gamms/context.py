@@ -13,6 +13,7 @@ from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, UnknownEngine
 from gamms.text import printable, shown
 from gamms.typing.context import contexts
+from gamms.typing.visualization_engine import live_engines
 
 if TYPE_CHECKING:
     from numpy.random import Generator
@@ -342,7 +343,7 @@ def create_context(
     Args:
         graph_engine: MEMORY writes nothing to disk unless asked; SQLITE also keeps the graph in a database file.
         vis_engine: NO_VIS shows nothing (and can still draw pictures and films); PYGAME opens a window; OFFSCREEN films
-            the game.
+            the game; WEB serves it to browsers.
         vis_kwargs: keywords of the visual engine.
         logger_config: arguments of `logging.basicConfig`; `level` defaults to $GAMMS_LOG_LEVEL, then INFO.
         seed: the same seed gives the same random streams; None draws one.
@@ -398,7 +399,11 @@ def _visual_engine(ctx: Context, engine: object, keywords: dict[str, Any]) -> ty
     if engine is visual.Engine.PYGAME or engine is visual.Engine.NO_VIS:
         made_by: Any = visual.NoEngine if engine is visual.Engine.NO_VIS else visual.PygameVisualizationEngine
         return made_by(ctx, **keywords)  # type: ignore[no-any-return] # the window is loaded when it is asked for
-    raise UnknownEngine(f"Unknown visual engine {shown(engine)}. Use gamms.visual.Engine.NO_VIS, PYGAME or OFFSCREEN.")
+    if engine is visual.Engine.WEB:
+        return live_engines["gamms"](ctx, **keywords)
+    raise UnknownEngine(
+        f"Unknown visual engine {shown(engine)}. Use gamms.visual.Engine.NO_VIS, PYGAME, OFFSCREEN or WEB."
+    )
 
 
 def _database_path(engine: object, path: str | os.PathLike[str] | None) -> "memory.PathLike | None":

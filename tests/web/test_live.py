@@ -2,10 +2,17 @@
 
 import io
 import json
+import random
+import sys
 
+import httpx
 import pytest
 
+import gamms
 from gamms import recorder, scenario, web
+from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
+from gamms.recorder.formats.blocks import HEAD_SIZE, head_of
+from gamms.web import streams
 from gamms.web.pages import drawn_log
 
 HUNT = scenario.Scenario(
@@ -53,6 +60,14 @@ class Client:
 
     def recording(self):
         return recorder.open(io.BytesIO(self.bytes))
+
+    def blocks(self):
+        """The heads of the blocks that it was sent."""
+        found, at = [], 8
+        while at < len(self.bytes):
+            found.append(head_of(self.bytes[at : at + HEAD_SIZE], at))
+            at = found[-1].end
+        return found
 
 
 @pytest.fixture
@@ -106,3 +121,274 @@ def test_only_the_admin_link_steps_and_pauses(join):
         admin.say(type="step")
         assert spectator.read_turns(1).turns == 1
         assert live.streams.turns == 1
+
+
+def test_who_comes_late_begins_with_a_keyframe(join):
+    with web.serve(HUNT, is_paused=True) as live:
+        admin = join(live.links["admin"])
+        admin.say(type="step")
+        admin.read_turns(1)
+        for link in (live.url, live.links["red"]):
+            late = join(link)
+            late.read(lambda client: client.bytes and len(client.blocks()) > 1)
+            assert [(chr(one.type), one.first) for one in late.blocks()] in (
+                [("H", 0), ("K", 0), ("T", 0)],  # where another has been sent it already
+                [("H", 0), ("K", 1)],
+            )
+        admin.say(type="step")
+        admin.say(type="step")  # a turn is shown to a team when it senses, as the next one begins
+        late.read(lambda client: client.blocks()[-1].type == ord("T"))
+        assert late.blocks()[-1].first == 1
+
+
+def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
+    monkeypatch.setattr(streams, "_MOST_BYTES", 4000)
+    with HUNT.build() as ctx:
+        following = streams.Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        stream = following.of(web.links.Audience())
+        first, number, dropped = stream.read(0)
+        assert (head_of(first[:HEAD_SIZE]).type, number, dropped) == (ord("K"), 1, 0)
+        ctx.game.run(max_turns=200)
+        again, _, dropped = stream.read(number)
+        assert (head_of(again[:HEAD_SIZE]).type, head_of(again[:HEAD_SIZE]).first) == (ord("K"), 192)
+        assert dropped == 192 + 2
+        assert sum(map(len, stream._parts)) < 8000
+
+
+def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
+    with web.serve(HUNT, speed=None) as live:
+        first = live.wait(10)
+        admin = join(live.links["admin"])
+        admin.read(lambda client: client.told)
+        known = {one["path"]: one for one in admin.told[0]["numbers"]}
+        assert known["teams.red.count"]["value"] == 2
+        for wrong in ({"teams.red.count": 10**9}, {"teams.red.count": "7"}, {"map.grid.width": 3}, [], {"seed": 5}):
+            admin.told.clear()
+            admin.say(type="restart", numbers=wrong)
+            admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
+        assert live.wait(0.0) is first
+        admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})
+        admin.read(lambda client: b"red_2" in bytes(client.bytes) or client.blocks()[-1].first == 11)
+        again = live.wait(10)
+    assert (again.turns, again.seed, len(again.agents)) == (12, 9, 5)
+
+
+def test_the_game_begins_again_when_its_file_changes(join, tmp_path):
+    path = tmp_path / "hunt.json"
+    path.write_text(json.dumps(HUNT.to_dict()))
+    with web.serve(scenario.load(path), speed=None, watch=True) as live:
+        assert live.wait(10).turns == 40
+        watcher = join(live.links["admin"])
+        path.write_text("{")
+        watcher.read(lambda client: client.told and client.told[-1]["error"])
+        path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 7}))
+        watcher.read(lambda client: client.bytes and client.blocks()[-1].first == 6)
+        assert live.wait(10).turns == 7
+
+
+def test_a_program_that_opens_a_window_else_serves_its_turns(join):
+    keywords = {"simulation_time_constant": 0.001, "title": "Anna"}
+    with gamms.create_context(vis_engine=gamms.visual.Engine.WEB, vis_kwargs=keywords, seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.sensor.create_sensor("next", gamms.sensor.SensorType.NEIGHBOR)
+        anna = ctx.agent.create_agent("anna", start_node_id=0, sensors=["next"], team="red")
+        assert "red" in ctx.visual.live.links
+        client, nodes = join(ctx.visual.live.url), []
+        client.read(lambda client: client.told)
+        for _ in range(20):
+            state = anna.get_state()
+            state["action"] = state["sensor"]["next"][1][-1]
+            anna.set_state()
+            ctx.visual.simulate()
+            nodes.append(anna.current_node_id)
+        shown = client.read_turns(19)
+        client.socket.close()
+    assert [state.agents["node"].tolist() for state in shown] == [[node] for node in nodes]
+
+
+def test_a_recording_that_begins_and_ends_while_a_game_is_served_is_whole(join, tmp_path):
+    with HUNT.build() as ctx, web.serve(ctx, speed=None) as live:
+        client = join(live.url)
+        client.read(lambda client: client.bytes)
+        ctx.game.step()
+        ctx.record.start(tmp_path / "part.ggr")
+        for _ in range(5):
+            ctx.game.step()
+        ctx.record.stop()
+        ctx.game.step()
+        nodes = [agent.current_node_id for agent in ctx.agent.create_iter()]
+        with recorder.open(tmp_path / "part.ggr") as part:
+            assert part.turns == 5
+        client.read(lambda client: len(client.blocks()) == 3 and client.recording()[1].agents["node"].tolist() == nodes)
+
+
+# -- what is refused --------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def paused():
+    """A served game that stands still."""
+    with web.serve(HUNT, is_paused=True) as live:
+        yield live
+
+
+def test_a_token_that_is_not_known_opens_nothing(paused, join):
+    from websockets.exceptions import ConnectionClosed
+
+    for link in (paused.url[:-1] + "!", paused.url.partition("#")[0] + "#", paused.url + "a" * 1000):
+        client = join(link)
+        with pytest.raises(ConnectionClosed) as closed:
+            client.read(lambda client: client.told or client.bytes)
+        assert closed.value.rcvd.code == 4401
+
+
+def test_another_origin_or_host_is_refused(paused):
+    from websockets.exceptions import InvalidStatus
+    from websockets.sync.client import connect
+
+    address = paused.url.partition("#")[0]
+    with (
+        pytest.raises(InvalidStatus, match="403"),
+        connect(address.replace("http", "ws") + "live", origin="http://evil.example", proxy=None),
+    ):
+        pass
+    with httpx.Client(trust_env=False) as client:
+        page = client.get(address)
+        assert page.status_code == 200
+        assert "frame-ancestors 'none'" in page.headers["content-security-policy"]
+        assert "connect-src 'self'" in page.headers["content-security-policy"]
+        assert page.headers["cache-control"] == "no-store"
+        assert client.get(address, headers={"host": "evil.example"}).status_code == 403
+        assert client.get(address + "live").status_code == 404
+        assert client.get(address + "../../etc/passwd").status_code == 404
+
+
+def hostile(draw):
+    """A message that makes no sense, is too large, or comes out of turn."""
+    kinds = ["pause", "step", "speed", "restart", "choose", "join", "", 7, None, "__class__", "status"]
+    values = [None, True, -1, 1e308, 10**18, "x" * draw.randrange(200), [], {}, {"a": {"b": []}}, "\ud800", "<script>"]
+    keys = ["type", "paused", "speed", "seed", "numbers", "agent", "turn", "choice", "token", "\u0000"]
+    made = draw.randrange(6)
+    if made == 0:
+        return draw.randbytes(draw.randrange(300))
+    if made == 1:
+        return "[" * draw.randrange(2000)
+    if made == 2:
+        return json.dumps({"type": draw.choice(kinds), "numbers": {"teams.red.count": draw.choice(values)}})
+    if made == 3:
+        return "".join(chr(draw.randrange(1, 0xD7FF)) for _ in range(draw.randrange(300)))
+    if made == 4 and draw.random() < 0.2:
+        return "y" * draw.randrange(4096, 100_000)
+    return json.dumps({key: draw.choice(values) for key in draw.sample(keys, 4)} | {"type": draw.choice(kinds)})
+
+
+def attack(live, link, messages):
+    """Send hostile messages, in as many connections as it takes; return how many connections."""
+    from websockets.exceptions import ConnectionClosed
+
+    draw, sent, connections = random.Random(7), 0, 0
+    while sent < messages:
+        client = Client(link)
+        connections += 1
+        try:
+            while sent < messages:
+                client.socket.send(hostile(draw))
+                sent += 1
+        except ConnectionClosed:
+            pass
+        client.socket.socket.close()
+    return connections
+
+
+@pytest.mark.parametrize("messages", [400, pytest.param(10_000, marks=pytest.mark.slow)])
+def test_hostile_messages_change_nothing(messages, join):
+    with web.serve(HUNT, is_paused=True) as live:
+        witness = join(live.links["red"])
+        witness.read(lambda client: client.bytes)
+        before = live.ctx.game.turn, live.scenario, live.pace.speed, live.pace.is_paused, live._seed
+        assert attack(live, live.links["red"], messages) > 1
+        assert (live.ctx.game.turn, live.scenario, live.pace.speed, live.pace.is_paused, live._seed) == before
+        live.pace.step()
+        witness.read(lambda client: client.blocks()[-1].type == ord("K") or client.blocks()[-1].type == ord("T"))
+        assert live._thread.is_alive()
+        assert all(len(one.inbox) == 0 for one in live.connections)
+
+
+def test_nothing_of_others_is_on_the_wire_of_a_team(join):
+    hidden = HUNT.replace(**{"teams.blue.meta": {"plan": "the secret plan"}, "sensors.eyes.sensor_range": 1})
+    with web.serve(hidden, speed=None, is_paused=True) as live:
+        spectator, red = join(live.url), join(live.links["red"])
+        for client in (spectator, red):
+            client.read(lambda client: client.bytes)
+        live.pace.set(is_paused=False)
+        live.wait(10)
+        texts = [
+            str(list(found.logs())) + str([found.detached(turn).keyframe(turn) for turn in range(found.turns + 1)])
+            for found in (spectator.read_turns(40), red.read_turns(40))
+        ]
+    assert "secret" in texts[0]
+    assert "blue_0" in texts[0]
+    assert "secret" not in texts[1]
+    assert "blue_0" not in texts[1].replace("'tagged': 'blue_0'", "")
+
+
+def test_addresses_and_options_that_cannot_be_are_refused(paused, monkeypatch):
+    port = int(paused.url.partition("#")[0].rstrip("/").rpartition(":")[2])
+    with pytest.raises(NetworkError, match=f"Port {port} .* port=0"):
+        web.serve(HUNT, port=port)
+    with pytest.raises(BadValue, match="allow_network=True"):
+        web.serve(HUNT, host="0.0.0.0")
+    for options, words in (
+        ({"speed": 0}, "speed"),
+        ({"port": 1 << 16}, "65535"),
+        ({"north": 1}, "'north'"),
+    ):
+        with pytest.raises(BadValue, match=words):
+            web.serve(HUNT, **options)
+    with pytest.raises(BadType, match="a context or a scenario"):
+        web.serve("hunt.yaml")
+    with HUNT.build() as ctx, pytest.raises(BadValue, match="seed= is for a scenario"):
+        web.serve(ctx, seed=1)
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    with pytest.raises(MissingExtra, match="web"):
+        web.serve(HUNT)
+
+
+# -- in a browser -----------------------------------------------------------------------------------------------------
+
+
+def test_the_page_follows_the_game_and_shows_a_team_no_more_than_it_knows(chromium):
+    name = "</script><img src=x onerror='window.attacked=true'>"
+    with web.serve(HUNT.replace(name=name, max_turns=None), speed=10) as live:
+        page = chromium.open(live.links["admin"])
+        page.wait("gamms.turn >= 3")
+        assert page.value("[gamms.isLive, document.querySelector('h1').textContent]") == [True, name]
+        page.value("document.querySelector('[aria-label=\"Pause the game\"]').click()")
+        page.wait("document.querySelector('.live .words').textContent.includes('paused')")
+        assert live.pace.is_paused
+        turn = live.ctx.game.turn
+        page.value("document.querySelector('[aria-label=\"Play one turn of the game\"]').click()")
+        page.wait(f"gamms.turns == {turn + 1} && gamms.turn == {turn + 1}")
+        nodes = [agent.current_node_id for agent in live.ctx.agent.create_iter()]
+        assert page.value("[...gamms.views[0].replay.state.agents.values()].map((agent) => agent.node)") == nodes
+        page.key("Home")
+        assert page.value("[gamms.turn == gamms.first, gamms.isLive]") == [True, False]
+        assert page.messages == []
+        chromium.open(live.links["red"], 390, 800, touch=True, scale=2)
+        assert page.value("document.querySelector('.live .control').hidden")
+        assert page.value("document.documentElement.scrollWidth") == 390
+        assert set(page.value("[...gamms.views[0].replay.state.byName.keys()]")) <= {
+            "red_0",
+            "red_1",
+            "blue_0",
+            "blue_1",
+        }
+        assert page.value("[window.attacked, document.images.length]") == [None, 0]
+        assert page.messages == []
+
+
+def test_a_link_that_is_not_known_says_so(chromium, paused):
+    chromium.call("Page.navigate", url="about:blank")
+    chromium.call("Page.navigate", url=paused.url.partition("#")[0] + "#nonsense")
+    chromium.wait("document.querySelector('.failure')?.textContent.includes('not known')")

@@ -6,6 +6,8 @@ from enum import Enum
 from os import PathLike
 from typing import Any, Literal, TypedDict, Unpack
 
+from gamms.plugins import Registry
+
 Drawer = Callable[[Any, dict[str, Any]], None]
 """Draws an artist: a function of the context and of the artist's `data`.
 
@@ -285,3 +287,7 @@ class IVisualizationEngine(ABC):
     @abstractmethod
     def get_viewport(self) -> tuple[float, float, float, float, float] | None:
         """Return `(left, right, top, bottom, pixels per unit)`; None where nothing is shown."""
+
+
+live_engines: Registry[IVisualizationEngine] = Registry("kind of live engine", "gamms.live_engines", "gamms.web.engine")
+"""What shows a game to browsers; the context finds it under the name "gamms"."""

@@ -9,11 +9,12 @@ CACHE_ZOOM_MAX = 1.2
 
 
 class Engine(Enum):
-    """How a scenario is shown: not at all, in a window, or in a film that needs no display."""
+    """How a scenario is shown: not at all, in a window, in a film that needs no display, or in browsers."""
 
     NO_VIS = 0
     PYGAME = 1
     OFFSCREEN = 2
+    WEB = 3
 
 
 class Space(Enum):

@@ -183,7 +183,7 @@ class Streams:
         self._state: DetachedState | None = None  # after the last whole turn
         self._since: Log = []  # what has happened since then
         self._header: Keyframe = {}
-        self._streams: dict[Audience, Stream] = {}
+        self._streams: dict[Audience, Stream | None] = {}  # of those who follow; None before there is a game
 
     def begin(self, header: Keyframe, state: Keyframe) -> None:
         """Begin with all audiences; see `Follower`."""
@@ -202,7 +202,7 @@ class Streams:
             if is_over:
                 state.apply(self._since)
                 self.turns += 1
-            for stream in self._streams.values():
+            for stream in filter(None, self._streams.values()):
                 stream.hear(log, self._since, is_over=is_over, state=lambda: state.keyframe(self.turns))
             if is_over:
                 self._since = []
@@ -210,15 +210,15 @@ class Streams:
     def end(self) -> None:
         """Give out the last turn to all, because the game is over."""
         with self._lock:
-            for stream in self._streams.values():
+            for stream in filter(None, self._streams.values()):
                 stream.end()
 
     def of(self, audience: Audience) -> Stream | None:
         """Return the stream of an audience, which begins now if there was none; None before there is a game."""
         with self._lock:
-            if audience not in self._streams and self._state is not None:
-                self._streams[audience] = self._begun(audience)
-            return self._streams.get(audience)
+            if self._streams.get(audience) is None:
+                self._streams[audience] = None if self._state is None else self._begun(audience)
+            return self._streams[audience]
 
     def drop(self, audience: Audience) -> None:
         """Write no stream for an audience until it is asked for again."""
