@@ -140,10 +140,11 @@ export class App {
   /** Show another game in place of the one that is shown. @param {Replay} replay */
   replace(replay) {
     const [view] = this.views;
-    const { camera } = view.scene;
+    const { camera, overlay } = view.scene;
     const isSameMap = JSON.stringify(view.replay.world.box) === JSON.stringify(replay.world.box);
     view.replay = replay;
     view.scene = new Scene(replay, view.canvas);
+    view.scene.overlay = overlay;
     if (isSameMap) view.scene.camera = camera;
     this.look.selected = this.look.hovered = null;
     this.position = replay.recording.first;

@@ -1,6 +1,7 @@
 // A game that goes on: the recording as it comes over a WebSocket, how the game goes, and what may be done with it.
 import { App } from "./app.js";
 import { element, iconButton, icon, refill } from "./dom.js";
+import { Player } from "./player.js";
 import { Recording } from "./recording.js";
 import { Replay } from "./replay.js";
 
@@ -24,6 +25,7 @@ export class Live {
     /** @type {App | null} */ this.app = null;
     this.recording = new Recording();
     /** @type {Status | null} */ this.status = null;
+    /** @type {any} */ this.asked = null; // the questions that came last, to who plays
     this.wait = AGAIN_MS;
     this.strip = new LiveStrip(this);
     refill(root, element("p", { class: "waiting", role: "status", text: "Waiting for the game." }));
@@ -65,7 +67,16 @@ export class Live {
   #hear(message) {
     if (message.type === "status") this.status = message;
     else if (message.type === "refused") this.strip.refuse(message.words);
+    else if (message.type === "questions") this.#ask(message);
     this.strip.renew();
+  }
+
+  /** Ask a person who plays, once the game is there to be seen. @param {any} message */
+  #ask(message) {
+    this.asked = message;
+    if (this.app === null) return;
+    this.app.player ??= new Player(this.app, (choice) => this.send(choice));
+    this.app.player.hear(message);
   }
 
   /** @param {Uint8Array} bytes */
@@ -91,6 +102,7 @@ export class Live {
     this.app.play();
     this.app.grow();
     Object.defineProperty(window, "gamms", { value: this.app, configurable: true });
+    if (this.asked !== null) this.#ask(this.asked);
   }
 
   /** @param {CloseEvent} event */
