@@ -39,6 +39,7 @@ _CLOSE_S = 10.0
 _LOOK_S = 0.5  # between two looks whether a file has changed, and at signals
 _FASTEST = 1000.0  # turns a second
 _MOST_NUMBERS = 60
+_MOST_STEPS = 20  # turns that were asked for one by one, and not played yet
 _WATCHED = {".py", ".yaml", ".yml", ".json", ".toml"}
 
 
@@ -123,6 +124,7 @@ class Pace:
         with self._changed:
             for name, value in changes.items():
                 setattr(self, name, value)
+            self._steps = 0
             if "speed" in changes:
                 self._next_at = min(self._next_at, monotonic() + (0.0 if self.speed is None else 1.0 / self.speed))
             self._changed.notify_all()
@@ -130,7 +132,7 @@ class Pace:
     def step(self) -> None:
         """Let one turn be played, and stand still then."""
         with self._changed:
-            self.is_paused, self._steps = True, 1
+            self.is_paused, self._steps = True, min(self._steps + 1, _MOST_STEPS)
             self._changed.notify_all()
 
     def release(self, *, is_released: bool) -> None:
