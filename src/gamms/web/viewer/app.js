@@ -129,6 +129,7 @@ export class App {
       scene.known = undefined;
       this.settings.renew();
     }
+    scene.sightKey = "";
     if (replay.turns === replay.recording.first) replay.refresh(); // by a better keyframe
     else if (replay.state.turn >= replay.turns - 1) replay.learn();
     this.controls.renew();
