@@ -89,7 +89,7 @@ def test_each_team_is_sent_what_a_cut_of_the_recording_holds(join, tmp_path):
         clients = {name: join(live.links[name]) for name in ("everything", "red", "blue")}
         for client in clients.values():
             client.read(lambda client: client.bytes)
-        live.pace.set(is_paused=False)
+        live.pace.pause(is_paused=False)
         assert live.wait(10).turns == 40
         sent = {name: client.read_turns(40) for name, client in clients.items()}
     with recorder.open(tmp_path / "game.ggr") as whole:
@@ -321,7 +321,7 @@ def test_nothing_of_others_is_on_the_wire_of_a_team(join):
         spectator, red = join(live.url), join(live.links["red"])
         for client in (spectator, red):
             client.read(lambda client: client.bytes)
-        live.pace.set(is_paused=False)
+        live.pace.pause(is_paused=False)
         live.wait(10)
         texts = [
             str(list(found.logs())) + str([found.detached(turn).keyframe(turn) for turn in range(found.turns + 1)])

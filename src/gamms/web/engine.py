@@ -3,7 +3,6 @@
 import sys
 from contextlib import suppress
 from time import sleep
-from typing import Any
 
 from gamms.arguments import as_bool, as_range, misspelt
 from gamms.context import Context
@@ -35,8 +34,8 @@ class WebEngine(PictureEngine):
     """
 
     def __init__(
-        self, ctx: Context, *, simulation_time_constant: float = 2.0, stay_open: bool = True, **options: Any
-    ) -> None:  # Any: those of other engines are no error
+        self, ctx: Context, *, simulation_time_constant: float = 2.0, stay_open: bool = True, **options: object
+    ) -> None:
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
         seconds = as_range(simulation_time_constant, "simulation_time_constant")
         self._stays_open = as_bool(stay_open, "stay_open")
@@ -45,7 +44,7 @@ class WebEngine(PictureEngine):
         chosen: ServeOptions = {"speed": 1.0 / seconds if seconds > 0.0 else None}
         for name in ("port", "host", "allow_network", "title"):
             if name in options:
-                chosen[name] = options[name]
+                chosen[name] = options[name]  # type: ignore[typeddict-item] # `Live` checks it
         self.live = Live(ctx, chosen)
         # Not into a log, for who has a link may use it.
         sys.stderr.write(f"The game is served: {self.live.links['admin']} (to look on: {self.live.url})\n")

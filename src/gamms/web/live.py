@@ -119,14 +119,17 @@ class Pace:
                 self._changed.wait(min(rest, _LOOK_S))
             self._next_at = monotonic() + (0.0 if self.speed is None else 1.0 / self.speed)
 
-    def set(self, **changes: Any) -> None:
-        """Change `speed` or `is_paused`."""
+    def pause(self, *, is_paused: bool) -> None:
+        """Play no turns but one by one; or go on."""
         with self._changed:
-            for name, value in changes.items():
-                setattr(self, name, value)
-            self._steps = 0
-            if "speed" in changes:
-                self._next_at = min(self._next_at, monotonic() + (0.0 if self.speed is None else 1.0 / self.speed))
+            self.is_paused, self._steps = is_paused, 0
+            self._changed.notify_all()
+
+    def change_speed(self, speed: float | None) -> None:
+        """Play so many turns a second; None: as fast as they are played."""
+        with self._changed:
+            self.speed = speed
+            self._next_at = min(self._next_at, monotonic() + (0.0 if speed is None else 1.0 / speed))
             self._changed.notify_all()
 
     def step(self) -> None:
@@ -470,7 +473,7 @@ class Live:
 
     def _pause(self, connection: Connection, message: Json) -> None:
         _check_control(connection)
-        self.pace.set(is_paused=_is_flag(message.get("paused")))
+        self.pace.pause(is_paused=_is_flag(message.get("paused")))
         self._tell_all()
 
     def _step(self, connection: Connection, _message: Json) -> None:
@@ -483,7 +486,7 @@ class Live:
         speed = message.get("speed")
         if speed is not None and not (_is_number(speed) and 0.0 < speed <= _FASTEST):
             raise Refused(f"A speed is a number up to {_FASTEST:g} turns a second.")
-        self.pace.set(speed=None if speed is None else float(speed))
+        self.pace.change_speed(None if speed is None else float(speed))
         self._tell_all()
 
     def _restart(self, connection: Connection, message: Json) -> None:

@@ -6,7 +6,7 @@ no connection has a queue of its own, and none can make the game wait.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
 from io import RawIOBase
 from itertools import islice
@@ -49,9 +49,9 @@ class _Parts(RawIOBase):
     def writable(self) -> bool:
         return True
 
-    def write(self, data: Any) -> int:  # Any: whatever has bytes
+    def write(self, data: bytes | bytearray | memoryview) -> int:  # type: ignore[override] # what a writer hands over
         self._parts.append(bytes(data))
-        return len(data)
+        return len(self._parts[-1])
 
     def taken(self) -> bytes:
         """Return what was written since the last call."""
@@ -233,7 +233,7 @@ class Streams:
             stream.hear(self._since, self._since, is_over=False, state=dict)
         return stream
 
-    def _nearest(self, place: Any) -> int:
+    def _nearest(self, place: Sequence[float]) -> int:
         columns = self._columns()
         return int(columns.node_ids[((columns.xy - np.asarray(place)) ** 2).sum(axis=1).argmin()])
 
