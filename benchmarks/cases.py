@@ -613,7 +613,7 @@ CASES = [
     Case("scenario: 64 agents with views of 5 nodes in a batch", "agent-step", seeing.views),
     Case("learning: 1,024 games of two pursuers in a vector environment", "agent-step", learning.many_games),
     Case("learning: a game of two pursuers in an environment", "agent-step", learning.one_game),
-    Case("experiments: 40 games of the demo on two workers", "game", experiments.of_demo),
+    Case("experiments: games of the demo on two workers", "game", experiments.of_demo),
     Case("targeted: AGENT_RANGE among 100,000 agents, in a batch", "pair", seeing.crowd),
     Case("targeted: tag(euclid=5) of 100,000 agents in a batch", "agent-step", seeing.tags),
     Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),

@@ -130,6 +130,14 @@ def test_a_killed_worker_and_a_killed_runner_change_nothing(folder):
     assert resumed.rows[-4:] == played("alone", seeds=range(18, 20), entries=entries).rows
 
 
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")
+def test_a_cluster_of_ray_gives_the_same_table(folder):
+    pytest.importorskip("ray")
+    there = played("there", executor="ray", workers=2, record=False)
+    assert there.rows == played("here", workers=4, record=False).rows == played("alone", record=False).rows
+
+
 def test_a_swiss_tournament_pairs_neighbours_who_have_not_met(folder):
     table = played(seeds=[1], rounds=2, record=False)
     rounds = {}
