@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -33,6 +34,10 @@ def gamms(*arguments, **options):
         stderr=subprocess.PIPE,
         **{"stdout": subprocess.PIPE, **options},
     )
+
+
+def hear_ctrl_c():
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 @pytest.fixture(autouse=True)
@@ -114,15 +119,21 @@ def test_a_reader_that_has_enough_ends_a_command_without_a_word():
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is another signal there")
-def test_ctrl_c_ends_a_game_with_a_word_and_leaves_a_recording_that_can_be_read(folder):
-    with gamms("run", "endless.yaml", "--out", "long", start_new_session=True) as process:
-        while not (folder / "long" / "game.ggr").exists():
+@pytest.mark.parametrize("more", [(), ("--seeds", "0:4", "--jobs", "2")], ids=["one game", "many"])
+def test_ctrl_c_ends_games_with_a_word_and_leaves_a_recording_that_can_be_read(folder, more):
+    # In a background job SIGINT is ignored, and children inherit that.
+    with gamms(
+        "run", "endless.yaml", "--out", "long", *more, start_new_session=True, preexec_fn=hear_ctrl_c
+    ) as process:
+        waited_for = folder / "long" / ("" if more else "game.ggr")
+        while not (waited_for.exists() and waited_for.stat().st_size):
             assert process.poll() is None
-        process.send_signal(signal.SIGINT)
-        said = process.communicate()[1].decode()
+            time.sleep(0.02)
+        os.killpg(process.pid, signal.SIGINT)
+        said = process.communicate(timeout=30)[1].decode()
     assert process.returncode == 130
     assert said.strip() == "gamms: Interrupted."
-    assert run("info", "long/game.ggr").exit_code == 0
+    assert more or run("info", "long/game.ggr").exit_code == 0
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a locale of Unix")

@@ -4,9 +4,7 @@ import csv
 import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from functools import partial
-from multiprocessing import get_context
 from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
@@ -73,19 +71,17 @@ def _results(
     game: "Scenario", seeds: Sequence[int], strategies: Strategies, jobs: int
 ) -> Iterator[tuple[int, "Result"]]:
     """Yield the result of each seed, in their order, whatever process has played it."""
+    from gamms.experiment.executors import WorkerPool
+
     jobs = min(jobs, len(seeds))
     size = max(1, min(_MOST_IN_A_BATCH, len(seeds) // (4 * jobs)))
     batches = [seeds[first : first + size] for first in range(0, len(seeds), size)]
     batch = partial(_play_batch, game, strategies, max_memory())
     with progress() as show:
         done = 0
-        if jobs == 1:
-            results: Iterator[list[Result] | str] = map(batch, batches)
-            pool = None
-        else:
-            pool = ProcessPoolExecutor(jobs, get_context("spawn"))
-            results = pool.map(batch, batches)
+        pool = None if jobs == 1 else WorkerPool(jobs)  # whose games end with it, at Ctrl-C too
         try:
+            results: Iterator[list[Result] | str] = (map if pool is None else pool.map)(batch, batches)
             for some, found in zip(batches, results, strict=True):
                 if isinstance(found, str):
                     echo(found, err=True)

@@ -3,7 +3,6 @@
 import os
 import pickle
 import runpy
-import signal
 import subprocess
 import sys
 import threading
@@ -25,7 +24,12 @@ T = TypeVar("T")
 
 _LOOK_S = 1.0  # how often a process that says nothing is looked at
 _IN_WORKER = "GAMMS_EXPERIMENT_WORKER"
-_SCRIPT = "from gamms.experiment.executors import serve; serve()"
+# Ctrl-C is for the process that has started this one, also while it imports.
+_SCRIPT = """import signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+from gamms.experiment.executors import serve
+serve()
+"""
 
 
 class WorkerDied(BrokenExecutor):
@@ -80,6 +84,7 @@ class WorkerPool(ThreadPoolExecutor):
         self._is_fresh = is_fresh
         self._own = threading.local()
         self._all: list[_Worker] = []
+        self._is_ended = False
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Call a function in a process."""
@@ -90,6 +95,8 @@ class WorkerPool(ThreadPoolExecutor):
         if worker is None:
             worker = self._own.worker = _Worker()
             self._all.append(worker)
+            if self._is_ended:  # while this one was started
+                worker.end()
         try:
             is_done, answer = worker.ask(task)
         except WorkerDied:
@@ -105,6 +112,7 @@ class WorkerPool(ThreadPoolExecutor):
     def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
         """End all processes; tasks that are under way are lost."""
         super().shutdown(wait=False, cancel_futures=True)
+        self._is_ended = True
         for worker in self._all:
             worker.end()
         super().shutdown(wait=wait, cancel_futures=cancel_futures)
@@ -163,7 +171,6 @@ def _received(stream: BinaryIO) -> bytes | None:
 
 def serve() -> None:
     """Work as one of the processes: do tasks until there are no more."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the process that has started this one
     tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)  # what strategies print is no answer
     os.environ[_IN_WORKER] = "1"

@@ -56,7 +56,8 @@ _ENVIRONMENT = {
     "PYTHONHASHSEED": "0",
 }
 _MAIN = """
-import json, sys
+import json, signal, sys
+signal.signal(signal.SIGINT, signal.SIG_IGN)  # the master ends it, also while it imports
 sys.path[:0] = sys.argv[4:]
 from gamms.tournament.launcher import Setup, main
 main(int(sys.argv[1]), int(sys.argv[2]), Setup(**json.loads(sys.argv[3])))
