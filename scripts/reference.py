@@ -16,6 +16,8 @@ from itertools import takewhile
 from pathlib import Path
 from typing import NamedTuple
 
+import pages
+
 SRC = Path(__file__).parent.parent / "src"
 
 _SECTIONS = ("Args", "Attributes", "Ensures", "Raises", "Requires", "Returns", "Yields")
@@ -90,11 +92,19 @@ def find(module: str, name: str) -> Found:
 def _index_of(module: str) -> tuple[dict[str, ast.AST], dict[str, tuple[str, str]]]:
     """Return what a module defines, and what it imports from which other module of GAMMS."""
     tree = tree_of(module)
+    checked = [node for one in tree.body if isinstance(one, ast.If) for node in one.body]  # `if TYPE_CHECKING:`
     imports = [
-        node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gamms")
+        node
+        for node in [*tree.body, *checked]
+        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("gamms")
     ]
     imported = {one.asname or one.name: (str(node.module), one.name) for node in imports for one in node.names}
-    return {_name_of(node): node for node in tree.body if _name_of(node)}, imported
+    defined: dict[str, ast.AST] = {_name_of(node): node for node in tree.body if _name_of(node)}
+    for node in tree.body:
+        if isinstance(node, ast.Assign) and len(node.targets) > 1:  # other names of one thing: a = b = thing
+            others = {one.id: node.value for one in node.targets if isinstance(one, ast.Name)}
+            defined |= {name: defined.get(ast.unparse(value), node) for name, value in others.items()}
+    return defined, imported
 
 
 @cache
@@ -122,9 +132,33 @@ def owner_of(found: Found, name: str) -> str | None:
     return next(iter(inside), None) or next((one for one in packages()[1:] if name in names_of(one)), None)
 
 
+def examples_of(module: str, name: str) -> str:
+    """Return links to the pages whose programs use a public name, three at most."""
+    last = module.rpartition(".")[2]
+    used = re.compile(rf"\b{last}[.:]{name}\b|from {re.escape(module)} import (?:\w+, )*{name}\b")
+    found = [(title, path) for title, path, code in _programs() if used.search(code)]
+    found = sorted(found, key=lambda one: last not in one[1])[:3]  # the page of the package first
+    links = ", ".join(f"[{title}](../{path})" for title, path in found)
+    return f"Used in: {links}." if found else ""
+
+
+@cache
+def _programs() -> list[tuple[str, str, str]]:
+    """Return the title, the path and the code of each page that has programs."""
+    named = [
+        (page, "\n".join(fence.code for fence in pages.fences_of(page)))
+        for page in pages.all_pages()
+        if page.stem not in {"README", "index"}
+    ]
+    titles = {page: re.search(r"^# (.+)$", pages.prose_of(page), re.MULTILINE) for page, code in named if code}
+    return [
+        (titles[page][1], page.relative_to(pages.DOCS).as_posix(), code) for page, code in named if titles.get(page)
+    ]
+
+
 def page_of(module: str) -> str:
     """Return the page of a package, in Markdown with directives of the Python domain."""
-    entries = "\n".join(_entry(module, name) for name in names_of(module))
+    entries = "\n".join(_entry(module, name) for name in sorted(names_of(module), key=str.lower))
     docs = (ast.get_docstring(tree_of(module)) or "").split("\n\n")
     shown = [docs[0], *takewhile(lambda part: part.startswith("    "), docs[1:])]
     return f"# {module}\n\n{markdown_of(PARAGRAPH.join(shown))}\n\n{entries}"
@@ -143,7 +177,9 @@ def docstring_of(found: Found) -> str:
 
 def _comment_at(found: Found) -> str:
     line = _lines_of(found.module)[found.node.end_lineno - 1]
-    comment = line[len(line.encode()[: found.node.end_col_offset].decode()) :].strip()
+    behind = line.encode()[found.node.end_col_offset :].decode().strip()
+    opening = re.search(r"[\[({]\s+(# .*)$", _lines_of(found.module)[found.node.lineno - 1])
+    comment = behind if behind.startswith("#") or not opening else opening[1]
     return comment.lstrip("# ") if comment.startswith("#") and "noqa" not in comment else ""
 
 
@@ -161,9 +197,8 @@ def _entry(module: str, name: str) -> str:
         case ast.ClassDef():
             return _class(module, name, found)
         case ast.FunctionDef() | ast.AsyncFunctionDef():
-            return _directive(
-                "py:function", _signatures(found, name, tree_of(found.module).body), docstring_of(found), _in(module)
-            )
+            signatures = _signatures(found, name, tree_of(found.module).body)
+            return _directive("py:function", signatures, docstring_of(found), _in(module), examples_of(module, name))
         case _:
             value = ast.unparse(found.node.value) if found.node.value else ""
             options = [*_in(module), *([f":value: {value}"] if value and len(value) < 100 else [])]
@@ -176,7 +211,8 @@ def _in(module: str) -> list[str]:
 
 def _class(module: str, name: str, found: Found) -> str:
     docs, members = docstring_of(found), list(_members(found))
-    inner = "\n".join(_member(one, body, is_described=f"{_name_of(one.node)}:" in docs) for one, body in members)
+    inner = examples_of(module, name) + "\n\n"
+    inner += "\n".join(_member(one, body, is_described=f"{_name_of(one.node)}:" in docs) for one, body in members)
     constructor = next(_inits(found), None)
     signature = _signatures(constructor[0], name, constructor[1]) if constructor else name
     return _directive("py:class", signature, docs, _in(module), inner)
@@ -280,7 +316,7 @@ def _directive(kind: str, head: str, docs: str, options: list[str], inner: str =
     fence = ":" * (6 if kind in {"py:class", "py:module"} and inner else 4)
     first, *others = head.splitlines()
     heads = "\n".join([first, *(f"   {one}" for one in others)])
-    body = "\n\n".join(part for part in (markdown_of(docs), inner) if part)
+    body = "\n\n".join(part for part in (markdown_of(docs), inner.strip()) if part)
     return "\n".join([f"{fence}{{{kind}}} {heads}", *options, "", body, fence, ""])
 
 

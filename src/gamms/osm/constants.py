@@ -7,7 +7,7 @@ from gamms.ir.obstacles import COLOR_TYPES
 
 __all__ = ["BARRIER_HEIGHTS", "COLOR_TYPES", "HEIGHT_ESTIMATES_TYPES", "OSM_OBSTACLE_TAGS", "wall_estimates"]
 
-OSM_OBSTACLE_TAGS: dict[str, bool | list[str]] = {
+OSM_OBSTACLE_TAGS: dict[str, bool | list[str]] = {  # key -> values that block the view; True: all
     "building": True,
     "building:part": True,
     "landuse": ["industrial", "commercial", "retail", "residential", "construction", "forest", "military", "railway"],

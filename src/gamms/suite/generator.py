@@ -13,6 +13,8 @@ from gamms.scenario import Scenario
 Values = dict[str, Plain]
 
 MAPS: dict[str, Values] = {"grid": {"grid": {"width": 16, "height": 12, "spacing": 10}}, "helsinki": {"helsinki": {}}}
+"""The maps on which scenarios are generated, as `map` of a scenario file has them."""
+
 _SIGHT_M = {"grid": 40.0, "helsinki": 200.0}
 _TOWER_M = {"grid": 50.0, "helsinki": 250.0}
 _START_M = {"grid": 30.0, "helsinki": 120.0}  # around its base a team starts
@@ -169,7 +171,7 @@ def _flags(ground: _Ground) -> Drawn:
     return Drawn(made, "red", "blue", dict(zip(("balanced", "rush", "siege"), players, strict=True)))
 
 
-KINDS: dict[str, Callable[[_Ground], Drawn]] = {
+KINDS: dict[str, Callable[[_Ground], Drawn]] = {  # name -> what draws a scenario of that kind
     "pursuit": _pursuit,
     "evasion": lambda ground: _pursuit(ground, "blue"),
     "breach": _breach,

@@ -11,7 +11,7 @@ from gamms.plain import Plain
 from gamms.scenario import Scenario
 from gamms.suite.generator import KINDS, MAPS, generate
 
-VERSION = 1
+VERSION = 1  # of the tasks and the protocol; results of different versions are not compared
 _DATA = Path(__file__).parent.parent / "data"
 _SEED = 1  # from which the scenarios of version 1 were generated
 _SEEDS = range(20)  # of the games against each opponent
