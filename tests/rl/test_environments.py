@@ -157,6 +157,7 @@ def test_agents_that_come_learn_where_places_are_reserved(tmp_path, capsys):
     assert has_come > 1
     with warnings.catch_warnings():
         warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", "No agents present")  # the game may end before the last one has come
         parallel_api_test(env, num_cycles=30)
     assert "Passed" in capsys.readouterr().out
 

@@ -84,14 +84,15 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         legal = are_legal(self.learners, heads)[0].tolist()
         was_legal = dict(zip(self.possible_agents, legal, strict=True))
         played = self.learners.step(*heads)
-        asked = self.agents + [name for name in self._those_in() if name not in self.agents]  # which have come
+        is_over = bool(self.learners.is_over[0])
+        come = [] if is_over else [name for name in self._those_in() if name not in self.agents]
+        asked = self.agents + come
         observations, infos = self._answers(asked)
         for name in asked:
             infos[name]["is_legal"] = was_legal[name]
         rewards = {name: float(played.rewards[0, self._number[name]]) for name in asked}
         terminated = {name: bool(played.terminated[0, self._number[name]]) for name in asked}
         truncated = {name: bool(played.truncated[0, self._number[name]]) for name in asked}
-        is_over = bool(self.learners.is_over[0])
         self.agents = [] if is_over else self._those_in()
         return observations, rewards, terminated, truncated, infos
 
