@@ -274,10 +274,17 @@ def from_yaml(text: str) -> Plain:
 
 
 def nodes_of(text: str) -> Any:  # a yaml.Node; its stubs lack what the kinds of nodes have
-    """Return the values of a text that `from_yaml` or `from_json` has read, as nodes that know where they stand."""
+    """Return the values of a text that `from_yaml` or `from_json` has read, as nodes that know where they stand.
+
+    Raises:
+        ScenarioError: it is JSON with what YAML has not, such as letters written as two escapes.
+    """
     import yaml
 
-    return yaml.compose(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    try:
+        return yaml.compose(text, Loader=getattr(yaml, "CSafeLoader", yaml.SafeLoader))
+    except yaml.YAMLError as error:
+        raise ScenarioError("", f"this cannot be changed by a program: {_flaw(error, text)} Make it by hand.") from None
 
 
 def _flaw(error: "yaml.YAMLError", text: str) -> str:
