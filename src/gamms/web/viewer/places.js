@@ -14,6 +14,7 @@ import { World } from "./world.js";
 
 const RESTS_MS = 160; // after which the map is painted sharply
 const FLIGHT_MS = 450;
+const NODE_PX = 18; // between neighbours, from where on nodes are shown
 const POINT_PX = 30; // from which a node is pointed at
 const CLOSE_PX = 12; // a click so near to the first corner closes an area
 const AROUND_M = 120, AROUND = 8; // what is seen around a node: metres, or typical edges
@@ -310,6 +311,7 @@ export class Places {
     to.beginPath();
     for (const edge of this.street) this.#line(world.pointsOf(edge));
     this.#stroke("#f0ac28", 5);
+    this.#paintNodes(theme);
     this.#paintTeams(theme);
     if (this.area !== null) this.#paintArea(this.area, theme.ink, []);
     if (this.drawing !== null) this.#paintDrawing(theme);
@@ -318,6 +320,20 @@ export class Places {
     if (this.hovered !== null) this.#disc(this.hovered, 6, faded(theme.ink, 0.25), theme.ink);
     if (world.isMetric) paintScaleBar(to, camera, theme);
     return isSharp;
+  }
+
+  /** The nodes in view, where they can be told apart. @param {import("./themes.js").Theme} theme */
+  #paintNodes(theme) {
+    const { to, camera, world } = this;
+    if (camera.scale * world.unit < NODE_PX) return;
+    to.beginPath();
+    for (const row of this.squares.within(camera.x, camera.y, Math.hypot(camera.width, camera.height) / 2 / camera.scale)) {
+      const [x, y] = camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]);
+      to.moveTo(x + 2, y);
+      to.arc(x, y, 2, 0, 7);
+    }
+    to.fillStyle = theme.faint;
+    to.fill();
   }
 
   /** Where the agents of a scenario start. @param {import("./themes.js").Theme} theme */
