@@ -28,9 +28,10 @@ _SECONDS = 30.0
 class Page:
     """A page in the browser."""
 
-    def __init__(self, socket):
-        self._socket, self._number = socket, 0
+    def __init__(self, socket, address):
+        self._socket, self._number, self._address = socket, 0, address
         self.messages = []  # that the console and the engine have written
+        self.frames = []  # of WebSockets, received: texts and bytes
 
     def call(self, method, **params):
         """Call a method of the protocol, and return its result."""
@@ -51,11 +52,15 @@ class Page:
             self.messages.append(json.dumps(params["exceptionDetails"].get("exception", params["exceptionDetails"])))
         elif event.get("method") == "Log.entryAdded":
             self.messages.append(params["entry"]["text"])
+        elif event.get("method") == "Network.webSocketFrameReceived":
+            data = params["response"]["payloadData"]
+            self.frames.append(data if params["response"]["opcode"] == 1 else base64.b64decode(data))
 
     def open(self, path, width=1280, height=720, *, touch=False, scale=1, dark=False):
         """Open a file or an address in a window of some size, and wait until the viewer has read it."""
         self.messages.clear()
-        for domain in ("Page", "Runtime", "Log"):
+        self.frames.clear()
+        for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.call(
             "Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=scale, mobile=touch
@@ -68,6 +73,14 @@ class Page:
         self.call("Page.navigate", url=str(path) if is_address else Path(path).absolute().as_uri())
         self.wait("document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead")
         return self
+
+    @contextmanager
+    def another(self):
+        """Open another page in a window of its own."""
+        target = self.call("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
+        with _connected(f"ws://{self._address}/devtools/page/{target}") as socket:
+            yield Page(socket, self._address)
+        self.call("Target.closeTarget", targetId=target)
 
     def value(self, expression):
         """Return the value of an expression in the page."""
@@ -127,8 +140,6 @@ class Page:
 @contextmanager
 def browser():
     """Start a browser; yield a page, which is used again for each test."""
-    from websockets.sync.client import connect
-
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         environment = {**os.environ, "HOME": folder}
         process = subprocess.Popen(
@@ -142,14 +153,19 @@ def browser():
             for line in process.stderr:
                 if found := re.search(r"DevTools listening on ws://([^/]+)/", line):
                     break
-            # Pings would draw from the global `random` while other tests run.
-            where = f"ws://{found[1]}{_target(found[1])}"
-            with connect(where, max_size=None, proxy=None, ping_interval=None) as socket:
-                yield Page(socket)
+            with _connected(f"ws://{found[1]}{_target(found[1])}") as socket:
+                yield Page(socket, found[1])
         finally:
             process.terminate()
             process.wait(10)
             process.stderr.close()
+
+
+def _connected(address):
+    from websockets.sync.client import connect
+
+    # Pings would draw from the global `random` while other tests run.
+    return connect(address, max_size=None, proxy=None, ping_interval=None)
 
 
 def _target(address):

@@ -143,6 +143,7 @@ class LiveStrip {
 
   /** Say what was refused, until something else is new. @param {string} words */
   refuse(words) {
+    this.live.app?.player?.refuse(words);
     this.refused = words;
     this.renew();
     setTimeout(() => { this.refused = ""; this.renew(); }, 6000);

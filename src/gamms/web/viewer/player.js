@@ -42,7 +42,7 @@ export class Player {
     this.element = element("section", { class: "ask card", "aria-label": "Your move", hidden: true },
       element("div", { class: "asked" }, this.who, this.clock), this.gauge, this.words, this.moves, this.deeds);
     app.root.append(this.element);
-    for (const { scene } of app.views) scene.overlay = () => this.#paint(scene);
+    for (const { scene } of app.views) scene.overlay = (shown) => this.#paint(shown);
     setInterval(() => this.#tick(), 200);
   }
 
@@ -75,8 +75,12 @@ export class Player {
     this.number = question?.question ?? -1;
     this.agent = question?.agent ?? "";
     this.selected = null;
-    if (question !== undefined) this.#lookAt(question);
+    if (question !== undefined && !this.app.isLive) {
+      this.app.seek(this.app.turns);
+      this.app.play();
+    }
     this.#renew(true);
+    if (question !== undefined) this.#lookAt(question);
   }
 
   /** Show the question, or what is waited for. @param {boolean} [isNew] */
@@ -93,10 +97,13 @@ export class Player {
       const color = app.views[0].scene.discOf(question.agent)?.color;
       const others = this.questions.length > 1 ? ` (${this.questions.length - left + 1} of ${this.questions.length})` : "";
       refill(this.who, dot(color), `Your move: ${question.agent}${others}`);
-      this.words.textContent = question.moves === null ? "Click where it flies to, or use the arrow keys and Enter." : "Click a marked place, or use the numbers or arrow keys, and Enter.";
+      const isTouch = matchMedia("(pointer: coarse)").matches;
+      const where = `${isTouch ? "Touch" : "Click"} ${question.moves === null ? "where it flies to" : "a marked place"}`;
+      this.words.textContent = isTouch ? `${where}.` : `${where}, or use ${question.moves === null ? "" : "numbers or "}arrow keys and Enter.`;
       this.#showMoves(question);
       this.#showDeeds(question);
     }
+    this.element.style.setProperty("--top", `${app.controls.head.offsetHeight + 24}px`);
     this.#tick();
     app.needsPaint = true;
   }
@@ -138,7 +145,7 @@ export class Player {
     refill(this.moves, ...options.map((one, i) => {
       const isHere = one.x === x && one.y === y;
       const text = isHere ? one.words : `${i} ${WINDS[windOf(one.x - x, one.y - y)]}`;
-      return element("button", { type: "button", class: "wanted", text: text[0].toUpperCase() + text.slice(1), "aria-label": `${i}: ${one.words}`, on: { click: () => this.choose(one) } });
+      return element("button", { type: "button", class: "wanted", text: text[0].toUpperCase() + text.slice(1), "aria-label": `${i}: ${one.words}`, on: { click: () => this.choose(one, true) } });
     }));
   }
 
@@ -172,10 +179,10 @@ export class Player {
     return wanted;
   }
 
-  /** Choose, with the deeds that are ticked. @param {Option} option */
-  choose(option) {
+  /** Choose, with the deeds that are ticked. @param {Option} option @param {boolean} [isPointed] whether by a pointer */
+  choose(option, isPointed = false) {
     const { question } = this;
-    if (question === undefined || performance.now() - this.chosenAt < AGAIN_MS) return;
+    if (question === undefined || (isPointed && performance.now() - this.chosenAt < AGAIN_MS)) return;
     try {
       const deeds = this.#wantedDeeds();
       const move = option.direction === undefined ? { move: option.move ?? null } : { direction: option.direction, ...(option.distance === undefined ? {} : { distance: option.distance }) };
@@ -192,7 +199,7 @@ export class Player {
   click(view, px, py, far) {
     const option = this.#at(view, px, py, Math.max(far + 6, FAR_PX));
     if (option === null) return false;
-    this.choose(option);
+    this.choose(option, true);
     return true;
   }
 
@@ -257,9 +264,11 @@ export class Player {
     const [x, y] = this.#placeOf(question);
     const others = this.#options(question).filter((one) => one.x !== x || one.y !== y);
     for (const { scene } of this.app.views) {
-      const { camera } = scene;
+      const { camera } = scene, covered = this.#isAtBottom ? this.element.offsetHeight : 0;
+      camera.insets.bottom = Math.max(camera.insets.bottom, covered + this.app.controls.bar.offsetHeight + 60 * Number(covered > 0));
+      if (camera.isFitted) camera.fit();
       const nearest = Math.min(...others.map((one) => Math.hypot(one.x - x, one.y - y))) * camera.scale;
-      const margin = 30, top = margin + camera.insets.top, bottom = camera.height - camera.insets.bottom - this.element.offsetHeight - margin;
+      const margin = 12, top = margin + camera.insets.top, bottom = camera.height - camera.insets.bottom - margin;
       const isOut = [{ x, y }, ...others].some((one) => {
         const [px, py] = camera.toScreen(one.x, one.y);
         return px < margin || py < top || px > camera.width - margin || py > bottom;
@@ -267,7 +276,7 @@ export class Player {
       if (!(nearest < LEAST_WAY_PX) && !isOut) continue;
       if (nearest < LEAST_WAY_PX) camera.zoom(WANTED_WAY_PX / Math.max(nearest, 0.1));
       camera.lookAt(x, y);
-      camera.pan(0, -this.element.offsetHeight / 2);
+      camera.pan(0, -covered / 2);
     }
     this.app.moveCamera(() => {});
   }
@@ -311,6 +320,11 @@ export class Player {
       to.fillStyle = isSelected ? paper : ink;
       to.fillText(String(i), px, py + 0.5);
     });
+  }
+
+  /** Whether it covers the map below, as on phones. */
+  get #isAtBottom() {
+    return matchMedia("(max-width: 640px)").matches;
   }
 
   /** Show the time that is left. */

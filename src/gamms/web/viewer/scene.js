@@ -43,7 +43,7 @@ export class Scene {
     /** @type {Disc[]} */ this.discs = [];
     /** @type {Map<string, HTMLCanvasElement>} */ this.pictures = new Map(); // of discs
     /** @type {Map<string, {key: string, canvas: HTMLCanvasElement}>} */ this.caches = new Map();
-    /** @type {(() => void) | null} */ this.overlay = null; // paints what a person may choose
+    /** @type {((scene: Scene) => void) | null} */ this.overlay = null; // paints what a person may choose
     /** @type {Set<number> | null} */ this.visible = null; // numbers of the agents that the fog leaves
   }
 
@@ -99,7 +99,7 @@ export class Scene {
     this.#paintDrawings((layer) => layer >= AGENT_LAYER, look, share);
     this.#paintNames(look, theme);
     if (this.world.isMetric) paintScaleBar(to, camera, theme);
-    this.overlay?.();
+    this.overlay?.(this);
     return isSharp;
   }
 

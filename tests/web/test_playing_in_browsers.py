@@ -1,0 +1,122 @@
+"""Two people and two strategies play on loopback, on two pages of a real browser: with mouse, fingers and keys."""
+
+import io
+import json
+
+import pytest
+
+from gamms import recorder, scenario, web
+
+
+def agent(name, node, strategy="gamms.strategies:random_walk"):
+    """Return an agent of a scenario."""
+    return {"name": name, "node": node, "strategy": strategy}
+
+
+MATCH = scenario.Scenario(
+    name="Two people, two strategies",
+    seed=5,
+    map={"grid": {"width": 6, "height": 6}},
+    sensors={"eyes": {"type": "AGENT_RANGE", "sensor_range": 15}},
+    teams={
+        "red": {"agents": [agent("rita", 0, "human"), agent("rob", 5)], "sensors": ["eyes"]},
+        "blue": {"agents": [agent("bea", 35, "human"), agent("bill", 30)], "sensors": ["eyes"]},
+    },
+    settings={"deeds": {"wave": {"how": ["left", "right"]}}},
+    max_turns=3,
+)
+
+
+def place_of(page, node):
+    """Return where a node is on the page."""
+    return page.value(
+        "(({scene: {world, camera}}) => {"
+        f"const row = world.rowOf.get({node});"
+        "return camera.toScreen(world.xy[2 * row], world.xy[2 * row + 1]); })(gamms.views[0])"
+    )
+
+
+def click_button(page, words):
+    """Click the button of a question that begins with some words."""
+    box = f"[...document.querySelectorAll('.ask button')].find((one) => one.textContent.startsWith('{words}'))"
+    click_middle(page, box)
+
+
+def click_middle(page, element):
+    """Click the middle of an element."""
+    page.click(
+        *page.value(
+            f"(({{x, y, width, height}}) => [x + width / 2, y + height / 2])({element}.getBoundingClientRect())"
+        )
+    )
+
+
+def asked(page, turn):
+    """Wait until the page asks for the move of a turn."""
+    page.wait(f"window.gamms?.player?.question?.turn === {turn} && gamms.turns === {turn}")
+    page.wait("performance.now() - gamms.player.chosenAt > 400")  # a click before is the second of a double click
+    page.value("new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+
+def received(page):
+    """Return the recording that came over the wire."""
+    frames = [one for one in page.frames if isinstance(one, bytes)]
+    first = max(i for i, one in enumerate(frames) if one.startswith(b"MMGR"))
+    return recorder.open(io.BytesIO(b"".join(frames[first:])))
+
+
+@pytest.fixture
+def pages(chromium):
+    with chromium.another() as other:
+        yield chromium, other
+
+
+def test_two_people_play_by_mouse_fingers_and_keys(pages, tmp_path):
+    path = tmp_path / "game.ggr"
+    rita, bea = pages
+    with web.serve(MATCH, speed=None, record=path) as live:
+        rita.open(live.players["rita"])
+        bea.open(live.players["bea"], 390, 780, touch=True, dark=True)
+        asked(rita, 0)
+        asked(bea, 0)
+        rita.click(*place_of(rita, 1))
+        rita.wait("document.querySelector('.ask').textContent.includes('Waiting for others')")
+        bea.touch("touchStart", place_of(bea, 34))
+        bea.touch("touchEnd")
+        asked(rita, 1)
+        asked(bea, 1)
+        bea.call("Page.navigate", url="about:blank")
+        for key in ("ArrowUp", "ArrowLeft", "Enter"):
+            rita.key(key)
+        bea.open(live.players["bea"], 390, 780, touch=True, dark=True)
+        asked(bea, 1)
+        click_middle(bea, "document.querySelector('.deed input')")
+        click_button(bea, "Stay")
+        asked(rita, 2)
+        asked(bea, 2)
+        rita.key("1")
+        rita.key("Enter")
+        bea.touch("touchStart", place_of(bea, 28))
+        bea.touch("touchEnd")
+        result = live.wait(10)
+        rita.wait("gamms.turns === 3")
+        assert rita.messages == bea.messages == []
+        with received(rita) as sent:
+            known = {name for state in sent for name in state.agents["name"].tolist()}
+            assert known == {"rita"}
+            everything = repr([sent._reader.header | {"world": b""}, list(sent.logs())])
+        assert not any(name in everything for name in ("rob", "bea", "bill"))
+        assert not any(name in one for name in ("rob", "bea", "bill") for one in rita.frames if isinstance(one, str))
+    with recorder.open(path) as recording:
+        ways = [dict(zip(state.agents["name"], state.agents["node"], strict=True)) for state in recording]
+        assert [(nodes["rita"], nodes["bea"]) for nodes in ways] == [(0, 35), (1, 34), (0, 34), (1, 28)]
+        choices = [event for event in recording.events() if event["kind"] == "choice"]
+    assert [json.loads(one["action"]) for one in choices if one["agent"] == "bea"] == [
+        {"move": 34},
+        {"move": 34, "do": {"wave": {"how": "left"}}},
+        {"move": 28},
+    ]
+    assert result.deeds == [{"turn": 2, "agent": "bea", "deed": "wave", "at": 34, "how": "left"}]
+    people = {name: web.human(choices=path) for name in ("rita", "bea")}
+    again = MATCH.play(strategies=people, record=tmp_path / "again.ggr")
+    assert again == result
