@@ -137,5 +137,7 @@ def test_a_link_without_a_code_or_with_another_token_gives_nothing(tmp_path):
 def test_impossible_studies_are_refused_before_they_begin(tmp_path):
     with pytest.raises(KeyError, match="gren"):
         begun(tmp_path, people="gren")
+    with pytest.raises(ValueError, match="give 'bob' another strategy than human"):
+        begun(tmp_path, conditions={"a": {"teams.blue.strategy": "human"}})
     with pytest.raises(ValueError, match="colour"):
         begun(tmp_path, conditions={"a": {"colour": 1}})

@@ -201,6 +201,8 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
         echo("The game is served until Ctrl-C. Open a link in a browser:")
         for name, link in live.links.items():
             echo(f"  {name:<12} {link}")
+        for name, link in live.players.items():
+            echo(f"  {printable_line(name):<12} {link} (plays)")
         result = live.wait()
         if result is not None:
             result.save(out / "result.json")

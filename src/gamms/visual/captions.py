@@ -4,6 +4,7 @@ import re
 from collections.abc import Collection, Iterable, Mapping
 from typing import Any, NamedTuple
 
+from gamms.ir.events import DECISIONS
 from gamms.typing import IContext
 from gamms.visual.appearance import Rgb, color_group
 from gamms.visual.drawing import Drawing, drawing_of
@@ -29,7 +30,6 @@ _SENTENCES = {  # kind of event -> the field that the sentence is about, and wha
     "eliminated": ("agent", "is out"),
     "respawned": ("agent", _LAST),
 }
-_UNSAID = {"llm"}  # kinds of events that films do not mention
 _FIELD = re.compile(r"{(\w+)}")
 ALL_PLAYED = "all turns are played"
 _REASONS = {"max_turns": ALL_PLAYED}
@@ -47,7 +47,7 @@ def captions_of(events: Iterable[Mapping[str, Any]]) -> list[Caption]:
     found: dict[tuple[str | None, str], list[str]] = {}  # by agent and kind
     for event in events:
         kind, agent = str(event.get("kind", "")), event.get("agent")
-        if kind in _UNSAID:
+        if kind in DECISIONS:
             continue
         about, predicate = _SENTENCES.get(kind, ("", ""))
         if about and {about, *_FIELD.findall(predicate)} <= event.keys():

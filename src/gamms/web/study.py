@@ -34,7 +34,7 @@ from gamms.web.choices import CHOSEN, EVENT
 from gamms.web.links import Grant, Links, Refused
 from gamms.web.live import Live, ServeOptions
 from gamms.web.pages import live_page
-from gamms.web.people import human
+from gamms.web.people import People, human
 from gamms.web.server import Connection, Json, Page, Server, Site
 
 _CODE = re.compile(r"[A-Za-z0-9._-]{1,64}")
@@ -138,7 +138,11 @@ class Study:
         given = as_mapping(options.get("conditions") or {"all": {}}, "conditions")
         self._variants = {as_text(name, "a condition"): scenario.replace(**changes) for name, changes in given.items()}
         for variant in self._variants.values():
-            variant.build(self._seed, {people: self._human("nobody")}).terminate()
+            with variant.build(self._seed, {people: self._human("participant")}) as ctx:
+                persons = People.open(ctx).persons
+                if len(persons) > 1:
+                    others = ", ".join(shown(name) for name in persons if name != "participant")
+                    raise BadValue(f"In a study one person plays, {people}; give {others} another strategy than human.")
         self._lock = threading.RLock()
         self._participants: dict[str, Participant] = {}
         self._ended: dict[str, Live] = {}  # code -> the game that is over, which pages still show

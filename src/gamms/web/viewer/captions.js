@@ -2,7 +2,8 @@
 
 const LONGEST = 90;
 const LAST = "starts again";
-const UNMARKED = new Set(["tag", "respawned", "llm"]); // kinds of events that are too many for the timeline
+const DECISIONS = new Set(["choice", "llm"]); // kinds of events that say what was decided for an agent
+const UNMARKED = new Set(["tag", "respawned", ...DECISIONS]); // kinds of events that are too many for the timeline
 const REASONS = new Map([["max_turns", "all turns are played"]]);
 /** @type {Map<string, [string, string]>} kind -> the field that the sentence is about, and what it says of it */
 const SENTENCES = new Map([
@@ -26,7 +27,7 @@ export function captionsOf(events) {
     const key = JSON.stringify([agent, isKnown ? "" : kind]);
     const known = found.get(key) ?? { agent, kind, said: [] };
     if (isKnown) known.said.push(predicate.replace(/{(\w+)}/g, (_, name) => wordsOf(event.get(name))));
-    if (kind !== "llm") found.set(key, known);
+    if (!DECISIONS.has(kind)) found.set(key, known);
   }
   return [...found.values()].map((one) => ({ words: sentence(one), agent: one.agent }));
 }

@@ -136,7 +136,9 @@ class LiveStrip {
       ...SPEEDS.map((speed) => element("option", { value: speed, text: `${speed} turn${speed === 1 ? "" : "s"}/s` })), element("option", { value: "", text: "fastest" }));
     this.again = element("button", { type: "button", class: "wanted", text: "Restart…", "aria-expanded": "false", on: { click: () => this.#toggle() } });
     this.control = element("span", { class: "control", hidden: true }, this.pause, this.step, this.speed, this.again);
-    this.element = element("section", { class: "live card", "aria-label": "The game that is played" }, this.edge, this.words, this.control);
+    this.study = sessionStorage.getItem("study"); // the page of a study that has led here
+    this.next = element("button", { type: "button", class: "wanted", text: "Continue", hidden: true, on: { click: () => location.assign(this.study ?? "/") } });
+    this.element = element("section", { class: "live card", "aria-label": "The game that is played" }, this.edge, this.words, this.next, this.control);
     this.menu = element("form", { class: "menu card restart", hidden: true, on: { submit: (/** @type {Event} */ event) => this.#restart(event) } });
     this.refused = "";
   }
@@ -155,6 +157,7 @@ class LiveStrip {
     this.edge.setAttribute("aria-pressed", String(Boolean(app?.isLive)));
     const isOpen = socket?.readyState === WebSocket.OPEN;
     this.words.textContent = this.refused || (isOpen ? wordsOfStatus(status) : "connecting again");
+    this.next.hidden = !(this.study && status?.over);
     this.control.hidden = !status?.control || !isOpen;
     if (!status?.control) return;
     refill(this.pause, icon(status.paused ? "play" : "pause"));

@@ -3,7 +3,7 @@ import { dot, element, refill } from "./dom.js";
 import { faded } from "./themes.js";
 
 const FAR_PX = 18; // how far beside a node a pointer may be; fingers more
-const LEAST_WAY_PX = 40, WANTED_WAY_PX = 90; // between an agent and its moves: it is looked at more closely where less
+const LEAST_WAY_PX = 40, WANTED_WAY_PX = 64; // between an agent and its moves: it is looked at more closely where less
 const AGAIN_MS = 400; // after a choice, in which a click is the second half of a double click
 const MOST_BUTTONS = 10; // moves that have a number and a button
 const WINDS = ["→", "↗", "↑", "↖", "←", "↙", "↓", "↘"];
