@@ -105,6 +105,7 @@ def test_the_default_decides_where_the_time_is_over():
         ({"move": 1, "do": {"fly": {}}}, "illegal"),
         ({"move": 1, "do": {"mark": {"whom": "bert"}}}, "illegal"),  # who is out of sight
         ({"move": 1, "do": {"mark": None}}, "illegal"),
+        ({"move": 1, "do": {"hack": {"what": "bert/eye"}}}, "illegal"),  # without a hint at what is out of sight
         ({"move": 1, "do": [["mark", "anna"]]}, "illegal"),
         ({"question": 99, "move": 1}, "late"),
         ({"question": True, "move": 1}, "illegal"),
@@ -121,9 +122,11 @@ def test_choices_that_do_not_count_are_refused_by_name_and_move_nothing(choice, 
             given["question"] = asked["bert"][0]["question"] if given["question"] == "bert" else given["question"]
             with pytest.raises(RefusedChoice) as caught:
                 people.choose("anna", given)
+            assert "eyes" not in str(caught.value)
             found.append(caught.value.why)
 
-    with context(web.human(seconds=0.05), web.human(seconds=0.05), deeds={"mark": {"whom": "agent"}}) as ctx:
+    deeds = {"mark": {"whom": "agent"}, "hack": {"what": "sensor"}}
+    with context(web.human(seconds=0.05), web.human(seconds=0.05), deeds=deeds) as ctx:
         people = People.open(ctx)
         for name in ("anna", "bert"):
             people.come(name)

@@ -125,7 +125,7 @@ def _names_in_sight(state: Mapping[str, Any]) -> Iterator[str]:
 
 
 def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, dict[str, Plain]]]:
-    """Return the deeds that a person is offered; of agents, those that are their own or in sight are choices."""
+    """Return the deeds that a person is offered: with agents of their own or in sight, and sensors of their own."""
     known = {*own, *_names_in_sight(state)}
     offered: dict[str, dict[str, dict[str, Plain]]] = {}
     for deed, fields in state.get("deeds", {}).items():
@@ -137,6 +137,8 @@ def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> di
                 given = [name for name in sorted(known) if name in ctx.agent.agents]
             elif kind == "team":
                 given = [as_json(team) for team in ctx.agent.teams]
+            elif kind == "sensor":
+                given = [one.sensor_id for name in own for one in ctx.agent.get_agent(name).sensors.values()]
             offered[deed][key] = {"kind": kind, "choices": given, "is_required": is_required}
     return offered
 
