@@ -71,7 +71,7 @@ def test_a_person_chooses_and_the_choice_is_recorded_with_its_time(tmp_path):
 
 def test_a_recording_is_played_again_without_the_person(tmp_path):
     first, second = tmp_path / "game.ggr", tmp_path / "again.ggr"
-    with context(web.human(seconds=0.05)) as ctx:
+    with context(web.human(seconds=0.5)) as ctx:
         ctx.record.start(first)
         result, _ = play(ctx, lambda *given: given[2]["turn"] and going_to(None, 1)(*given), turns=2)
     with context(web.human(choices=first)) as ctx:
@@ -124,9 +124,10 @@ def test_choices_that_do_not_count_are_refused_by_name_and_move_nothing(choice, 
                 people.choose("anna", given)
             assert "eyes" not in str(caught.value)
             found.append(caught.value.why)
+            people.let_go()
 
     deeds = {"mark": {"whom": "agent"}, "hack": {"what": "sensor"}}
-    with context(web.human(seconds=0.05), web.human(seconds=0.05), deeds=deeds) as ctx:
+    with context(web.human(), web.human(), deeds=deeds) as ctx:
         people = People.open(ctx)
         for name in ("anna", "bert"):
             people.come(name)
