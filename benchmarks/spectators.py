@@ -1,9 +1,9 @@
-"""Measure what spectators cost a game that is served: the turn time with 100 of them against that with none.
+"""Measure what spectators cost a game that is served: turn times with 100 of them, with one, and with none.
 
     python benchmarks/spectators.py [SPECTATORS] [PAIRS]
 
 The game is that of `gamms demo`, 300 turns. The spectators are in a process of their own and read all that they are
-sent. Games with and without them take turns. Two figures for each pair: the processor time of the thread that plays,
+sent. Games with none, one and all take turns. Two figures for each: the processor time of the thread that plays,
 and the time that passes, which other processes on the same cores make longer.
 """
 
@@ -74,11 +74,11 @@ def main():
     for speed in (None, 20.0):
         ratios = []
         for _ in range(pairs):
-            alone, watched = play(game, 0, speed), play(game, spectators, speed)
+            unseen, alone, watched = (play(game, count, speed) for count in (0, 1, spectators))
             ratios.append([watched[i] / alone[i] for i in range(2)])
             print(
-                f"speed {speed}: {alone[0]:.2f} and {watched[0]:.2f} ms of its own, "
-                f"{alone[1]:.2f} and {watched[1]:.2f} ms pass; "
+                f"speed {speed}: {unseen[0]:.2f}, {alone[0]:.2f}, {watched[0]:.2f} ms of its own; "
+                f"{unseen[1]:.2f}, {alone[1]:.2f}, {watched[1]:.2f} ms pass; "
                 f"{watched[2] / 1e6:.1f} MB sent, {watched[3]} parts dropped",
                 flush=True,
             )
