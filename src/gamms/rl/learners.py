@@ -187,7 +187,8 @@ class Learners:
         game = self.games.game
         members = [views[0].roster.agents[number] for view in views for number in on_host(view).agents]
         self.flies: BoolArray = np.array([one.type is AgentType.AERIAL for one in members], np.bool_)
-        self.reach_m: FloatArray = np.array([one.speed or 0.0 for one in members], np.float64) * self.flies
+        reach = [one.speed or 0.0 if flies else 0.0 for one, flies in zip(members, self.flies, strict=True)]
+        self.reach_m: FloatArray = np.array(reach, np.float64)
         self.may_return = any(_brings_back(one.rule) for one in game.rules)
         if self._reward is None and not any(_gives_scores(one.rule) for one in game.rules):
             raise BadValue(
