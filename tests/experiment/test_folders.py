@@ -84,7 +84,7 @@ def test_other_code_is_another_game(tmp_path):
 def test_rows_of_another_version_are_not_mixed_in(whole, tmp_path):
     journal = (whole / "journal.jsonl").read_text()
     (tmp_path / "journal.jsonl").write_text(journal.replace('"gamms": "2', '"gamms": "1'))
-    with pytest.raises(WriteConflict, match=r"played by gamms 1\.0\.0\.dev0: choose another folder"):
+    with pytest.raises(WriteConflict, match=r"played by gamms 1\.0\.0rc1: choose another folder"):
         experiment.run(HUNT, range(4), VARY, out=tmp_path)
 
 

@@ -160,7 +160,7 @@ def test_a_crs_that_is_none_is_named(crs):
 
 def test_without_pyproj_the_error_prints_the_command(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyproj", None)
-    with pytest.raises(MissingExtra, match=r"other than UTM zones.*pip install.*\[osm\]"):
+    with pytest.raises(MissingExtra, match=r"other than UTM zones.*extra .osm.*pip install .*pyproj"):
         cloud([], "EPSG:31256").to_latlon(0.0, 0.0)
 
 

@@ -58,8 +58,6 @@ class Page:
 
     def open(self, path, width=1280, height=720, *, touch=False, scale=1, dark=False):
         """Open a file or an address in a window of some size, and wait until the viewer has read it."""
-        self.messages.clear()
-        self.frames.clear()
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.call(
@@ -69,6 +67,8 @@ class Page:
         features = [{"name": "prefers-color-scheme", "value": "dark" if dark else "light"}]
         self.call("Emulation.setEmulatedMedia", features=features)
         self.call("Page.navigate", url="about:blank")  # for another token alone would not load a page again
+        self.messages.clear()  # of the last page, which may have lost its server since
+        self.frames.clear()
         is_address = str(path).startswith("http")
         self.call("Page.navigate", url=str(path) if is_address else Path(path).absolute().as_uri())
         self.wait("document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead")

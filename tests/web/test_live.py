@@ -202,6 +202,7 @@ def test_a_program_that_opens_a_window_else_serves_its_turns(join):
             anna.set_state()
             ctx.visual.simulate()
             nodes.append(anna.current_node_id)
+            client.read(lambda client: client.bytes)  # it is there from the first turn on
         shown = client.read_turns(19)
         client.socket.close()
     assert [state.agents["node"].tolist() for state in shown] == [[node] for node in nodes]
@@ -284,13 +285,12 @@ def hostile(draw):
 
 
 def attack(live, link, messages):
-    """Send hostile messages, in as many connections as it takes; return how many connections."""
+    """Send hostile messages, in as many connections as it takes."""
     from websockets.exceptions import ConnectionClosed
 
-    draw, sent, connections = random.Random(7), 0, 0
+    draw, sent = random.Random(7), 0
     while sent < messages:
         client = Client(link)
-        connections += 1
         try:
             while sent < messages:
                 client.socket.send(hostile(draw))
@@ -298,7 +298,6 @@ def attack(live, link, messages):
         except ConnectionClosed:
             pass
         client.socket.socket.close()
-    return connections
 
 
 @pytest.mark.parametrize("messages", [400, pytest.param(10_000, marks=pytest.mark.slow)])
@@ -307,7 +306,7 @@ def test_hostile_messages_change_nothing(messages, join):
         witness = join(live.links["red"])
         witness.read(lambda client: client.bytes)
         before = live.ctx.game.turn, live.scenario, live.pace.speed, live.pace.is_paused, live._seed
-        assert attack(live, live.links["red"], messages) > 1
+        attack(live, live.links["red"], messages)
         assert (live.ctx.game.turn, live.scenario, live.pace.speed, live.pace.is_paused, live._seed) == before
         live.pace.step()
         witness.read(lambda client: client.blocks()[-1].type == ord("K") or client.blocks()[-1].type == ord("T"))

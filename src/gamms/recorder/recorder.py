@@ -215,7 +215,12 @@ class Recorder(Guarded, IRecorder):
         """Let a follower hear what a recording would hold, from now on, whether or not the game is recorded.
 
         What agents sense is in it, and so in recordings that begin while there is a follower.
+
+        Raises:
+            BadType (TypeError): it has no `begin` and `hear`.
         """
+        if not (callable(getattr(follower, "begin", None)) and callable(getattr(follower, "hear", None))):
+            raise BadType(f"A follower has begin(header, state) and hear(log, is_over=), unlike {shown(follower)}.")
         self._followers = (*self._followers, follower)
         self._tell_followers()
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from gamms.arguments import as_bool, as_int, as_mapping, as_path
+from gamms.arguments import as_bool, as_int, as_items, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
 from gamms.game.batch.games import Batch, BatchSource, MostAgents, as_seeds
@@ -115,9 +115,10 @@ class Scenario:
         """Return the nodes on which the agents start with these seeds: name -> (seeds,) ids. No game is built.
 
         Raises:
+            BadType (TypeError): the seeds are no integers.
             ScenarioError: with one of them, not all agents can be placed.
         """
-        chosen = [as_int(seed, "A seed") for seed in seeds]
+        chosen = [as_int(seed, "A seed") for seed in as_items(seeds, "seeds", "integers")]
         with named(self.file, self._raw), create_context(logger_config=maps.quiet()) as ctx:
             ctx.graph.storage.copy_from(self._loaded())
             return Placing(ctx, self.spec, members(self.spec)).place(chosen)
