@@ -15,7 +15,7 @@ def collect(ctx, fear):
     """Make the strategy of the runner: to the nearest coin, and not nearer than `fear` to hunters in sight."""
 
     def strategy(state):
-        coins = [coin.current_node_id for coin in ctx.agent.teams["coins"] if coin.alive]
+        coins = state["sensor"]["sees_coins"][1].values()
         hunters = state["sensor"]["sees_hunters"][1].values()
 
         def cost(node):
