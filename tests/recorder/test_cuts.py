@@ -68,10 +68,12 @@ def test_without_sightings_there_is_nothing_of_others():
     ctx.game.add(lambda ctx: ctx.game.data.update(secret="kept by a rule"))
     data = cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "blue")
     assert set(map(tuple, names_in(data))) == {("blue_0",)}
+    sides = "'sides': ['red', 'blue']"  # which teams there are is public, by which they have their colours
     text = everything_in(data)
     assert "blue_0" in text
     assert "grudge" in text
-    assert "red" not in text
+    assert sides in text
+    assert "red" not in text.replace(sides, "")
     assert "kept by a rule" not in text
 
 

@@ -100,7 +100,63 @@ def test_flags_say_that_one_is_carried_but_not_by_whom_out_of_sight(hunt):
 def test_seeds_that_would_play_the_game_again_are_left_out(hunt):
     with recording_in(web.page(hunt, audience="red")) as cut:
         assert cut.seed is None
-        assert cut.header.keys() <= {"format", "package", "visuals", "audience"}
+        assert cut.header.keys() <= {"format", "package", "visuals", "audience", "sides"}
+
+
+@pytest.fixture(scope="module")
+def strangers(tmp_path_factory):
+    """A recording of four sides that meet late, two of them agents without a team, as pages of all and of each."""
+    path = tmp_path_factory.mktemp("strangers") / "game.ggr"
+    with gamms.create_context(seed=3) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 9))
+        eyes = ctx.sensor.create_sensor("eyes", "agent_range", sensor_range=15.0)
+        for name, node, team in (("anna", 0, "owls"), ("solo", 2, None), ("lone", 6, None), ("zoe", 8, "mice")):
+            given = {"sensors": {"eyes": eyes.sensor_id}, "strategy": to_the_middle, "start_node_id": node}
+            ctx.agent.create_agent(name, **({} if team is None else {"team": team}), **given)
+        ctx.record.start(path, sensed=True)
+        ctx.game.run(max_turns=6)
+    return path
+
+
+def to_the_middle(state):
+    """Go towards node 4."""
+    state["action"] = state["curr_pos"] + (state["curr_pos"] < 4) - (state["curr_pos"] > 4)
+
+
+def test_a_cut_names_no_agent_without_a_team_that_it_does_not_know(strangers):
+    named = {}
+    for side in ("owls", "lone"):
+        with recorder.open(strangers) as recording, recording_in(web.page(recording, audience=side)) as cut:
+            named[side] = cut.header["sides"]
+    assert named == {"owls": ["owls", None, None, "mice"], "lone": ["owls", None, "lone", "mice"]}
+
+
+def test_pictures_of_a_cut_have_the_colours_of_the_whole_game(strangers, tmp_path):
+    colors = {}
+    with recorder.open(strangers) as recording:
+        recording.cut(tmp_path / "mice.ggr", "mice")
+    for path in (strangers, tmp_path / "mice.ggr"):
+        with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+            seen = [ctx.visual.drawing.group_colors() for _ in ctx.record.replay(path)]
+        colors[path.stem] = [seen[0], seen[-1]]
+    (first, _), (alone, all_met) = colors["game"], colors["mice"]
+    assert len(set(first.values())) == 4
+    assert alone == {"mice": first["mice"]}
+    assert all_met.keys() == first.keys()
+    assert [all_met[team] for team in ("owls", "mice")] == [first[team] for team in ("owls", "mice")]
+    assert len(set(all_met.values())) == 4
+
+
+def test_sides_that_are_no_names_are_refused(strangers, tmp_path):
+    with recorder.open(strangers) as recording:
+        recording.cut(tmp_path / "mice.ggr", "mice")
+    damaged = tmp_path / "damaged.ggr"
+    with recorder.open(tmp_path / "mice.ggr") as cut, damaged.open("wb") as file:
+        writer = recorder.Writer(file, {**cut._reader.header, "sides": [3]}, seconds=None)
+        writer.keyframe(cut.detached(0).keyframe(0))
+        writer.close()
+    with gamms.create_context() as ctx, pytest.raises(recorder.RecordingError, match=r"sides .*\[3\]"):
+        list(ctx.record.replay(damaged))
 
 
 def test_a_team_that_is_not_there_or_cannot_see_is_an_error(hunt, tmp_path):

@@ -208,3 +208,43 @@ def test_what_rules_keep_is_shown(chromium, walled, tmp_path):
     page.value("gamms.needsPaint = true")
     page.settle()
     assert (pixels_of(page.picture()) != before).any(axis=-1).sum() > 500  # rings, squares and bars
+
+
+def east_for_two_turns(state):
+    """Go to the right twice, and stay there."""
+    state["action"] = state["curr_pos"] + (state["turn"] < 2)
+
+
+MEETING = gamms.scenario.Scenario(
+    map={"grid": {"width": 6, "height": 1}},
+    sensors={"eyes": {"type": "AGENT_RANGE", "sensor_range": 15}},
+    teams={
+        "herons": {"agents": [{"name": "hera", "node": 1}], "sensors": ["eyes"]},
+        "moles": {"agents": [{"name": "mo", "node": 4}], "sensors": ["eyes"]},
+    },
+    max_turns=3,
+)
+
+
+def test_a_team_has_its_colour_in_files_streams_cuts_and_pictures(chromium, tmp_path):
+    path, pixels = tmp_path / "game.ggr", {}
+    moves = {"herons": east_for_two_turns, "moles": gamms.strategies.stay}
+    with gamms.web.serve(MEETING, speed=None, strategies=moves, record=path) as live:
+        live.wait(10)
+        pages = {f"live {name}": live.links[name] for name in ("everything", "moles")}
+        with recorder.open(path) as recording:
+            for name, audience in (("all", None), ("moles", "moles")):
+                recording.save(tmp_path / f"{name}.html", audience=audience)
+                pages[f"file {name}"] = tmp_path / f"{name}.html"
+        for name, place in pages.items():
+            page = chromium.open(place)
+            page.wait("gamms.turns === 3")
+            page.value("gamms.seek(3)")
+            page.settle()
+            x, y = page.value("(({px, py}) => [px, py])(gamms.views[0].scene.discOf('mo'))")
+            pixels[name] = tuple(pixels_of(page.picture())[round(y), round(x), :3].tolist())
+            assert page.messages == []
+    with gamms.create_context() as ctx:
+        for _ in ctx.record.replay(path):
+            pixels["picture"] = ctx.visual.drawing.group_colors()["moles"]
+    assert set(pixels.values()) == {(208, 48, 40)}, pixels

@@ -487,6 +487,31 @@ _SPECIAL: dict[int, Callable[[Cut, int, Any], Iterator[_Event]]] = {
 _OF_SENSORS = (kinds.SENSORS, kinds.AGENT_CREATE, kinds.AGENT_SENSOR_REGISTER, kinds.AGENT_TEAM)
 
 
+def sides_of(
+    header: Mapping[str, Any], first: Keyframe, is_own: Callable[[str, Any], bool] = lambda _name, _team: True
+) -> list[str | None]:
+    """Return the sides of a game in the order in which they choose their colours, which no cut changes.
+
+    A side is a team, by its text, or an agent without one, by its name; None for such an agent that is not known.
+
+    Args:
+        header: of the whole recording.
+        first: the first keyframe of the game.
+        is_own: says of the name and the team of an agent whether it is known.
+    """
+    sides: dict[str | int, str | None] = {}
+    for name, team in zip(first["names"], first["teams"], strict=True):
+        if team is None and not is_own(name, team):
+            sides[len(sides)] = None
+        else:
+            side = name if team is None else str(team)
+            sides[side] = side
+    scenario = header.get("scenario")
+    teams = scenario.get("teams") if isinstance(scenario, Mapping) else None
+    sides |= {team: team for team in teams or () if isinstance(team, str)}  # some may come later
+    return list(sides.values())
+
+
 def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object) -> None:
     """Write what a team knew into a stream; see `Recording.cut`.
 
@@ -503,11 +528,15 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     def nearest(place: Sequence[float]) -> int:
         return int(columns.node_ids[((columns.xy - np.asarray(place)) ** 2).sum(axis=1).argmin()])
 
+    def is_own(name: str, team: Any) -> bool:
+        return bool((name if team is None else team) == own)
+
     own = _team_of(reader, first[1], team)
     with refusing("It cannot be cut", DAMAGES):
-        cut = Cut(first[1], lambda name, team: (name if team is None else team) == own, nearest)
+        cut = Cut(first[1], is_own, nearest)
     header = {key: value for key, value in reader.header.items() if key not in _SECRET}
-    writer = Writer(out, header | {"seed": None, "audience": own}, seconds=None)
+    header |= {"seed": None, "audience": own, "sides": sides_of(reader.header, first[1], is_own)}
+    writer = Writer(out, header, seconds=None)
     for turn in range(reader.turns):
         with refusing(f"Turn {turn + 1} cannot be cut", DAMAGES):
             complete = list(cut.add(reader.log(turn)))

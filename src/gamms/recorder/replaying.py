@@ -121,6 +121,12 @@ class LiveState(State):
         if artists is not None:
             self._shown = artists.add_specs(visuals, self._shown)
 
+    def order_sides(self, sides: Sequence[str | None]) -> None:
+        """Declare in which order teams choose their colours."""
+        drawing = getattr(self._ctx.visual, "drawing", None)
+        if drawing is not None:
+            drawing.sides = sides
+
     def draw(self, drawing: dict[str, Any]) -> None:
         """Let an artist draw these commands from now on."""
         artists = getattr(self._ctx.visual, "artists", None)
@@ -406,6 +412,7 @@ class Replayer:
         """
         maps.attach(self._ctx, reader.header)
         self.show(reader.header.get("visuals"), reader.header.get("drawings", []))
+        self.state.order_sides(_sides_in(reader.header))
         begin = reader.keyframe(0)
         if begin is not None and begin[0] == 0:
             self._begin(reader.header, begin[1])
@@ -537,3 +544,15 @@ class Replayer:
                 self.state.show(visuals)
                 for drawing in drawings:
                     self.state.draw(drawing)
+
+
+def _sides_in(header: Mapping[str, Any]) -> tuple[str | None, ...]:
+    """Return the sides that the header of a cut recording names; none for a recording that is whole.
+
+    Raises:
+        RecordingError: they are damaged.
+    """
+    sides = header.get("sides", ())
+    if not isinstance(sides, list | tuple) or any(not isinstance(side, str | None) for side in sides):
+        raise RecordingError(f"The sides in the header of this recording are not right: {shown(sides)}.")
+    return tuple(sides)

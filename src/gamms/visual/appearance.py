@@ -75,6 +75,18 @@ def team_colors(
     return {name: own[name] for name in names}
 
 
+def in_order(sides: Iterable[str | None], known: Sequence[str]) -> list[str]:
+    """Return those who choose colours, each in its place.
+
+    Args:
+        sides: the order of all sides of a game; None: one whose name is not known there.
+        known: sides that are; those that `sides` does not name take the places of None, then those behind.
+    """
+    named = set(sides := tuple(sides))
+    others = iter([side for side in known if side not in named])
+    return [*(next(others, f"\0{i}") if side is None else side for i, side in enumerate(sides)), *others]
+
+
 def is_dark(color: Sequence[float]) -> bool:
     """Return whether a colour is nearer to black than to white."""
     return sum(color[:3]) < 3 * 128

@@ -16,7 +16,7 @@ from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import shown
 from gamms.typing import IAgent, IContext
-from gamms.visual.appearance import AnyColor, Color, Rgb, rgba, team_colors
+from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
 from gamms.visual.camera import Viewpoint, moved_circles
 from gamms.visual.shown_turn import Carriers, Motion, TurnEvents
 from gamms.visual.themes import THEMES, Theme
@@ -314,6 +314,7 @@ class Drawing:
         carriers: of sensors.
         viewpoint: of pictures.
         team_colors: text of a team -> the colour that was declared for it.
+        sides: the order in which teams choose their colours, as a cut recording says; None: an agent of no team.
         has_default_look: whether the graph was not declared, so that agents on one node are drawn beside each other.
         has_stacks: whether so many agents are on one node that they are counted.
         has_marks: whether something was drawn whose size goes by the `extent`.
@@ -328,6 +329,7 @@ class Drawing:
         self.motion, self.events, self.carriers = Motion(ctx), TurnEvents(ctx), Carriers(ctx)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
+        self.sides: Sequence[str | None] = ()
         self._marks, self.has_marks = 1.0, False
         self.has_default_look = self.has_stacks = False
         self.spread: Spread | None = None
@@ -515,7 +517,9 @@ class Drawing:
         groups = dict.fromkeys(teams)
         if None in groups:
             groups = dict.fromkeys(name if team is None else team for name, team in zip(names, teams, strict=True))
-        return team_colors([*groups, *more], self.team_colors, self.theme.teams)
+        known = [*dict.fromkeys(map(str, (*groups, *more)))]
+        colors = team_colors(in_order(self.sides, known), self.team_colors, self.theme.teams)
+        return {side: colors[side] for side in known}
 
     def extent(self) -> float:
         """Return how much of the map pictures show, world units, for marks of one size in all; 0.0 for no map.

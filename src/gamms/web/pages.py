@@ -28,6 +28,7 @@ from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder import Recording, Writer
 from gamms.recorder import open as opened
+from gamms.recorder.cut import sides_of
 from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
@@ -48,7 +49,7 @@ _UNREAD = {  # kinds of events that the viewer does not read
     *kinds.COMPONENTS,
 }
 _UNREAD_STATE = ("components", "chance", "delayed_looks", "agent_facts", "team_facts")  # of keyframes
-_HEADER = ("format", "package", "seed", "created", "visuals", "drawings", "audience")
+_HEADER = ("format", "package", "seed", "created", "visuals", "drawings", "audience", "sides")
 _EDGE_ATTRIBUTES = {"highway", "name", "tunnel"}
 _STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
 _LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
@@ -191,7 +192,8 @@ def _rewritten(recording: Recording, team: str | None) -> bytes:
     agents = len(recording.detached(0).agents)
     every = min(max(_KEYFRAME_MOVES // max(agents, 1), _FEWEST_TURNS), _MOST_TURNS)
     stream = BytesIO()
-    header = drawn_header({**recording.header, "world": recording.graph.packed})
+    sides = recording.header.get("sides") or sides_of(recording.header, recording.detached(0).keyframe(0))
+    header = drawn_header({**recording.header, "world": recording.graph.packed, "sides": sides})
     writer = Writer(stream, header, seconds=None)
     for turn, log in enumerate(recording.logs(1, recording.turns + 1)):
         if turn % every == 0:

@@ -8,6 +8,7 @@ no connection has a queue of its own, and none can make the game wait.
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from copy import deepcopy
+from functools import partial
 from io import RawIOBase
 from itertools import islice
 from threading import Lock
@@ -18,7 +19,7 @@ import numpy as np
 from gamms.ir.events import Log
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Writer
-from gamms.recorder.cut import Cut
+from gamms.recorder.cut import Cut, sides_of
 from gamms.recorder.detached import DetachedState
 from gamms.web.links import Audience
 from gamms.web.pages import drawn_header, drawn_keyframe, drawn_log
@@ -183,12 +184,14 @@ class Streams:
         self._state: DetachedState | None = None  # after the last whole turn
         self._since: Log = []  # what has happened since then
         self._header: Keyframe = {}
+        self._sides: Callable[[Callable[[str, Any], bool]], Any]  # that are known to agents
         self._streams: dict[Audience, Stream | None] = {}  # of those who follow; None before there is a game
 
     def begin(self, header: Keyframe, state: Keyframe) -> None:
         """Begin with all audiences; see `Follower`."""
         with self._lock:
             self._header, self._since, self.turns = drawn_header(header), [], 0
+            self._sides = partial(sides_of, header, {name: state[name] for name in ("names", "teams")})
             self._state = DetachedState(deepcopy(state))
             self._streams = {audience: self._begun(audience) for audience in self._streams}
 
@@ -228,7 +231,8 @@ class Streams:
     def _begun(self, audience: Audience) -> Stream:
         assert self._state is not None  # noqa: S101 - callers look
         state = self._state.keyframe(self.turns)
-        stream = Stream(audience, self._header, state, self.turns, self._nearest)
+        sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
+        stream = Stream(audience, self._header | {"sides": sides}, state, self.turns, self._nearest)
         if self._since:
             stream.hear(self._since, self._since, is_over=False, state=dict)
         return stream

@@ -217,7 +217,20 @@ export class Replay {
 
   /** Return the sides of the game, in the order of their first agents, also while no agent of theirs is there. */
   sides() {
-    return [...new Set([...this.first, ...this.overview.sides.values(), ...[...this.state.agents.values()].map(sideOf)])];
+    const known = new Set([...this.first, ...this.overview.sides.values(), ...[...this.state.agents.values()].map(sideOf)]);
+    return this.#inOrder(known).filter((side) => known.has(side));
+  }
+
+  /** Return the sides in the order in which they choose colours, also those of which nothing is known. */
+  sidesWithColors() {
+    return this.#inOrder(new Set(this.sides()));
+  }
+
+  /** @param {Set<string>} known */
+  #inOrder(known) {
+    /** @type {(string | null)[]} */ const all = this.recording.header.get("sides") ?? [];
+    const others = [...known].filter((side) => !all.includes(side)); // the first of them are those that a cut did not name
+    return [...all.map((side, i) => side ?? others.shift() ?? `\0${i}`), ...others];
   }
 
   /** Return the side of an agent by its name; the name itself where there is no such agent. @param {string} name */

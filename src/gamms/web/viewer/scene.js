@@ -62,7 +62,7 @@ export class Scene {
     if (this.known?.state === state && this.known.turn === state.turn && this.known.theme === look.theme) return this.known.colors;
     const declared = this.replay.state.visuals?.get("team_colors");
     const given = declared instanceof Map ? declared : new Map(declared ?? []);
-    this.known = { state, turn: state.turn, theme: look.theme, colors: teamColors(this.replay.sides(), THEMES[look.theme], given) };
+    this.known = { state, turn: state.turn, theme: look.theme, colors: teamColors(this.replay.sidesWithColors(), THEMES[look.theme], given) };
     return this.known.colors;
   }
 
