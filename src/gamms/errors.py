@@ -14,7 +14,6 @@ GammsError
 ├─ PlaceError (ValueError)         a place that is unknown, or has no map
 ├─ NetworkError (ConnectionError)  a map server that cannot be reached, is busy, or answers with nonsense
 ├─ MissingExtra (ImportError)      an optional library is needed and absent
-├─ MixedInstallation (ImportError) another distribution has put its files among those of GAMMS
 ├─ MissingKey (KeyError)           a dict or call without something it needs
 ├─ MissingFolder (FileNotFoundError) a file is to be written into a folder that is not there
 ├─ MissingFile (FileNotFoundError) a file that is to be read is not there
@@ -181,17 +180,6 @@ def _libraries(extra: str, declared: list[str]) -> Iterator[str]:
             yield requirement.strip()
 
 
-class MixedInstallation(GammsError, ImportError):
-    """The package of the paper's authors and this one are installed into the same folder."""
-
-    def __init__(self, folder: str) -> None:
-        super().__init__(
-            f"The distributions 'gamms' (1.0.0, of the paper's authors) and {DISTRIBUTION!r} are both installed in "
-            f"{folder!r}, where each has overwritten files of the other. Remove both, then install one: "
-            f"pip uninstall gamms {DISTRIBUTION}"
-        )
-
-
 class NoDisplay(GammsError, RuntimeError):
     """A window is asked for where none can be opened."""
 
@@ -274,10 +262,14 @@ class ContextTerminated(GammsError, AttributeError):
 
 
 def _refuse_mixed_installation() -> None:
-    """Refuse to run among files of gamms 1.0.0 (MixedInstallation); one question to the file system."""
+    """Refuse to run among files of gamms 1.0.0 (ImportError); one question to the file system."""
     folder = os.path.dirname(__file__)  # noqa: PTH120 - pathlib alone would take as long as all of `import gamms`
     if os.path.isdir(os.path.join(folder, _FOLDER_OF_GAMMS_1)):  # noqa: PTH112, PTH118
-        raise MixedInstallation(folder)
+        raise ImportError(  # none of ours, which no program could import to catch it
+            f"The distributions 'gamms' (1.0.0, of the paper's authors) and {DISTRIBUTION!r} are both installed in "
+            f"{folder!r}, where each has overwritten files of the other. Remove both, then install one: "
+            f"pip uninstall gamms {DISTRIBUTION}"
+        )
 
 
 _refuse_mixed_installation()  # here, as all modules of ours import this one, whichever `gamms/__init__.py` has won
