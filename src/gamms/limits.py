@@ -15,6 +15,8 @@ from typing import Any
 from gamms.errors import BadFile, BadValue, TooLarge
 from gamms.text import shown
 
+__all__ = ["allowing", "max_memory", "parse_memory", "refuse_above"]  # what programs use; the rest is for our readers
+
 _GIB = 1 << 30
 _DEFAULT = 2 * _GIB
 _FLOOR = 1 << 26  # bytes of memory that any file may take, however small
