@@ -25,7 +25,7 @@ project = "GAMMS"
 author = "the authors of GAMMS"
 version = release = __version__
 extensions = ["myst_parser"]
-exclude_patterns = ["figures"]
+exclude_patterns = ["figures", "reference/examples"]  # examples are put into the entries of the reference
 myst_heading_anchors = 4
 myst_enable_extensions = ["colon_fence"]
 suppress_warnings = ["myst.header", "ref.python"]  # two classes of one name: the link leads to the first

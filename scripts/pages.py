@@ -14,6 +14,10 @@ from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent
 DOCS = ROOT / "docs"
+REFERENCE = DOCS / "reference"
+EXAMPLES = (
+    REFERENCE / "examples"
+)  # of public names; the site shows each below the entry of its name, not on its own page
 LINK = re.compile(r"\[([^\]]*)\]\(([^)\s]+)\)")
 REPLAY = re.compile(r"^<!-- replay: (\S+) -->$", re.MULTILINE)  # where a page shows an HTML replay that its code saves
 
@@ -35,12 +39,17 @@ class Fence(NamedTuple):
 
 def all_pages() -> list[Path]:
     """Return the README and all pages of the documentation, without those that are written when the site is built."""
-    return [ROOT / "README.md", *(path for path in sorted(DOCS.rglob("*.md")) if not path.name.startswith("gamms."))]
+    written = set(REFERENCE.glob("gamms*.md"))
+    return [ROOT / "README.md", *(path for path in sorted(DOCS.rglob("*.md")) if path not in written)]
 
 
 def fences_of(page: Path) -> list[Fence]:
     """Return the ```python fences of a page, in order."""
-    text = page.read_text(encoding="utf-8")
+    return fences_in(page.read_text(encoding="utf-8"))
+
+
+def fences_in(text: str) -> list[Fence]:
+    """Return the ```python fences of a text in Markdown, in order."""
     found = list(_FENCE.finditer(text))
     fences = []
     for i, match in enumerate(found):

@@ -132,7 +132,21 @@ def owner_of(found: Found, name: str) -> str | None:
     return next(iter(inside), None) or next((one for one in packages()[1:] if name in names_of(one)), None)
 
 
+@cache
+def examples_in(package: str) -> list[tuple[list[str], str]]:
+    """Return the sections of the page of examples of a package: the names of its heading, and the text below it."""
+    page = pages.EXAMPLES / f"{package}.md"
+    parts = re.split(r"^## (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE) if page.exists() else []
+    return [(heading.split(", "), text.strip()) for heading, text in zip(parts[1::2], parts[2::2], strict=True)]
+
+
 def examples_of(module: str, name: str) -> str:
+    """Return the examples of a public name, and links to the pages whose programs use it."""
+    sections = [text.replace("](../../", "](../") for names, text in examples_in(module) if name in names]
+    return PARAGRAPH.join([*sections, _pages_with(module, name)]).strip()
+
+
+def _pages_with(module: str, name: str) -> str:
     """Return links to the pages whose programs use a public name, three at most."""
     last = module.rpartition(".")[2]
     used = re.compile(rf"\b{last}[.:]{name}\b|from {re.escape(module)} import (?:\w+, )*{name}\b")
@@ -148,7 +162,7 @@ def _programs() -> list[tuple[str, str, str]]:
     named = [
         (page, "\n".join(fence.code for fence in pages.fences_of(page)))
         for page in pages.all_pages()
-        if page.stem not in {"README", "index"}
+        if page.stem not in {"README", "index"} and page.parent != pages.EXAMPLES
     ]
     titles = {page: re.search(r"^# (.+)$", pages.prose_of(page), re.MULTILINE) for page, code in named if code}
     return [
@@ -183,17 +197,24 @@ def _comment_at(found: Found) -> str:
     return comment.lstrip("# ") if comment.startswith("#") and "noqa" not in comment else ""
 
 
-def _entry(module: str, name: str) -> str:
+def described_in(module: str, name: str) -> str:
+    """Return the package that has the entry of a public name: `module`, or that which owns the definition."""
     found = found_as(module, name)
     home = owner_of(found, name) if found else None
-    if home and home != module and (found.module == home or name in names_of(home)):
+    return home if home and (found.module == home or name in names_of(home)) else module
+
+
+def _entry(module: str, name: str) -> str:
+    found, home = found_as(module, name), described_in(module, name)
+    if home != module:
         return f"* `{name}`: see [`{home}`]({home}.md)\n"
     if found is None:
-        return _directive("py:data", name, "", _in(module))
+        return _directive("py:data", name, "", _in(module), examples_of(module, name))
     match found.node:
         case ast.Module():
             inner = [_entry(found.module, one) for one in names_of(found.module)]
-            return _directive("py:module", found.module, docstring_of(found), []) + "\n" + "\n".join(inner)
+            head = _directive("py:module", found.module, docstring_of(found), [], examples_of(module, name))
+            return head + "\n" + "\n".join(inner)
         case ast.ClassDef():
             return _class(module, name, found)
         case ast.FunctionDef() | ast.AsyncFunctionDef():
@@ -202,7 +223,7 @@ def _entry(module: str, name: str) -> str:
         case _:
             value = ast.unparse(found.node.value) if found.node.value else ""
             options = [*_in(module), *([f":value: {value}"] if value and len(value) < 100 else [])]
-            return _directive("py:data", name, docstring_of(found), options)
+            return _directive("py:data", name, docstring_of(found), options, examples_of(module, name))
 
 
 def _in(module: str) -> list[str]:

@@ -1,13 +1,18 @@
-"""The reference of the site has every public name, each with a docstring."""
+"""The reference of the site has every public name, each with a docstring and an example."""
 
+import ast
 import sys
 from pathlib import Path
+
+import pytest
 
 import gamms
 
 sys.path.insert(0, str(Path(__file__).parents[2] / "scripts"))
 import pages
 import reference
+
+EXAMPLES = sorted(page.stem for page in pages.EXAMPLES.glob("*.md"))
 
 
 def test_every_public_name_can_be_found_in_the_source_and_has_a_docstring():
@@ -28,6 +33,38 @@ def test_an_entry_has_signature_arguments_errors_and_programs():
     for part in ("{py:function} parse_memory(text: str) -> int", "* **estimated**: bytes.", "* **BadValue**: the text"):
         assert part in page
     assert "[Rules](../rules.md)" in reference.examples_of("gamms.rules", "tag")
+
+
+def test_an_entry_shows_the_example_of_its_name_with_what_it_prints():
+    page = reference.page_of("gamms.limits")
+    for name, said in (("allowing(", "2048 MiB"), ("parse_memory(", "536870912")):
+        _, _, entry = page.partition(f"{{py:function}} {name}")
+        assert said in entry.partition("\n::::\n")[0]
+
+
+@pytest.mark.parametrize("package", EXAMPLES)
+def test_a_section_of_examples_names_public_names_that_its_code_uses(package):
+    sections = reference.examples_in(package)
+    named = [name for names, _ in sections for name in names]
+    assert len(named) == len(set(named)), "a name has two sections"
+    for names, text in sections:
+        unknown = [name for name in names if name not in reference.names_of(package)]
+        elsewhere = [name for name in names if name not in unknown and reference.described_in(package, name) != package]
+        unused = set(names) - used_in("\n".join(fence.code for fence in pages.fences_in(text)))
+        assert (unknown, elsewhere, unused) == ([], [], set())
+
+
+@pytest.mark.parametrize("package", EXAMPLES)
+def test_every_public_name_has_an_example_or_a_page_that_uses_it(package):
+    names = [name for name in reference.names_of(package) if reference.described_in(package, name) == package]
+    assert not [name for name in names if not reference.examples_of(package, name)]
+
+
+def used_in(code):
+    """Return the names that code uses; importing one is no use."""
+    nodes = list(ast.walk(ast.parse(code)))
+    loaded = {node.id for node in nodes if isinstance(node, ast.Name)}
+    return loaded | {node.attr for node in nodes if isinstance(node, ast.Attribute)}
 
 
 def test_a_page_has_an_entry_for_each_name_of_its_package():

@@ -29,7 +29,12 @@ _COLUMN_TYPES = {"int": "INTEGER", "float": "REAL", "str": "TEXT", "bool": "INTE
 
 
 class PathLike(IPathLike):
-    """A path as text: equal by value, `':memory:'` for a database without a file."""
+    """A path as text: equal by value, `':memory:'` for a database without a file.
+
+    Raises:
+        BadType: the path is no text.
+        BadValue: it is empty.
+    """
 
     def __init__(self, path: str) -> None:
         if not isinstance(path, str):
