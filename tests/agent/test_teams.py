@@ -102,6 +102,10 @@ def test_what_is_impossible_changes_nothing(ctx):
         ctx.agent.create_team("blue", [0, 1], columns={"fuel": [1]})
     with pytest.raises(BadType, match="strategy"):
         ctx.agent.create_team("blue", [0, 1], strategy=5)
+    with pytest.raises(UnknownName, match=r"Unknown sensor 'nearr'. Did you mean 'near'\?"):
+        ctx.agent.create_team("blue", [0, 1], sensors=["nearr"])
+    with pytest.raises(UnknownName, match="nearr"):
+        ctx.agent.create_agent("blue", start_node_id=0, sensors={"eyes": "nearr"})
     assert list(ctx.agent.agents) == ["red_1"]
 
 

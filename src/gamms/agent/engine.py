@@ -197,7 +197,7 @@ class AgentEngine(Guarded, IAgentEngine):
             columns: attributes: name -> one value for all, or one for each, (agents,).
 
         Raises:
-            UnknownName (KeyError): a node is not on the map.
+            UnknownName (KeyError): a node is not on the map, or there is no such sensor.
             Duplicate: there is an agent of such a name.
             BadType, BadValue: an argument is impossible; nothing has changed then.
         """
@@ -212,6 +212,7 @@ class AgentEngine(Guarded, IAgentEngine):
         given = as_mapping(columns, "columns")
         values = {column: each_of(value, len(nodes), column) for column, value in given.items()}
         carried = _listed(sensors)
+        self._found_sensors(team, carried, skips_unknown=False)
         if self._block.journal is PLAIN and not carried and all(map(is_attribute, values)):
             members = self._added_together(names, nodes, team, strategy, values)
             return Team(self._ctx, team, members, self._current_block)
@@ -366,13 +367,11 @@ class AgentEngine(Guarded, IAgentEngine):
             if type(agent) is not Members:
                 agent._row = row
 
-    def _found_sensors(self, name: str, given: Any) -> dict[str, ISensor]:
-        """Return the sensors that an agent is to carry, by their names in its state."""
+    def _found_sensors(self, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, ISensor]:
+        """Return the sensors that an agent is to carry, by their names in its state; 1.0.0 skips unknown ids."""
         is_dict = type(given) is not list and isinstance(given, Mapping)
         if isinstance(given, str) or not isinstance(given, Iterable):
-            raise BadType(
-                f"sensors= of agent {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}."
-            )
+            raise BadType(f"sensors= of {shown(name)} must be a list of sensor ids or a dict, not {shown(given)}.")
         pairs = given.items() if isinstance(given, Mapping) else ((one, one) for one in given)
         found = {}
         for key, sensor in pairs:
@@ -386,6 +385,8 @@ class AgentEngine(Guarded, IAgentEngine):
                     self._ctx.sensor.get_sensor(sensor) if is_id else sensor
                 )
             except KeyError as error:
+                if is_dict or not skips_unknown:
+                    raise
                 self._ctx.logger.warning(f"Agent {shown(name)} goes without a sensor: {error}")
         return found
 
@@ -554,10 +555,7 @@ class AgentStorage(Guarded):
             agent._block, agent._row = own, 0
 
 
-_CLASSES: dict[AgentType, type[Agent] | type[AerialAgent]] = {
-    AgentType.BASIC: Agent,
-    AgentType.AERIAL: AerialAgent,
-}
+_CLASSES: dict[AgentType, type[Agent | AerialAgent]] = {AgentType.BASIC: Agent, AgentType.AERIAL: AerialAgent}
 _NEEDED = {
     AgentType.BASIC: {"start_node_id": "the node it stands on"},
     AgentType.AERIAL: {"start_node_id": "the node it starts from", "speed": "map units per step"},
