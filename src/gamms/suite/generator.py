@@ -63,8 +63,8 @@ def generate(kind: str, map: str = "grid", seed: int = 0) -> Drawn:
     Raises:
         BadValue: there is no such kind or map.
     """
-    chosen, where = as_choice(kind, "kind", list(KINDS)), as_choice(map, "map", list(MAPS))
-    return KINDS[chosen](_Ground(where, as_int(seed, "seed"), chosen))
+    chosen, where = as_choice(kind, "kind", KINDS), as_choice(map, "map", list(MAPS))
+    return _DRAWN[chosen](_Ground(where, as_int(seed, "seed"), chosen))
 
 
 class _Ground:
@@ -171,10 +171,13 @@ def _flags(ground: _Ground) -> Drawn:
     return Drawn(made, "red", "blue", dict(zip(("balanced", "rush", "siege"), players, strict=True)))
 
 
-KINDS: dict[str, Callable[[_Ground], Drawn]] = {  # name -> what draws a scenario of that kind
+_DRAWN: dict[str, Callable[[_Ground], Drawn]] = {  # name -> what draws a scenario of that kind
     "pursuit": _pursuit,
     "evasion": lambda ground: _pursuit(ground, "blue"),
     "breach": _breach,
     "defence": lambda ground: _breach(ground, "blue"),
     "flags": _flags,
 }
+
+KINDS = tuple(_DRAWN)
+"""The kinds of scenario that `generate` draws."""
