@@ -195,6 +195,60 @@ def test_fog_past_walls_and_ahead_is_that_of_sensors_of_nodes(chromium, walled, 
     assert page.messages == []
 
 
+DOWN, OBLIQUE, AHEAD = (0.5**0.5, 0.0, 0.5**0.5, 0.0), (0.9, 0.1, 0.35, 0.2), (1.0, 0.0, 0.0, 0.0)
+DRONES = {  # kind of sensor, its direction, range and angle, and where its drone is
+    "below": ("AERIAL_AGENT", DOWN, 30.0, 1.5, (42.0, 38.0, 15.0)),
+    "aside": ("AERIAL_AGENT", OBLIQUE, 50.0, 0.9, (18.0, 22.0, 12.0)),
+    "round": ("AERIAL_AGENT", AHEAD, 31.0, 7.0, (55.0, 55.0, 9.0)),
+    "ahead": ("AERIAL_AGENT", AHEAD, 60.0, 2.0, (11.0, 71.0, 8.0)),
+    "low": ("OCCLUDED_AERIAL_AGENT", AHEAD, 45.0, 7.0, (41.0, 27.0, 5.0)),
+    "high": ("OCCLUDED_AERIAL_AGENT", OBLIQUE, 70.0, 2.2, (8.0, 30.0, 21.0)),
+}
+
+
+@pytest.fixture(scope="module")
+def flown(tmp_path_factory):
+    """A game of drones that turn, over walls and a hill, and the nodes on which their sensors report agents."""
+    path, covered = tmp_path_factory.mktemp("flown") / "flown.ggr", {}
+    with gamms.create_context(seed=1) as ctx:
+        graph = gamms.graph.grid(9, 9)
+        for node in (60, 61, 70):
+            graph.nodes[node]["z"] = 6.5
+        ctx.graph.attach_networkx_graph(graph)
+        ctx.graph.add_obstacles([[(25, y, 9), (25, y + 30, 9), (25, y, 0), (25, y + 30, 0)] for y in (12, 52)])
+        for name, (kind, quat, far, fov, place) in DRONES.items():
+            eye = ctx.sensor.create_sensor(name, kind, sensor_range=far, fov=fov, quat=quat)
+            given = {"type": "AERIAL", "position": place, "speed": 3.0, "quat": (0.9, 0.0, 0.1, 0.3)}
+            ctx.agent.create_agent(name, start_node_id=0, team=name, sensors={"eye": eye}, strategy=rise, **given)
+        ctx.record.start(path, sensed=True)
+        ctx.game.run(max_turns=1)
+        ctx.record.stop()
+        for name in DRONES:
+            agent = ctx.agent.get_agent(name)
+            covered[name] = {*agent.sensors["eye"].coverage(None).node_ids.tolist(), agent.current_node_id}
+    return path, covered
+
+
+def rise(state):
+    """Fly upwards."""
+    state["action"] = (0.3, 0.1, 1.0)
+
+
+def test_fog_below_flyers_is_where_their_sensors_report_agents(chromium, flown, tmp_path):
+    path, covered = flown
+    with recorder.open(path) as recording:
+        recording.save(tmp_path / "flown.html", turn=1)
+    page = chromium.open(tmp_path / "flown.html")
+    for name, nodes in covered.items():
+        page.value(f"gamms.change({{fog: '{name}', sensors: true}})")
+        page.settle()
+        scene = "gamms.views[0].scene"
+        found = page.value(f"[...{scene}.sightOfTeam.nodes].map((row) => {scene}.world.nodeIds[row])")
+        assert set(found) == nodes, name
+        assert 3 < len(nodes) < 70
+    assert page.messages == []
+
+
 def test_what_rules_keep_is_shown(chromium, walled, tmp_path):
     with recorder.open(walled[0]) as recording:
         recording.save(tmp_path / "walled.html", turn=2)

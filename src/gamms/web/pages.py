@@ -50,7 +50,7 @@ _UNREAD = {  # kinds of events that the viewer does not read
 }
 _UNREAD_STATE = ("components", "chance", "delayed_looks", "agent_facts", "team_facts")  # of keyframes
 _HEADER = ("format", "package", "seed", "created", "visuals", "drawings", "audience", "sides")
-_EDGE_ATTRIBUTES = {"highway", "name", "tunnel"}
+_ATTRIBUTES = {"highway", "name", "tunnel", "z", "underground"}
 _STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
 _LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
 _HEAD = Struct("<8sIII")
@@ -230,7 +230,7 @@ def _drawn_event(entry: Any) -> Any:
 
 @lru_cache(maxsize=2)  # games that are begun again have the same map
 def _map_for_viewer(world: bytes) -> bytes:
-    return drawn_map(world, _EDGE_ATTRIBUTES)
+    return drawn_map(world, _ATTRIBUTES)
 
 
 # -- the map ------------------------------------------------------------------------------------------------------
@@ -243,7 +243,7 @@ def drawn_map(
 
     Args:
         world: the map, as it is saved.
-        attributes: those of edges that it keeps, and none of nodes; None: all.
+        attributes: those that it keeps; None: all.
         lat_lon: (nodes, 2) degrees, which it then has, too; rounded to a centimetre.
     """
     state = _opened(world)
@@ -258,7 +258,7 @@ def drawn_map(
         "lengths": np.zeros(len(state["edge_ids"])),
     }
     if attributes is not None:
-        state |= {"node_attributes": {}, "edge_attributes": _chosen(state["edge_attributes"], attributes)}
+        state |= {kind: _chosen(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
     if lat_lon is not None:
         state["lat_lon"] = _rounded(lat_lon, _LAT_LON_STEP)
     body = packing.pack(state, "A map")

@@ -75,6 +75,18 @@ export class World {
     return rows[low] === row ? values[codes[low]] : undefined;
   }
 
+  /** Return how high the ground is at a node. @param {number} row */
+  heightOf(row) {
+    const height = this.attribute("node", "z", row);
+    return Number.isFinite(height) ? height : 0;
+  }
+
+  /** Whether a node is in a tunnel. @param {number} row */
+  isUnderground(row) {
+    const depth = this.attribute("node", "underground", row);
+    return Number.isFinite(depth) && depth !== 0;
+  }
+
   /** Return the edge from one node to another, as rows; undefined where there is none. @param {number} from @param {number} to */
   edge(from, to) {
     return this.edgeBetween.get(from * this.nodeIds.length + to);
