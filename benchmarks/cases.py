@@ -8,27 +8,9 @@ import random
 import subprocess
 import sys
 from heapq import heappop, heappush
-from typing import NamedTuple
 
 import batches
-import experiments
-import learning
-import parts
-import seeing
-import teams
-from pictures import film, first_frame, zoom
 from worlds import ST, Spent, context, fill, grid, paper_strategy
-
-
-class Case(NamedTuple):
-    """One line of the table."""
-
-    name: str
-    unit: str
-    make: object
-
-
-# -- cases ------------------------------------------------------------------------------------------------------
 
 
 def build():
@@ -575,61 +557,3 @@ def recorded_states(turns=500):
         return turns
 
     return ours, floor
-
-
-CASES = [
-    Case("frequent: sense RANGE 50 m again", "sense", sense(ST.RANGE, 100, again=True)),
-    Case("frequent: sense ARC 50 m again", "sense", sense(ST.ARC, 100, again=True)),
-    Case("targeted: sense RANGE first, 20x20 grid", "sense", sense(ST.RANGE, 20)),
-    Case("targeted: sense RANGE first, 100x100 grid", "sense", sense(ST.RANGE, 100)),
-    Case("targeted: sense RANGE first, 300x300 grid", "sense", sense(ST.RANGE, 300)),
-    Case("targeted: sense AGENT among 1,000", "sense", sense(ST.AGENT, 100, again=True, agents=1000)),
-    Case("targeted: sense AGENT_RANGE among 1,000", "sense", sense(ST.AGENT_RANGE, 100, again=True, agents=1000)),
-    Case("targeted: build a 100x100 grid one by one", "item", build),
-    Case("targeted: import", "process", start_up),
-    Case("targeted: a path of up to 300 m among 90,000 nodes", "path", near_paths),
-    Case("targeted: AGENT after a move among 10,000", "look", agent_look_after_a_move),
-    Case("targeted: contacts within 5 of 2,000 agents", "agent", near_in_a_straight_line),
-    Case("targeted: neighbourhoods among 490,000", "node", neighborhoods_beyond_what_is_kept),
-    Case("targeted: RANGE from 15,000 places in turn", "look", views_beyond_what_is_kept),
-    Case("targeted: open a saved map, 90,000 nodes", "map", open_map),
-    Case("targeted: states of a recording, 10 agents", "state", recorded_states),
-    Case("scenario: the paper's loop, 10 agents", "agent-step", loop(10)),
-    Case("scenario: the paper's loop, 1,000 agents", "agent-step", loop(1000)),
-    Case("scenario: the paper's loop, 10,000 agents", "agent-step", loop(10000)),
-    Case("scenario: 1,000 agents look around in Helsinki", "agent-step", crowded_city),
-    Case("scenario: turns of 1,000 agents", "agent-step", turns()),
-    Case("scenario: turns of 1,000 agents, capacity 1", "agent-step", turns(capacity=1)),
-    Case("scenario: turns of 10 agents, ten keys", "agent-step", turns_of(10, 20)),
-    Case("scenario: turns of 1,000 agents, ten keys", "agent-step", turns_of(1000, 100)),
-    Case("scenario: turns of 100,000 agents, ten keys", "agent-step", turns_of(100_000, 316)),
-    Case("scenario: messages of 100 agents to all", "delivery", messages(100)),
-    Case("scenario: a game of 5 against 5 after a reset", "game", lambda: batches.one_by_one(is_fresh=False)),
-    Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True)),
-    Case("scenario: 5 against 5 by reset(seed)", "game", lambda: batches.of_scenario(is_fresh=False)),
-    Case("scenario: 5 against 5 by play(seed)", "game", lambda: batches.of_scenario(is_fresh=True)),
-    Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki),
-    Case("scenario: 4,096 games of two pursuers, vectors in a batch", "agent-step", seeing.pursuit),
-    Case("scenario: 64 agents with views of 5 nodes in a batch", "agent-step", seeing.views),
-    Case("learning: 1,024 games of two pursuers in a vector environment", "agent-step", learning.many_games),
-    Case("learning: a game of two pursuers in an environment", "agent-step", learning.one_game),
-    Case("experiments: games of the demo on two workers", "game", experiments.of_demo),
-    Case("targeted: AGENT_RANGE among 100,000 agents, in a batch", "pair", seeing.crowd),
-    Case("targeted: tag(euclid=5) of 100,000 agents in a batch", "agent-step", seeing.tags),
-    Case("targeted: random walk of 102,400 agents in a batch", "agent-step", batches.walks),
-    Case("scenario: 1,024 games with an order of play in a batch", "agent-step", parts.in_order),
-    Case("scenario: 1,024 games with speeds in edges in a batch", "agent-step", parts.by_edges),
-    Case("scenario: 1,024 games by metres in a batch", "agent-step", parts.by_metres),
-    Case("scenario: 1,024 games with deeds in a batch", "agent-step", parts.with_deeds),
-    Case("scenario: 1,024 games with messages in a batch", "agent-step", parts.with_messages),
-    Case("teams: random walk of 100,000, one stream", "agent-step", teams.walk(100_000, 316, is_keyed=False)),
-    Case("teams: random walk of 100,000, keyed draws", "agent-step", teams.walk(100_000, 316, is_keyed=True)),
-    Case("teams: random walk of 1,000,000, one stream", "agent-step", teams.walk(1_000_000, 1000, is_keyed=False)),
-    Case("teams: random walk of 1,000,000, keyed draws", "agent-step", teams.walk(1_000_000, 1000, is_keyed=True)),
-    Case("teams: conflicts of 20,000 on 400,000 nodes", "agent-step", teams.conflicts(20_000, 632)),
-    Case("teams: conflicts of 20,000 on 40,000 nodes", "agent-step", teams.conflicts(20_000, 200)),
-    Case("scenario: load Helsinki at 10 m", "map", helsinki),
-    Case("scenario: film Helsinki, 1280 x 720", "frame", film),
-    Case("scenario: window, first of 100,000 edges", "frame", first_frame),
-    Case("scenario: window, zoom, 99th percentile", "frame", zoom),
-]

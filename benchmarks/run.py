@@ -3,8 +3,9 @@
     python benchmarks/run.py                     # every case, with its ratio to its floor
     python benchmarks/run.py --peer OTHER/python # and against the `gamms` that another Python has (1.0.0, a release)
 
-Cases and floors take turns in one process; the figures are medians over rounds, the ratio is the median of the
-ratios by round, with the least and the greatest. The clock is CPU time. Cases use only what 1.0.0 has, too.
+`catalog.py` lists the cases. Cases and floors take turns in one process; the figures are medians over rounds, the ratio
+is the median of the ratios by round, with the least and the greatest. The clock is CPU time. Cases use only what 1.0.0
+has, too.
 """
 
 import argparse
@@ -17,7 +18,8 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-import cases
+import catalog
+from worlds import Spent
 
 
 def measure(case, rounds):
@@ -31,12 +33,12 @@ def measure(case, rounds):
 def _timed(fn):
     started = time.process_time()
     done = fn()
-    return float(done) if isinstance(done, cases.Spent) else (time.process_time() - started) / done
+    return float(done) if isinstance(done, Spent) else (time.process_time() - started) / done
 
 
 def run_here(names, rounds):
     """One line of JSON per case."""
-    for case in cases.CASES:
+    for case in catalog.CASES:
         if names and not any(name in case.name for name in names):
             continue
         try:
@@ -48,6 +50,8 @@ def run_here(names, rounds):
         record = {
             "name": case.name,
             "unit": case.unit,
+            "against": case.floor,
+            "aim": case.aim,
             "seconds": statistics.median(work for work, _ in pairs),
             "floor": statistics.median(floor for _, floor in pairs),
             "ratio": statistics.median(ratios),
@@ -86,10 +90,11 @@ def main():
         ratio = f"{record['ratio']:.2f} [{record['least']:.2f}, {record['greatest']:.2f}]"
         peer = theirs.get(name, {})
         against = f"{peer['seconds'] / record['seconds']:.1f}x" if "seconds" in peer else ""
-        print(f"{name:44}{_shown(record['seconds']):>12}{_shown(record['floor']):>12}{ratio:>24}{against:>14}")
+        print(f"{name:44}{shown(record['seconds']):>12}{shown(record['floor']):>12}{ratio:>24}{against:>14}")
 
 
-def _shown(seconds):
+def shown(seconds):
+    """Return a time with the unit that fits it."""
     for scale, unit in ((1.0, "s"), (1e3, "ms"), (1e6, "us")):
         if seconds * scale >= 1.0:
             return f"{seconds * scale:.3g} {unit}"

@@ -1,4 +1,4 @@
-"""Measure again what `benchmarks/README.md` says, and leave the raw data: `make reproduce`.
+"""Measure again what `benchmarks/results.md` says, and leave the raw data: `make reproduce`.
 
     python scripts/reproduce.py                          # into reproduced/, in under 30 minutes
     python scripts/reproduce.py --only cases --rounds 5  # one part of it
@@ -6,21 +6,24 @@
 
 Each part is a file of JSON with the command, how long it took, its exit status, and what it printed: records where the
 program writes JSON, else lines. `machine.json` says on what, `summary.json` which ratios are out of their tolerance.
-Ratios of CPU time are compared with those in `benchmarks/expected.json`; times of single machines are not.
+Ratios of CPU time are compared with those in `benchmarks/results`; times of single machines are not. `--expect` puts
+the data of this run there, and writes the page of it.
 """
 
 import argparse
 import json
 import os
 import platform
+import shutil
 import subprocess
 import sys
 import time
 from importlib.metadata import distributions
 from pathlib import Path
 
+import results_page
+
 ROOT = Path(__file__).resolve().parents[1]
-EXPECTED = ROOT / "benchmarks" / "expected.json"
 TOLERANCE = 1.5  # a ratio may be so many times the expected one: a busy machine adds as much
 TOTAL_S = 28 * 60
 PARTS = {  # what is run -> its command
@@ -35,6 +38,9 @@ PARTS = {  # what is run -> its command
     ],
     "games": ["-m", "pytest", "-q", "-p", "no:cacheprovider", "tests/docs/test_docs.py", "-k", "example"],
     "planning": ["benchmarks/planning.py", "speed"],
+    "values": ["benchmarks/solve.py"],
+    "spectators": ["benchmarks/spectators.py", "100", "{rounds}"],
+    "pages": ["benchmarks/viewer.py"],
     "cases": ["benchmarks/run.py", "--json", "--rounds", "{rounds}"],
 }
 
@@ -46,7 +52,7 @@ def main() -> int:
     parser.add_argument("--only", nargs="+", choices=PARTS, default=list(PARTS))
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--peer", help="the Python of an environment with gamms 1.0.0")
-    parser.add_argument("--expect", action="store_true", help="write the ratios of this run as those to be expected")
+    parser.add_argument("--expect", action="store_true", help="make the data of this run those to be expected")
     options = parser.parse_args()
     options.out.mkdir(parents=True, exist_ok=True)
     _write(options.out / "machine.json", machine())
@@ -59,9 +65,11 @@ def main() -> int:
         command = ["benchmarks/run.py", "--rounds", "1", "--peer", options.peer, "paper's loop", "sense"]
         summary["peer"] = _run(command, options.out / "peer.json", TOTAL_S - (time.monotonic() - began))
     if "cases" in options.only:
-        summary["ratios"] = _ratios(options.out / "cases.json", expect=options.expect)
+        summary["ratios"] = _ratios(options.out / "cases.json")
         print(f"{'ratios':12} {summary['ratios']}")
     _write(options.out / "summary.json", summary)
+    if options.expect:
+        _expect(options.out)
     return int(any(said != "done" for said in summary.values()))
 
 
@@ -114,24 +122,29 @@ def _run(command: list[str], file: Path, left_s: float) -> str:
     return "done" if status == 0 else f"failed with status {status}: see {file.name}"
 
 
-def _ratios(file: Path, *, expect: bool) -> str:
+def _ratios(file: Path) -> str:
     """Compare the ratios of a run with those to be expected."""
-    if not file.exists():
-        return "no cases were measured"
-    records = [one for one in json.loads(file.read_text(encoding="utf-8"))["output"] if "ratio" in one]
-    found = {one["name"]: round(one["ratio"], 3) for one in records}
-    if expect:
-        _write(EXPECTED, {"machine": machine(), "tolerance": TOLERANCE, "ratios": found})
-        return "done"
-    if not EXPECTED.exists():
-        return "nothing to compare with: --expect writes benchmarks/expected.json"
-    expected = json.loads(EXPECTED.read_text(encoding="utf-8"))["ratios"]
+    found = _ratios_of(file)
+    expected = _ratios_of(results_page.RESULTS / file.name)
     worse = [
-        f"{name}: {ratio} instead of {expected[name]}"
+        f"{name}: {ratio:.3g} instead of {expected[name]:.3g}"
         for name, ratio in found.items()
         if name in expected and ratio > TOLERANCE * expected[name]
     ]
-    return "; ".join(worse) or "done"
+    return "; ".join(worse) or ("done" if found else "no cases were measured")
+
+
+def _ratios_of(file: Path) -> dict[str, float]:
+    records = json.loads(file.read_text(encoding="utf-8"))["output"] if file.exists() else []
+    return {one["name"]: one["ratio"] for one in records if "ratio" in one}
+
+
+def _expect(out: Path) -> None:
+    """Make the data of a run those to be expected, and write the page of them."""
+    results_page.RESULTS.mkdir(exist_ok=True)
+    for file in out.glob("*.json"):
+        shutil.copyfile(file, results_page.RESULTS / file.name)
+    results_page.PAGE.write_text(results_page.page(), encoding="utf-8")
 
 
 def _write(file: Path, value: object) -> None:
