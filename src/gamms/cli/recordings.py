@@ -155,7 +155,7 @@ def _record_tracks(file: Path, out: Path, map: Path | None, turn_seconds: float)
     from gamms.bridge import recording_from_tracks
 
     if map is None:
-        raise BadValue("Tracks are matched to the roads of a map: give --map FILE.gamms.")
+        raise BadValue(f"The tracks in {str(file)!r} are matched to the roads of a map: give --map FILE.gamms.")
     for found in recording_from_tracks([file], map, out, turn_seconds=turn_seconds):
         parts = "" if found.parts == 1 else f" in {found.parts} parts"
         echo(
