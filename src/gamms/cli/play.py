@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from gamms.web import ServeOptions
 
 _HELSINKI = "Central Helsinki"
+_HERE = "127.0.0.1"
 _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
 
@@ -114,7 +115,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
         bool, typer.Option("--web", help="Show the game to browsers while it is played, and print the links.")
     ] = False,
     port: Annotated[int, typer.Option(help="With --web; 0 takes a free one.", metavar="PORT")] = 0,
-    host: Annotated[str, typer.Option(help="With --web: the address to serve at.", metavar="HOST")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="With --web: the address to serve at.", metavar="HOST")] = _HERE,
     allow_network: Annotated[
         bool, typer.Option("--allow-network", help="With --web: let other machines in, at an address of this one.")
     ] = False,
@@ -137,6 +138,10 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     """Play the game in a scenario file."""
     from gamms import scenario
 
+    if not web:
+        served = {"--port": port != 0, "--host": host != _HERE, "--allow-network": allow_network, "--watch": watch}
+        for option in (name for name, is_given in served.items() if is_given):
+            raise typer.BadParameter("this is for a game that browsers show: add --web.", param_hint=option)
     given = _changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
 
     def load() -> "Scenario":
