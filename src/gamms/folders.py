@@ -34,11 +34,16 @@ def write_whole(path: Path, data: bytes) -> None:
 def whole_file(path: Path) -> Iterator[Path]:
     """A file to be written in the `with` block, which is put in its place at the end; an error leaves nothing of it.
 
-    What a symbolic link leads to is written, and the link stays.
+    What a symbolic link leads to is written, and the link stays. What is there and is no file, such as a device or a
+    pipe, is written to, and stays as well.
 
     Raises:
         OSError: it cannot be put there; nothing has changed then.
     """
+    if path.exists() and not path.is_file() and not path.is_dir():
+        with naming(path, path):
+            yield path
+        return
     path = Path(os.path.realpath(path))
     beside = path.with_name(f".{path.name}.{os.getpid()}.{threading.get_ident()}.part")
     try:

@@ -11,6 +11,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gamms import cli
+from gamms.folders import write_whole
 
 GAME = """
 map: {grid: {width: 4, height: 4}}
@@ -99,12 +100,25 @@ def test_where_there_is_no_room_nothing_half_written_is_left(folder, name):
         (["diff", "öut/game.ggr", "junk.ggr"], "'junk.ggr' is no recording"),
         (["tournament", "binary.yaml"], "binary.yaml: the file is not UTF-8 text"),
         (["run", "game.yaml", "--set", "teams.red.count=[1"], "--set teams.red.count: this is not YAML"),
+        (["convert", "öut/game.ggr", "a.csv", "--turn-seconds", "1e300"], "turn_seconds must let a game end within"),
+        (["convert", "track.gpx", "a.ggr"], "The tracks in 'track.gpx' are matched to the roads of a map: give --map"),
     ],
 )
-def test_an_error_names_the_file_or_option_that_it_is_about(arguments, said):
+def test_an_error_names_the_file_or_option_that_it_is_about(arguments, said, folder):
+    before = set(folder.rglob("*"))
     done = run(*arguments)
     assert done.exit_code == 1
     assert done.stderr.startswith(f"gamms: {said}")
+    assert set(folder.rglob("*")) == before
+
+
+@pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="needs names of open files")
+def test_a_device_or_a_pipe_is_written_to_and_no_file_takes_its_place():
+    reading, writing = os.pipe()
+    with os.fdopen(reading, "rb") as end:
+        with os.fdopen(writing, "wb"):
+            write_whole(Path(f"/dev/fd/{writing}"), b"a page")
+        assert end.read() == b"a page"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes end differently there")

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -43,6 +44,13 @@ def test_parquet_has_the_same_rows(whole):
     parquet = pytest.importorskip("pyarrow.parquet")
     rows = list(experiment.load(whole))
     assert parquet.read_table(whole / "rows.parquet").to_pylist() == rows
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere the names of files are text")
+def test_a_folder_whose_name_is_no_text_gets_the_same_files(whole, tmp_path):
+    folder = tmp_path / os.fsdecode(b"\xff")
+    experiment.run(HUNT, range(4), VARY, out=folder)
+    assert files_in(folder) == files_in(whole)
 
 
 def test_a_run_without_pyarrow_ends_without_that_file(tmp_path, monkeypatch):

@@ -211,8 +211,8 @@ def _write_parquet(file: Path, columns: Mapping[str, list[Any]]) -> None:
         kinds = {type(value) for value in values if value is not None}
         is_mixed = len(kinds) > 1 and kinds != {int, float}
         arrays[name] = pa.array([None if one is None else str(one) for one in values] if is_mixed else values)
-    with whole_file(file) as beside:
-        pq.write_table(pa.table(arrays), beside)
+    with whole_file(file) as beside, beside.open("wb") as stream:  # whose name pyarrow reads as UTF-8
+        pq.write_table(pa.table(arrays), stream)
 
 
 # -- shards -------------------------------------------------------------------------------------------------------

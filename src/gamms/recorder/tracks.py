@@ -72,9 +72,7 @@ def export(path: object, moments: Iterable[Moment], turns: int, created: object,
         created: when the recording began, seconds since 1970.
         turn_seconds: how long a turn takes.
     """
-    target, seconds = as_path(path, "path"), as_range(turn_seconds, "turn_seconds")
-    if seconds * max(turns, 1) > _LONGEST_S:
-        raise BadValue(f"turn_seconds must let a game end within {_LONGEST_S:g} seconds, not {seconds:g}.")
+    target, seconds = as_path(path, "path"), checked_seconds(turn_seconds, turns)
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
@@ -91,6 +89,18 @@ def export(path: object, moments: Iterable[Moment], turns: int, created: object,
     with whole_file(target) as beside:
         write(beside, found)
     return target
+
+
+def checked_seconds(turn_seconds: float, turns: int) -> float:
+    """Check how long a turn takes in a game of so many turns.
+
+    Raises:
+        BadValue: it is negative, or so long that there are no times for all turns.
+    """
+    seconds = as_range(turn_seconds, "turn_seconds")
+    if seconds * max(turns, 1) > _LONGEST_S:
+        raise BadValue(f"turn_seconds must let a game end within {_LONGEST_S:g} seconds, not {seconds:g}.")
+    return seconds
 
 
 def tracks_of(moments: Iterable[Moment], began: float, turn_seconds: float) -> Tracks:

@@ -22,6 +22,7 @@ from gamms.recorder.formats import version2
 from gamms.recorder.maps import HASH
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.streams import format_of, named, refuse_other
+from gamms.recorder.tracks import checked_seconds
 from gamms.typing.actions import known_node
 from gamms.visual import Engine
 
@@ -303,10 +304,12 @@ def to_csv(
     Raises:
         RecordingError (ValueError): it is damaged.
         FileExistsError: one of the files is there already; nothing is written then.
+        BadValue: `turn_seconds` is negative or too long; nothing is written then.
         OSError: a file cannot be read or written.
     """
     target = as_path(out, "out")
     with opened(path) as recording:
+        seconds = checked_seconds(turn_seconds, recording.turns)
         kinds_of_events = dict.fromkeys(event["kind"] for event in recording.events())
         names = dict.fromkeys((*_TABLES, *islice(filter(_FILE_NAME.fullmatch, kinds_of_events), _MOST_KINDS)))
         tables = {name: table for name in names if len((table := recording.table(name))["turn"])}
@@ -322,7 +325,7 @@ def to_csv(
                 columns = [column.tolist() for column in table.values()]
                 writer.writerows([_cell(value) for value in row] for row in zip(*columns, strict=True))
         for name in with_tracks:
-            recording.export(files[name], turn_seconds=turn_seconds)
+            recording.export(files[name], turn_seconds=seconds)
         return list(files.values()), recording.warning
 
 
