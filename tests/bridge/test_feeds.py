@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from gamms.bridge import BadLine, Checks, Feed, Fix, SimulatedClock
-from gamms.bridge.lines import LONGEST_LINE, Roads, line_of, parse
+from gamms.bridge import Checks, Feed, Fix, SimulatedClock
+from gamms.bridge.lines import LONGEST_LINE, BadLine, Roads, line_of, parse
 from gamms.bridge.matching import Tracker
 from gamms.errors import BadType, BadValue
 

@@ -10,7 +10,7 @@ class may be added, and `rules.py` what is exchanged in every turn.
 
 from gamms.bridge.driving import Drive, drive
 from gamms.bridge.feeds import Clock, Feed, SimulatedClock, WallClock
-from gamms.bridge.lines import BadLine, Fix
+from gamms.bridge.lines import Fix
 from gamms.bridge.links import Link, Process, Udp, WebSocketServer
 from gamms.bridge.matching import Checks
 from gamms.bridge.rosbridge import RosBridge, rosbridge
@@ -19,7 +19,6 @@ from gamms.bridge.simulated import SimulatedRobot
 from gamms.bridge.tracks import Matched, recording_from_tracks
 
 __all__ = [
-    "BadLine",
     "Checks",
     "Clock",
     "Drive",
