@@ -221,9 +221,13 @@ def _entry(module: str, name: str) -> str:
             signatures = _signatures(found, name, tree_of(found.module).body)
             return _directive("py:function", signatures, docstring_of(found), _in(module), examples_of(module, name))
         case _:
-            value = ast.unparse(found.node.value) if found.node.value else ""
-            options = [*_in(module), *([f":value: {value}"] if value and len(value) < 100 else [])]
+            options = [*_in(module), *_value_of(found.node)]
             return _directive("py:data", name, docstring_of(found), options, examples_of(module, name))
+
+
+def _value_of(node: ast.Assign | ast.AnnAssign) -> list[str]:
+    value = ast.unparse(node.value) if node.value else ""
+    return [f":value: {value}"] if value and len(value) < 100 and "lambda" not in value else []
 
 
 def _in(module: str) -> list[str]:
@@ -291,8 +295,7 @@ def _member(found: Found, scope: list[ast.stmt], *, is_described: bool) -> str:
     if isinstance(node, ast.ClassDef):
         return _directive("py:class", name, docstring_of(found), [])
     kind = [f":type: {_qualified(node.annotation, found.module)}"] if isinstance(node, ast.AnnAssign) else []
-    value = [f":value: {ast.unparse(node.value)}"] if node.value and len(ast.unparse(node.value)) < 100 else []
-    return _directive("py:attribute", name, "" if is_described else _field_docs(found), kind + value)
+    return _directive("py:attribute", name, "" if is_described else _field_docs(found), kind + _value_of(node))
 
 
 def _field_docs(found: Found) -> str:

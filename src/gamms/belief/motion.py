@@ -64,6 +64,7 @@ class Motion:
     Attributes:
         name: what it does and its numbers; models of one name are equal.
         steps: how often the target moves in a turn; by metres, how often it decides at most.
+        make: from a map to the chances of one step there; for beliefs and filters, which call it.
     """
 
     name: Hashable
