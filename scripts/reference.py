@@ -281,7 +281,17 @@ def _members(found: Found) -> Iterator[tuple[Found, list[ast.stmt]]]:
             )
             if name and not name.startswith("_") and name not in seen and not is_setter:
                 seen.add(name)
-                yield Found(one.module, node), one.node.body
+                yield _forwarded(one.module, node) or (Found(one.module, node), one.node.body)
+
+
+def _forwarded(module: str, node: ast.AST) -> tuple[Found, list[ast.stmt]] | None:
+    """Return the method of another class that an attribute calls, `path = forwarded(Graph.path)`, and the body with it."""
+    call = node.value if isinstance(node, ast.Assign) else None
+    verb = call.args[0] if isinstance(call, ast.Call) and len(call.args) == 1 else None
+    if not isinstance(verb, ast.Attribute) or not isinstance(verb.value, ast.Name):
+        return None
+    owner = find(module, verb.value.id)
+    return next((Found(owner.module, one), owner.node.body) for one in owner.node.body if _name_of(one) == verb.attr)
 
 
 def _member(found: Found, scope: list[ast.stmt], *, is_described: bool) -> str:

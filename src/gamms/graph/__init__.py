@@ -12,7 +12,6 @@ from typing import Any
 from gamms.graph.engine import GraphEngine
 from gamms.graph.graph import Graph
 from gamms.graph.networkx_bridge import grid
-from gamms.graph.storage import PackedGraph
 from gamms.typing.graph_engine import Engine, IGraph, IGraphEngine, Node, ObsFace, OSMEdge
 from gamms.typing.memory_engine import StoreType
 
@@ -28,7 +27,6 @@ __all__ = [
     "Node",
     "OSMEdge",
     "ObsFace",
-    "PackedGraph",
     "SqliteGraph",
     "StoreType",
     "grid",
