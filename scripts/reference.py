@@ -8,6 +8,7 @@ library is needed. A public name is one in `__all__` of a package that `gamms` o
 import ast
 import contextlib
 import copy
+import inspect
 import re
 import textwrap
 from collections.abc import Iterator
@@ -21,8 +22,9 @@ import pages
 SRC = Path(__file__).parent.parent / "src"
 
 _SECTIONS = ("Args", "Attributes", "Ensures", "Raises", "Requires", "Returns", "Yields")
-_SECTION = re.compile(rf"^({'|'.join(_SECTIONS)}):(.*)$")
-_ITEM = re.compile(r"^([\w*][\w.*, ]*(?: \([\w ]+\))?): (.*)$")
+_SECTION = re.compile(rf"^((?:{'|'.join(_SECTIONS)})(?: \([^)]*\))?):(.*)$")
+_NAMED = r"[\w*][\w.* ]*?(?: \([\w ]+\))?"
+_ITEM = re.compile(rf"^({_NAMED}(?:, {_NAMED})*): (.*)$")
 PARAGRAPH = "\n\n"
 _Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Assign | ast.AnnAssign
 
@@ -182,10 +184,14 @@ def docstring_of(found: Found) -> str:
     """Return the docstring of a definition; for a value, the text below it or the comment beside it."""
     if isinstance(found.node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
         return ast.get_docstring(found.node) or ""
-    body = tree_of(found.module).body
+    return _text_at(found, tree_of(found.module).body)
+
+
+def _text_at(found: Found, body: list[ast.stmt]) -> str:
+    """Return the text below a value, or the comment beside it."""
     after = body[body.index(found.node) + 1 :][:1] if found.node in body else []
     if after and isinstance(after[0], ast.Expr) and isinstance(after[0].value, ast.Constant):
-        return str(after[0].value.value)
+        return inspect.cleandoc(after[0].value.value)
     return _comment_at(found)
 
 
@@ -285,7 +291,7 @@ def _members(found: Found) -> Iterator[tuple[Found, list[ast.stmt]]]:
 
 
 def _forwarded(module: str, node: ast.AST) -> tuple[Found, list[ast.stmt]] | None:
-    """Return the method of another class that an attribute calls, `path = forwarded(Graph.path)`, and the body with it."""
+    """Return the method of another class that an attribute calls, `x = forwarded(Graph.x)`, and the body with it."""
     call = node.value if isinstance(node, ast.Assign) else None
     verb = call.args[0] if isinstance(call, ast.Call) and len(call.args) == 1 else None
     if not isinstance(verb, ast.Attribute) or not isinstance(verb.value, ast.Name):
@@ -305,12 +311,7 @@ def _member(found: Found, scope: list[ast.stmt], *, is_described: bool) -> str:
     if isinstance(node, ast.ClassDef):
         return _directive("py:class", name, docstring_of(found), [])
     kind = [f":type: {_qualified(node.annotation, found.module)}"] if isinstance(node, ast.AnnAssign) else []
-    return _directive("py:attribute", name, "" if is_described else _field_docs(found), kind + _value_of(node))
-
-
-def _field_docs(found: Found) -> str:
-    below = "".join(_lines_of(found.module)[found.node.end_lineno :][:1]).strip()
-    return ast.literal_eval(below) if re.fullmatch(r'"""[^"]*"""', below) else _comment_at(found)
+    return _directive("py:attribute", name, "" if is_described else _text_at(found, scope), kind + _value_of(node))
 
 
 def _signatures(found: Found, name: str, scope: list[ast.stmt]) -> str:
