@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.markup import escape
 
+from gamms import plain
 from gamms.cli.output import console, echo, in_words, rich_table
 from gamms.errors import BadValue
 from gamms.progress import progress
@@ -39,7 +40,7 @@ def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Prin
     found: dict[str, Any] = {"file": file.name, "version": version, "bytes": file.stat().st_size}
     found |= _of_version_2(file) if version < 3 else _of_version_3(file)
     if as_json:
-        echo(json.dumps(recordings.as_json(found), indent=2, default=str))
+        echo(json.dumps(plain.as_json(found), indent=2, default=str))
         return
     rows = [(key, _text(value)) for key, value in found.items() if key != "events"]
     rows += [(f"event {kind}", f"{count:,}") for kind, count in found["events"].items()]
@@ -101,13 +102,13 @@ def convert(
 
     A map, .gamms, becomes .geojson, .gpkg, .graphml or .csv. Tracks, .gpx or .csv, become a recording on a --map.
     """
-    from gamms import recordings
+    from gamms.recordings.conversion import with_map
 
     if file.suffix.lower() in (".gpx", ".csv"):
         _record_tracks(file, out, map, turn_seconds)
         return
     if file.suffix.lower() == ".gamms":
-        with recordings.with_map(file) as ctx:
+        with with_map(file) as ctx:
             echo(f"Wrote {in_words(ctx.graph.export(out))}.")
         return
     made, warning = _converted(file, out, map, turn_seconds) if team is None else ([_cut(file, out, team)], None)

@@ -4,8 +4,7 @@ The command line is made of this; a program may call the same. A client: it uses
 would. Read `conversion.py` first: a new context for any recording; then `comparison.py`.
 """
 
-from gamms.plain import as_json
-from gamms.recordings.comparison import Difference, first_difference, re_recorded, verify
+from gamms.recordings.comparison import Difference, first_difference, verify
 from gamms.recordings.conversion import (
     context_for,
     records_of,
@@ -14,16 +13,13 @@ from gamms.recordings.conversion import (
     to_version_3,
     version_of,
     watch,
-    with_map,
 )
 from gamms.recordings.sensing import with_sensed
 
 __all__ = [
     "Difference",
-    "as_json",
     "context_for",
     "first_difference",
-    "re_recorded",
     "records_of",
     "to_csv",
     "to_json_lines",
@@ -31,6 +27,5 @@ __all__ = [
     "verify",
     "version_of",
     "watch",
-    "with_map",
     "with_sensed",
 ]
