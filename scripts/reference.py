@@ -266,8 +266,8 @@ def _lineage(found: Found) -> list[Found]:
         except (LookupError, OSError):
             continue  # a class of the standard library, or of another package
         if isinstance(above.node, ast.ClassDef):
-            line += [one for one in _lineage(above) if one not in line]
-    return line
+            line += _lineage(above)
+    return [one for i, one in enumerate(line) if one not in line[i + 1 :]]  # as Python orders them: bases of bases last
 
 
 def _split(found: Found, text: str) -> tuple[str, str]:

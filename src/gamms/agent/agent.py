@@ -70,8 +70,7 @@ class BaseAgent(Guarded, IAgent):
     _SETTABLE: ClassVar = frozenset({"alive", "current_node_id", "prev_node_id", "orientation", "speed", "team"})
     _ACTION: ClassVar[str]  # what a strategy is to choose
 
-    strategy: Strategy | MaybeNone
-    """The function of the state that decides for it; None: none. Settable."""
+    strategy: Strategy | MaybeNone  # the function of its state that decides for it; settable
     _phase: DecidePhase
     _ctx: IContext
     _block: AgentBlock
@@ -157,12 +156,9 @@ class BaseAgent(Guarded, IAgent):
         if not self._is_closed:
             self._set("previous", self._known(node_id))
 
-    edge = _Derived(lambda one: None if (place := one._on_edge()) is None else place.edge)
-    """Ids of the nodes that the edge it is on leads from and to, and its own; None on a node."""
-    offset_m = _Derived(lambda one: 0.0 if (place := one._on_edge()) is None else place.offset_m)
-    """How far it is from the source of that edge, map units; 0.0 on a node."""
-    xy = _Derived(lambda one: one._xy())
-    """Where on the map it is, `(x, y)` in map units."""
+    edge = _Derived(lambda one: getattr(one._on_edge(), "edge", None))  # ids of its ends and its own; None on a node
+    offset_m = _Derived(lambda one: getattr(one._on_edge(), "offset_m", 0.0))  # from the edge's source, map units
+    xy = _Derived(lambda one: one._xy())  # where it is, map units
 
     # -- sensing, deciding, acting ------------------------------------------------------------------------------
 
