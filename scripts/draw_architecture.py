@@ -13,6 +13,8 @@ from functools import cache
 from pathlib import Path
 from xml.sax.saxutils import escape
 
+from syntax import tree_of
+
 ROOT = Path(__file__).parent.parent
 SRC = ROOT / "src" / "gamms"
 PACKAGES = ("game", "recorder")
@@ -61,7 +63,7 @@ def imports_of_modules() -> Imports:
     }
     found: Imports = {}
     for module, path in paths.items():
-        nodes = ast.walk(ast.parse(path.read_text()))
+        nodes = ast.walk(tree_of(path))
         names = {name for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom)) for name in names_of(node)}
         found[module] = {module_of(name, paths) for name in names} - {"", module}
     return found

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pages
+import syntax
 
 SRC = Path(__file__).parent.parent / "src"
 
@@ -49,7 +50,7 @@ def packages() -> list[str]:
 @cache
 def tree_of(module: str) -> ast.Module:
     """Return the syntax tree of a module."""
-    return ast.parse(_file_of(module).read_text(encoding="utf-8"))
+    return syntax.tree_of(_file_of(module))
 
 
 @cache
