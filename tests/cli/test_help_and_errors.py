@@ -13,6 +13,7 @@ COMMANDS = [
         "gallery",
         "new",
         "run",
+        "study",
         "tournament",
         "replay",
         "render",

@@ -16,6 +16,7 @@ from gamms.cli import experiments, play, recordings, suites
 from gamms.cli.gallery import gallery
 from gamms.cli.new import new
 from gamms.cli.output import console, echo, explained, guarded, rich_table, warn
+from gamms.cli.studies import study
 from gamms.cli.tournaments import tournament
 from gamms.text import printable_line
 
@@ -150,6 +151,7 @@ _COMMANDS: _Commands = {
         "gamms run match.yaml --web --watch",
         "gamms run match.yaml --set teams.red.count=8 --strategy red=mine.py:strategy --out results",
     ),
+    study: ("gamms study visit.yaml", "gamms study visit.yaml --otherwise mine.py:strategy --port 8000"),
     tournament: ("gamms tournament cup.yaml", "gamms tournament cup.yaml --out cup --workers 4"),
     recordings.replay: ("gamms replay game.ggr", "gamms replay game.ggr --window --seconds 0.2"),
     recordings.render: (

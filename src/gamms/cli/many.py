@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 import typer
 
 from gamms.cli.output import console, echo, explained, in_words, rich_table
+from gamms.errors import BadValue, nearest
 from gamms.limits import allowing, max_memory
 from gamms.progress import progress
-from gamms.text import printable_line
+from gamms.text import printable_line, shown
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -37,6 +38,31 @@ def parsed_seeds(text: str) -> Sequence[int]:
     if not 0 < count <= _MOST:
         raise typer.BadParameter(f"{text!r}: give 1 to {_MOST:,} seeds, such as 0:50.", param_hint="--seeds")
     return range(*numbers) if colon else numbers
+
+
+def checked_keys(file: Path, values: object, kind: str, required: Sequence[str], keys: Sequence[str]) -> dict[str, Any]:
+    """Return the values of a file, which must be a mapping with some keys and no others.
+
+    Args:
+        file: for the error.
+        values: of the file.
+        kind: of the file, in a word.
+        required: keys that it has.
+        keys: all that it may have.
+
+    Raises:
+        BadValue: it is not.
+    """
+    if not isinstance(values, dict):
+        found = "nothing" if values is None else shown(values)
+        raise BadValue(f"{file}: a {kind} is a mapping with the keys {', '.join(required)}, not {found}.")
+    for key in values:
+        if key not in keys:
+            raise BadValue(f"{file}: unknown key {shown(key)}.{nearest(key, keys)} Keys are {', '.join(keys)}.")
+    for key in required:
+        if key not in values:
+            raise BadValue(f"{file}: {key} is missing.")
+    return values
 
 
 def imported(strategies: Strategies) -> dict[str, Callable[..., Any]]:

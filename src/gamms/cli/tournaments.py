@@ -5,10 +5,8 @@ from typing import Annotated, Any
 
 import typer
 
-from gamms.cli.many import parsed_seeds
+from gamms.cli.many import checked_keys, parsed_seeds
 from gamms.cli.output import echo
-from gamms.errors import BadValue, nearest
-from gamms.text import shown
 
 _REQUIRED = ("scenario", "entries", "seeds")
 _KEYS = (*_REQUIRED, "move_seconds", "memory_mb", "sides", "rounds", "record", "allow")
@@ -32,8 +30,7 @@ def tournament(
     from gamms.scenario import documents
 
     with documents.named(file):
-        values: Any = documents.read(file)
-    _check(file, values)
+        values: Any = checked_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
     seeds = values.pop("seeds")
@@ -41,16 +38,3 @@ def tournament(
     table = tournament.run(game, seeds=seeds, out=out, workers=workers or cores(), folder=folder, **values)
     echo(str(table))
     echo(f"\nWrote {out / 'index.html'} (all results), {out / 'games'} (recordings; gamms replay, gamms render).")
-
-
-def _check(file: Path, values: object) -> None:
-    """Refuse what is no tournament file."""
-    if not isinstance(values, dict):
-        found = "nothing" if values is None else shown(values)
-        raise BadValue(f"{file}: a tournament is a mapping with the keys {', '.join(_REQUIRED)}, not {found}.")
-    for key in values:
-        if key not in _KEYS:
-            raise BadValue(f"{file}: unknown key {shown(key)}.{nearest(key, _KEYS)} Keys are {', '.join(_KEYS)}.")
-    for key in _REQUIRED:
-        if key not in values:
-            raise BadValue(f"{file}: {key} is missing.")

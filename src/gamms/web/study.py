@@ -24,7 +24,7 @@ from typing import Any, Self, TypedDict, Unpack
 
 from gamms import kernels
 from gamms.arguments import as_count, as_int, as_mapping, as_path, as_text
-from gamms.errors import BadFile, BadType, BadValue
+from gamms.errors import BadFile, BadType, BadValue, GammsError
 from gamms.game.result import Result
 from gamms.plain import Plain, as_json
 from gamms.scenario import Scenario
@@ -136,7 +136,9 @@ class Study:
         self._practice = as_count(options.get("practice", 1), "practice", 0)
         self._rounds = as_count(options.get("rounds", 1), "rounds")
         given = as_mapping(options.get("conditions") or {"all": {}}, "conditions")
-        self._variants = {as_text(name, "a condition"): scenario.replace(**changes) for name, changes in given.items()}
+        self._variants = {
+            as_text(name, "a condition"): _changed(scenario, name, changes) for name, changes in given.items()
+        }
         for variant in self._variants.values():
             with variant.build(self._seed, {people: self._human("participant")}) as ctx:
                 persons = People.open(ctx).persons
@@ -433,6 +435,15 @@ class Study:
         """See `Talk`."""
         live = self._live_of(connection)
         return () if live is None else live.news(connection)
+
+
+def _changed(scenario: Scenario, condition: str, changes: object) -> Scenario:
+    """Return the scenario of a condition."""
+    try:
+        return scenario.replace(**{str(path): value for path, value in as_mapping(changes, "what changes").items()})
+    except GammsError as error:
+        error.add_note(f"In the condition {shown(condition)} of the study.")
+        raise
 
 
 def _page(title: str) -> bytes:

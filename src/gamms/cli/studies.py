@@ -1,0 +1,104 @@
+"""`gamms study`: people take part in a study as a file says, until Ctrl-C."""
+
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from gamms.cli.many import checked_keys, imported
+from gamms.cli.output import echo, in_words, warn
+from gamms.cli.play import Allow, foreign_code
+from gamms.errors import BadType, BadValue
+from gamms.text import printable_line, shown
+
+if TYPE_CHECKING:
+    from gamms.web import Study
+
+_REQUIRED = ("scenario", "people", "consent")
+_KEYS = (*_REQUIRED, "conditions", "rounds", "practice", "seconds", "seed", "title")
+_MOST_CONSENT = 1 << 16  # bytes
+
+
+def study(
+    file: Annotated[Path, typer.Argument(help="A study: YAML or JSON.", metavar="FILE", show_default=False)],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="The folder for the table and the recordings; by default FILE-results. A study that was ended goes on "
+            "there.",
+            metavar="FOLDER",
+            show_default=False,
+        ),
+    ] = None,
+    otherwise: Annotated[
+        str | None,
+        typer.Option(
+            help="The strategy that decides where a participant does not: mine.py:strategy. By default they stay.",
+            metavar="CODE",
+            show_default=False,
+        ),
+    ] = None,
+    port: Annotated[int, typer.Option(help="0 takes a free one.", metavar="PORT")] = 0,
+    host: Annotated[str, typer.Option(help="The address to serve at.", metavar="HOST")] = "127.0.0.1",
+    allow_network: Annotated[
+        bool, typer.Option("--allow-network", help="Let other machines in, at an address of this one.")
+    ] = False,
+    allow: Allow = None,
+) -> None:
+    """Let people take part in a study, in browsers."""
+    from gamms import scenario, web
+    from gamms.scenario import documents
+    from gamms.scenario.code import chosen
+
+    with documents.named(file):
+        values: Any = checked_keys(file, documents.read(file), "study", _REQUIRED, _KEYS)
+    paths = {key: file.parent / _text(file, key, values.pop(key)) for key in ("scenario", "consent")}
+    game = scenario.load(paths["scenario"], allow or ())
+    if otherwise is not None:
+        values |= imported({"otherwise": chosen(otherwise, "--otherwise")})
+    for line in foreign_code(game, {}):
+        echo(f"imports {printable_line(line)}")
+    warn(game)
+    out = out or Path(f"{file.stem}-results")
+    values |= {"port": port, "host": host, "allow_network": allow_network}
+    with web.study(game, consent=_consent(paths["consent"]), out=out, **values) as running, suppress(KeyboardInterrupt):
+        echo("The study is served until Ctrl-C. The link of a participant, with a code of theirs in place of CODE:")
+        echo(f"  {running.url}")
+        running.stay_open()
+    echo(f"\n{_summary(running)} The same command goes on.")
+
+
+def _text(file: Path, key: str, value: object) -> str:
+    if not isinstance(value, str):
+        raise BadType(f"{file}: {key} is the name of a file beside this one, not {shown(value)}.")
+    return value
+
+
+def _consent(file: Path) -> str:
+    """Return the text that participants agree to.
+
+    Raises:
+        BadValue: there is none, too much of it, or it is not UTF-8.
+        OSError: it cannot be read.
+    """
+    with file.open("rb") as stream:
+        data = stream.read(_MOST_CONSENT + 1)
+    try:
+        text = data.decode("utf-8-sig").strip()
+    except UnicodeDecodeError as error:
+        raise BadValue(f"{file}: the consent text is not UTF-8: {error}.") from None
+    if not text or len(data) > _MOST_CONSENT:
+        found = "has nothing in it" if not text else f"has more than {_MOST_CONSENT:,} bytes"
+        raise BadValue(f"{file}: the consent text {found}. It is what participants read, and agree to.")
+    return text
+
+
+def _summary(running: "Study") -> str:
+    """Say what is in the folder."""
+    rows, folder = running.rows, running.folder
+    if not rows:
+        return f"No round was played to its end; {folder} says how many have agreed: {sum(running.assigned.values())}."
+    people = len({row["participant"] for row in rows})
+    written = in_words([folder / "rows.csv", folder / "rows.jsonl", folder / "games"])
+    return f"{len(rows):,} rounds of {people:,} participants are in {written}."
