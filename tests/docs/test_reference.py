@@ -35,6 +35,15 @@ def test_an_entry_has_signature_arguments_errors_and_programs():
     assert "[Rules](../rules.md)" in reference.examples_of("gamms.rules", "tag")
 
 
+def test_a_field_is_described_by_all_lines_of_the_text_below_it():
+    _, _, entry = reference.page_of("gamms.osm").partition("{py:class} PlaceOptions")
+    assert "a node of the map with one of them\nis a node of the graph; ()." in entry
+
+
+def test_errors_of_several_classes_are_an_item():
+    assert "* **UnknownName (KeyError), BadType, BadValue**: the post" in reference.page_of("gamms.strategies")
+
+
 def test_an_entry_shows_the_example_of_its_name_with_what_it_prints():
     page = reference.page_of("gamms.limits")
     for name, said in (("allowing(", "2048 MiB"), ("parse_memory(", "536870912")):

@@ -15,8 +15,9 @@ from typer.testing import CliRunner
 import gamms
 from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, network_of_columns, report
+from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, report
 from gamms.osm.comparison import deviations
+from gamms.osm.network import network_of_columns
 from gamms.osm.networkx_bridge import to_digraph
 from gamms.osm.topology import consolidate, resample
 

@@ -18,6 +18,7 @@ everything after that is the same.
 
 from gamms.osm import settings
 from gamms.osm.buildings import (
+    WallOptions,
     extract_osm_polygon_faces,
     faces_of_features,
     obstacle_from_file,
@@ -29,6 +30,7 @@ from gamms.osm.elevation import Elevation, add_elevation
 from gamms.osm.fidelity import Report, report
 from gamms.osm.geojson import is_geojson
 from gamms.osm.load import (
+    FileOptions,
     consolidate,
     graph_from_file,
     graph_from_geojson,
@@ -38,8 +40,9 @@ from gamms.osm.load import (
     resample_columns,
 )
 from gamms.osm.modes import Access, Mode, modes
-from gamms.osm.network import OSMType, network_of_columns
+from gamms.osm.network import OSMType
 from gamms.osm.places import (
+    PlaceOptions,
     create_osm_graph,
     get_network_type,
     graph_from_bbox,
@@ -55,9 +58,12 @@ __all__ = [
     "OSM_OBSTACLE_TAGS",
     "Access",
     "Elevation",
+    "FileOptions",
     "Mode",
     "OSMType",
+    "PlaceOptions",
     "Report",
+    "WallOptions",
     "add_elevation",
     "consolidate",
     "create_osm_graph",
@@ -74,7 +80,6 @@ __all__ = [
     "helsinki",
     "is_geojson",
     "modes",
-    "network_of_columns",
     "obstacle_from_file",
     "obstacle_from_osm",
     "obstacle_from_xml",

@@ -30,17 +30,14 @@ _AT_ONCE = 4096  # faces
 
 
 class WallOptions(TypedDict, total=False):
-    """More options of functions that make walls.
-
-    `barriers` says which lines with `barrier` are walls, too: True for `gamms.osm.BARRIER_HEIGHTS`, some of its keys,
-    or a table of your own, value of the tag -> height in metres.
-
-    `elevation` is a .hgt file of SRTM, or a folder of them, as for roads: walls stand on the ground then, and z is
-    above sea level.
-    """
+    """More options of functions that make walls."""
 
     barriers: Barriers
+    """Which lines with `barrier` are walls, too: True for `gamms.osm.BARRIER_HEIGHTS`, some of its keys, or a table of
+    your own, value of the tag -> height in metres; False."""
     elevation: ElevationPath | Elevation | None
+    """A .hgt file of SRTM, or a folder of them, as for roads: walls stand on the ground then, and z is above sea level;
+    None."""
 
 
 _with_options = with_options(WallOptions, {"barriers": False, "elevation": None})

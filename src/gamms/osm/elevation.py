@@ -43,6 +43,9 @@ ElevationPath = str | os.PathLike[str]
 class Elevation:
     """The heights in a .hgt file, or in those of a folder; each is read when a place in it is asked for.
 
+    Args:
+        path: of the file or folder; the name of a file says which degree it covers, such as N60E024.hgt.
+
     Raises:
         FileNotFoundError: there is no such file or folder.
         BadFile: the file is no .hgt file.

@@ -65,7 +65,7 @@ def read_lines(
 
 
 def is_geojson(filepath: str | os.PathLike[str]) -> bool:
-    """Return whether a file begins as a JSON object does.
+    """Return whether a file begins as a JSON object does, so that `graph_from_geojson` may read it.
 
     Raises:
         FileNotFoundError, IsADirectoryError: there is no such file.

@@ -113,35 +113,28 @@ Clip: TypeAlias = "Sequence[float] | Sequence[Sequence[float]] | Mapping[str, An
 
 
 class MapOptions(TypedDict, total=False):
-    """More options of functions that make graphs of maps.
-
-    `tags` names tags that edges keep besides the usual ones, and nodes where they have them: a node of the map with one
-    of them is a node of the graph.
-
-    `elevation` is a .hgt file of SRTM, or a folder of them: nodes get their height as `z` and edges their `grade`, and
-    walkers take longer uphill.
-
-    `around_buildings` says whether merged junctions and lines across squares keep clear of buildings. By default those
-    of a file do. For areas it is False by default, since their buildings have to be downloaded too.
-    """
+    """More options of functions that make graphs of maps."""
 
     tags: Sequence[str]
+    """Tags that edges keep besides the usual ones, and nodes where they have them: a node of the map with one of them
+    is a node of the graph; ()."""
     elevation: "ElevationPath | Elevation | None"
+    """A .hgt file of SRTM, or a folder of them: nodes get their height as `z`, metres, and edges their `grade`, and
+    walkers take longer uphill; None."""
     around_buildings: bool
+    """Whether merged junctions and lines across squares keep clear of buildings: True for files, False for areas, whose
+    buildings have to be downloaded too."""
 
 
 class FileOptions(MapOptions, total=False):
-    """More options of functions that make graphs of files.
-
-    `filter` says which ways are taken of those that are open: a function from the tags of a way to a bool, or a dict
-    from tags to the value that a way has to have, a list of such values, or True for any value.
-
-    `clip` is the area that is taken: (west, south, east, north) in degrees, or a polygon in degrees, as (longitude,
-    latitude) pairs, of shapely or of GeoJSON. Roads end at their last node in it. Memory is taken for that area only.
-    """
+    """More options of `graph_from_file`."""
 
     filter: "WayFilter | None"
+    """Which ways are taken of those that are open: a function from the tags of a way to a bool, or a dict from tags to
+    the value that a way has to have, a list of such values, or True for any value; None: all."""
     clip: "Clip | None"
+    """The area that is taken: (west, south, east, north) in degrees, or a polygon in degrees, as (longitude, latitude)
+    pairs, of shapely or of GeoJSON; None: all. Roads end at their last node in it. Memory is taken for it only."""
 
 
 Made = TypeVar("Made", bound=Callable[..., Any])
@@ -329,7 +322,7 @@ def graph_from_geojson(
         retain_all: keep every part of the map; otherwise what is left out is logged, with its share of the length.
         tolerance: likewise.
         simplify: likewise.
-        elevation: as in `MapOptions`.
+        elevation: as in `FileOptions`.
         snap: metres; the end of a line joins the nearest other line if that is not farther away. Lines that cross stay
             apart.
 

@@ -39,23 +39,28 @@ _DEFAULTS = {
 
 
 class PlaceOptions(MapOptions, total=False):
-    """Options of the functions that make graphs of areas.
-
-    `osm_type`, `tolerance`, `bidirectional` and `strong` mean what they mean to `graph_from_file`, with "walk" as the
-    default mode of travel; `custom_filter` takes ways that are closed to the mode, too. The others are those of
-    `create_osm_graph`.
-    """
+    """Options of the functions that make graphs of areas."""
 
     osm_type: OSMType | str | ModeFunction
+    """The mode of travel, as for `graph_from_file`: `OSMType.WALK`."""
     resolution: float
+    """Metres between nodes: 10.0."""
     simplify: bool
+    """Cut streets from junction to junction: True; False makes a node at every vertex of the map."""
     retain_all: bool
+    """Keep every part of the map, not only the largest connected one: False."""
     truncate_by_edge: bool
+    """Keep streets whole that cross the boundary: True."""
     custom_filter: str | list[str] | None
+    """Filters of Overpass in place of the ways that are open to the mode, as for `create_osm_graph`: None."""
     tolerance: float | None
+    """Metres; junctions that a street of at most twice this length joins become one node: None, as the mode says."""
     bidirectional: bool | None
+    """Let agents go against one-way streets; False honours them: None, as the mode says."""
     offline: bool
+    """Never touch the network, and use only what was downloaded before: False."""
     strong: bool | None
+    """Keep the largest part in which every node can be reached from every other: None, yes."""
 
 
 def create_osm_graph(
@@ -147,7 +152,10 @@ def graph_from_polygon(polygon: "Polygon | MultiPolygon", **options: Unpack[Plac
 
 
 def get_network_type(osm_type: OSMType | str) -> str:
-    """Return the network type of OSMnx for a way of moving: walk, bike or drive.
+    """Return the network type of OSMnx for a way of moving: "walk", "bike" or "drive".
+
+    Args:
+        osm_type: a member of OSMType, or its name.
 
     Raises:
         BadType: it is no OSMType.

@@ -60,6 +60,10 @@ def generate(kind: str, map: str = "grid", seed: int = 0) -> Drawn:
         map: "grid" or "helsinki".
         seed: from which all that is drawn follows.
 
+    Returns:
+        A named tuple: `scenario`, in which the team under test plays its baseline; `team`, its name; `opponent`, the
+        other one; `opponents`, strategies of that by name.
+
     Raises:
         BadValue: there is no such kind or map.
     """

@@ -53,7 +53,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
 ) -> Table:
     """Let entries play each other on both sides with the same seeds, and return the table.
 
-    A tournament that was interrupted, however, goes on where it was when it is run again with the same `out`.
+    A tournament that was interrupted, by a crash too, goes on where it was when it is run again with the same `out`.
 
     Args:
         scenario: the game.

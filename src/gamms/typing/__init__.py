@@ -35,7 +35,7 @@ from gamms.typing.graph_engine import IGraph, IGraphEngine, Node, ObsFace, OSMEd
 from gamms.typing.internal_context import IComputeEngine, IInternalContext, IMessageEngine, ITask
 from gamms.typing.logger import ILogger
 from gamms.typing.memory_engine import IMemoryEngine, IPathLike, IStore, StoreType
-from gamms.typing.recorder import IRecorder, OpCodes
+from gamms.typing.recorder import IRecorder, OpCodes, PageOptions
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType
 from gamms.typing.visualization_engine import (
     AgentVisual,
@@ -93,6 +93,7 @@ __all__ = [
     "ObstacleVisual",
     "OpCodes",
     "OutgoingMessage",
+    "PageOptions",
     "PictureOptions",
     "Rule",
     "SensorOptions",

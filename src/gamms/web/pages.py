@@ -62,7 +62,7 @@ def page(recording: Recording, **options: Unpack[PageOptions]) -> bytes:
 
     Args:
         recording: is read from its first turn to its last; it holds its map, or was opened with it.
-        options: `gamms.typing.recorder.PageOptions` has them.
+        options: `gamms.typing.PageOptions` has them.
 
     Raises:
         BadValue: there is no such turn, theme or option, or no agent of the audience has a sensor.
