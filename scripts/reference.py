@@ -233,7 +233,7 @@ def _entry(module: str, name: str) -> str:
 
 
 def _value_of(node: ast.Assign | ast.AnnAssign) -> list[str]:
-    value = ast.unparse(node.value) if node.value else ""
+    value = ast.unparse(node.value) if node.value and not isinstance(node.value, ast.Call) else ""
     return [f":value: {value}"] if value and len(value) < 100 and "lambda" not in value else []
 
 
@@ -292,13 +292,21 @@ def _members(found: Found) -> Iterator[tuple[Found, list[ast.stmt]]]:
 
 
 def _forwarded(module: str, node: ast.AST) -> tuple[Found, list[ast.stmt]] | None:
-    """Return the method of another class that an attribute calls, `x = forwarded(Graph.x)`, and the body with it."""
+    """Return the method that an attribute calls, `x = forwarded(Graph.x)` or `x = _of("part", Part.x)`, and its body.
+
+    It has the name of the attribute.
+    """
     call = node.value if isinstance(node, ast.Assign) else None
-    verb = call.args[0] if isinstance(call, ast.Call) and len(call.args) == 1 else None
+    verb = call.args[-1] if isinstance(call, ast.Call) and call.args else None
     if not isinstance(verb, ast.Attribute) or not isinstance(verb.value, ast.Name):
         return None
-    owner = find(module, verb.value.id)
-    return next((Found(owner.module, one), owner.node.body) for one in owner.node.body if _name_of(one) == verb.attr)
+    for owner in _lineage(find(module, verb.value.id)):
+        for one in owner.node.body:
+            if _name_of(one) == verb.attr:
+                own = copy.copy(one)
+                own.name = _target_of(node)
+                return Found(owner.module, own), owner.node.body
+    return None
 
 
 def _member(found: Found, scope: list[ast.stmt], *, is_described: bool) -> str:

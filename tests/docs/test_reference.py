@@ -40,6 +40,12 @@ def test_a_field_is_described_by_all_lines_of_the_text_below_it():
     assert "a node of the map with one of them\nis a node of the graph; ()." in entry
 
 
+def test_a_verb_of_a_part_is_a_method_of_its_engine():
+    _, _, entry = reference.page_of("gamms.visual").partition("{py:class} PictureEngine")
+    assert "{py:method} save(path: str | os.PathLike[str]," in entry
+    assert "{py:method} artist(name: str)" in entry
+
+
 def test_errors_of_several_classes_are_an_item():
     assert "* **UnknownName (KeyError), BadType, BadValue**: the post" in reference.page_of("gamms.strategies")
 

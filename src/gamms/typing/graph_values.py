@@ -26,7 +26,7 @@ class Engine(Enum):
 
 
 class Node(NamedTuple):
-    """A node: an immutable value."""
+    """A node: an immutable value; `x` and `y` in map units, metres on maps."""
 
     id: int
     x: float
@@ -48,7 +48,7 @@ else:  # a plain namedtuple may be subclassed with a `__new__` of its own
 
 
 class OSMEdge(_EdgeFields):
-    """A directed edge: an immutable value with `id`, `source`, `target`, `length` and `linestring`.
+    """A directed edge: an immutable value with `id`, `source`, `target`, `length` (map units) and `linestring`.
 
     A straight edge keeps its end nodes in `first` and `last`; any other keeps its polyline, flat, in `first`, and
     None in `last`. Use `points` or `linestring`, which hide the difference.
@@ -120,14 +120,17 @@ class OSMEdge(_EdgeFields):
 
 
 class ObsFace(NamedTuple):
-    """An obstacle: a quadrangle in space, an immutable value."""
+    """An obstacle: a quadrangle in space, an immutable value.
+
+    Its corners are (x, y, z) in map units: `tr` and `tl` above, `br` and `bl` below, right and left.
+    """
 
     id: int
     tr: Corner
     tl: Corner
     br: Corner
     bl: Corner
-    type: int
+    type: int  # what it is, which says its colour: 0 to 31 have one, see `gamms.osm.HEIGHT_ESTIMATES_TYPES`
 
 
 class NodeColumns(NamedTuple):

@@ -109,7 +109,11 @@ class IRecorder(ABC):
 
     @abstractmethod
     def replay(self, path: str | BinaryIO) -> Iterator[dict[str, Any]]:
-        """Apply a recording, one record per step."""
+        """Apply a recording, one record per step.
+
+        Yields:
+            A dict with `timestamp`, nanoseconds, `opCode`, the value of an `OpCodes`, and but at the end `data`.
+        """
 
     @abstractmethod
     def time(self) -> int:

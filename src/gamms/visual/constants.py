@@ -5,7 +5,7 @@ from enum import Enum, IntEnum
 SHORT_EDGE_PIXEL_THRESHOLD = 3.0  # pixels; for programs of gamms 1.0.0
 SKIP_EDGE_PIXEL_THRESHOLD = 1.0  # pixels; for programs of gamms 1.0.0
 SKIP_NODE_PIXEL_THRESHOLD = 1.0  # pixels; for programs of gamms 1.0.0
-CACHE_ZOOM_MAX = 1.2  # how far a kept drawing is stretched before it is drawn again
+CACHE_ZOOM_MAX = 1.2  # how far a cached drawing is stretched before it is drawn again
 
 
 class Engine(Enum):
