@@ -153,7 +153,7 @@ def _pages_with(module: str, name: str) -> str:
     """Return links to the pages whose programs use a public name, three at most."""
     last = module.rpartition(".")[2]
     used = re.compile(rf"\b{last}[.:]{name}\b|from {re.escape(module)} import (?:\w+, )*{name}\b")
-    found = [(title, path) for title, path, code in _programs() if used.search(code)]
+    found = [(title, path) for title, path, code in _programs() if name in code and used.search(code)]
     found = sorted(found, key=lambda one: last not in one[1])[:3]  # the page of the package first
     links = ", ".join(f"[{title}](../{path})" for title, path in found)
     return f"Used in: {links}." if found else ""
@@ -244,7 +244,11 @@ def _in(module: str) -> list[str]:
 def _class(module: str, name: str, found: Found) -> str:
     docs, members = docstring_of(found), list(_members(found))
     inner = examples_of(module, name) + "\n\n"
-    inner += "\n".join(_member(one, body, is_described=f"{_name_of(one.node)}:" in docs) for one, body in members)
+    above = [docstring_of(one) for one in _lineage(found)[1:]]
+    inner += "\n".join(
+        _member(one, body, "" if f"{_name_of(one.node)}:" in docs else _said_of(_name_of(one.node), above))
+        for one, body in members
+    )
     constructor = next(_inits(found), None)
     signature = _signatures(constructor[0], name, constructor[1]) if constructor else name
     return _directive("py:class", signature, docs, _in(module), inner)
@@ -309,7 +313,13 @@ def _forwarded(module: str, node: ast.AST) -> tuple[Found, list[ast.stmt]] | Non
     return None
 
 
-def _member(found: Found, scope: list[ast.stmt], *, is_described: bool) -> str:
+def _said_of(name: str, docs: list[str]) -> str | None:
+    """Return what docstrings of classes say of an attribute; None: nothing."""
+    said = (re.search(rf"^    {name}: (.*(?:\n {{5,}}.*)*)", one, re.MULTILINE) for one in docs)
+    return next((" ".join(one[1].split()) for one in said if one), None)
+
+
+def _member(found: Found, scope: list[ast.stmt], said: str | None) -> str:
     node, name = found.node, _name_of(found.node)
     if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
         marks = {ast.unparse(mark) for mark in node.decorator_list}
@@ -320,7 +330,8 @@ def _member(found: Found, scope: list[ast.stmt], *, is_described: bool) -> str:
     if isinstance(node, ast.ClassDef):
         return _directive("py:class", name, docstring_of(found), [])
     kind = [f":type: {_qualified(node.annotation, found.module)}"] if isinstance(node, ast.AnnAssign) else []
-    return _directive("py:attribute", name, "" if is_described else _text_at(found, scope), kind + _value_of(node))
+    text = _text_at(found, scope) if said is None else said
+    return _directive("py:attribute", name, text, kind + _value_of(node))
 
 
 def _signatures(found: Found, name: str, scope: list[ast.stmt]) -> str:

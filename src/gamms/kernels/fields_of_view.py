@@ -14,7 +14,7 @@ _RIM = 1e-12  # radians: what lies on the rim is inside, however the angles were
 
 
 def multiply_quaternions(q1: Quaternion, q2: Quaternion) -> Quaternion:
-    """Return Hamilton's product: the rotation `q2`, then `q1`."""
+    """Return Hamilton's product of two quaternions (w, x, y, z): the rotation `q2`, then `q1`."""
     w1, x1, y1, z1 = q1
     w2, x2, y2, z2 = q2
     return (
@@ -26,7 +26,7 @@ def multiply_quaternions(q1: Quaternion, q2: Quaternion) -> Quaternion:
 
 
 def quaternion_to_direction(quat: Quaternion) -> tuple[float, float, float]:
-    """Return the direction of the x axis after a rotation; of length 1 for a unit quaternion."""
+    """Return (x, y, z), the x axis after a rotation by (w, x, y, z); of length 1 for a unit quaternion."""
     w, x, y, z = quat
     return (1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y + w * z), 2.0 * (x * z - w * y))
 

@@ -52,12 +52,12 @@ class Sensor(Guarded, ISensor):
     _called = "sensor"
     _CHECKS: ClassVar[dict[str, Callable[[Any, str], Any]]]  # attribute -> what it may be set to
 
-    sees_world_only = True
+    sees_world_only = True  # and nothing that belongs to the program
     _is_ours: ClassVar[bool] = True  # whether its class is not one of the user's own
 
-    type: SensorType
-    sensor_id: str
-    ctx: IContext
+    type: SensorType  # what kind of sensor it is
+    sensor_id: str  # its name
+    ctx: IContext  # the context that it looks at
     _phase: DecidePhase
     _last: list[Any]  # `data`; the place, range and heading of the last look
     _owner: str | None
