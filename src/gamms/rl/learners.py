@@ -36,7 +36,8 @@ class Turn(NamedTuple):
 
     Attributes:
         team: whose reward it is.
-        before: its agents before the turn; of this view only `node`, `mask` and `turn` are those of then.
+        before: its agents before the turn; of this view only the attributes `node` and `mask`, (games, agents), and
+            `turn`, (games,), are those of then.
         after: its agents now.
         gains: key -> (games,) by how much each score has changed.
     """

@@ -28,12 +28,17 @@ Capacity = int | Mapping[int, int | None] | str | None  # as a caller gives it
 
 
 class Contest(NamedTuple):
-    """More agents than places: what a resolver decides."""
+    """More agents than places: what a resolver decides.
 
-    # The node or edge they all want to end on; for an exchange its two nodes, the smaller first.
+    Attributes:
+        node: the node or edge that all of them want to end on; for an exchange its two nodes, the smaller first.
+        places: how many of them may win, at least 1 and fewer than there are.
+        movers: their moves, by name.
+    """
+
     node: int | EdgePlace | tuple[int, int]
-    places: int  # how many of them may win, at least 1 and fewer than there are
-    movers: tuple[Move, ...]  # by name
+    places: int
+    movers: tuple[Move, ...]
 
 
 Resolver = Callable[[Contest, Any], Iterable[str | Move]]  # called with the contest and the `gamms.Context`

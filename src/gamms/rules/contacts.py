@@ -30,14 +30,14 @@ from gamms.typing.game import TEAMS, Track
 class Contact(NamedTuple):
     """Two agents that meet, by name; one of each side."""
 
-    a: str
-    b: str
+    a: str  # the agent of the first side
+    b: str  # that of the second
     distance: float  # 0 on one node, or past each other; else edges, metres or map units, as was asked for
     time: float = 1.0  # of the turn, from 0 to 1
     a_node: int = -1  # where `a` was; on an edge, the node that it had passed last
-    b_node: int = -1
+    b_node: int = -1  # where `b` was, likewise
     a_xy: tuple[float, float] | None = None  # in games by metres: where exactly `a` was
-    b_xy: tuple[float, float] | None = None
+    b_xy: tuple[float, float] | None = None  # and `b`
 
 
 class Nearness(NamedTuple):

@@ -257,19 +257,19 @@ class Channel(_Mapping, frozen=True, kw_only=True):
 class Spec(_Mapping, frozen=True, kw_only=True):
     """A game, completely."""
 
-    map: Map
-    teams: Annotated[dict[Name, Team], Meta(min_length=1)]
+    map: Map  # where it is played
+    teams: Annotated[dict[Name, Team], Meta(min_length=1)]  # their agents, where they start, and what decides
     name: str = ""
     description: str = ""
-    seed: int | None = None
-    max_turns: Count | None = None
-    sensors: dict[Name, Sensor] = {}
-    rules: list[Reference | Rule] = []
-    conflicts: Conflicts | None = None
-    channels: dict[Name, Channel] = {}
-    settings: Settings = Settings()
-    facts: Values = {}
-    data: Values = {}
+    seed: int | None = None  # all that is drawn follows from it; None: every game is another
+    max_turns: Count | None = None  # it ends after so many at the latest; None: when a rule says so
+    sensors: dict[Name, Sensor] = {}  # type and keywords; each agent that names one gets one of its own
+    rules: list[Reference | Rule] = []  # in the order in which they are applied
+    conflicts: Conflicts | None = None  # what decides where moves conflict; None: all moves are made
+    channels: dict[Name, Channel] = {}  # by what agents send messages
+    settings: Settings = Settings()  # of the turn engine
+    facts: Values = {}  # what every strategy sees
+    data: Values = {}  # what is in `ctx.game.data` at the beginning
 
 
 def schema() -> Values:
