@@ -51,7 +51,7 @@ def test_a_study_is_served_until_ctrl_c_and_goes_on(folder):
     ).groups()
     with httpx.Client(trust_env=False, headers={"Authorization": f"Bearer {token}"}) as page:
         asked = page.post(f"{address}participant", json={"code": "P1"}).json()
-        agreed = page.post(f"{address}participant", json={"code": "P1", "agree": True}).json()
+        agreed = page.post(f"{address}participant", json={"code": "P1", "secret": "x" * 32, "agree": True}).json()
     running.send_signal(signal.SIGINT)
     said, errors = running.communicate(timeout=30)
     assert (code, running.returncode, errors) == ("CODE", 0, "")

@@ -13,6 +13,7 @@ from test_playing import Player
 
 from gamms import scenario, web
 from gamms.recorder import open as opened
+from gamms.web import participants
 
 ALONE = scenario.Scenario(
     name="errand",
@@ -33,11 +34,11 @@ def begun(out, **options):
     return web.study(ALONE, out=out, **(given | options))
 
 
-def ask(study, code, **more):
+def ask(study, code, browser="the first browser", **more):
     """Ask as the page does what comes next for a participant."""
     address, _, token = study.link("x").partition("#")
     url = address.partition("?")[0] + "participant"
-    body = json.dumps({"code": code, **more}).encode()
+    body = json.dumps({"code": code, "secret": f"a secret of {browser}".replace(" ", "-"), **more}).encode()
     with build_opener(ProxyHandler({})).open(Request(url, body, {"Authorization": f"Bearer {token}"})) as answer:
         return json.load(answer)["value"]
 
@@ -134,10 +135,160 @@ def test_a_link_without_a_code_or_with_another_token_gives_nothing(tmp_path):
         begun(tmp_path, people="blue")
 
 
+def test_a_code_belongs_to_the_browser_that_has_agreed_with_it(tmp_path):
+    with begun(tmp_path) as study:
+        ask(study, "P1", agree=True)
+        for more in ({}, {"agree": True}, {"begin": True}, {"secret": None}, {"secret": 3}, {"secret": ["a"]}):
+            with pytest.raises(HTTPError, match="400"):
+                ask(study, "P1", browser="another browser", **more)
+        for secret in (None, "", "short", "x" * 101, "with a space and more than 22"):
+            with pytest.raises(HTTPError, match="400"):
+                ask(study, "P2", agree=True, secret=secret)
+        assert ask(study, "P1", agree=True)["stage"] == "ready"  # whose answer may have been lost on its way
+    with begun(tmp_path) as study:
+        with pytest.raises(HTTPError, match="400"):
+            ask(study, "P1", browser="another browser")
+        assert ask(study, "P1", begin=True)["stage"] == "play"
+        study.release("P1")
+        assert ask(study, "P1", browser="another browser")["stage"] == "consent"
+        assert ask(study, "P1", browser="another browser", agree=True)["stage"] == "play"
+        with pytest.raises(HTTPError, match="400"):
+            ask(study, "P1")
+        with pytest.raises(KeyError, match="P3"):
+            study.release("P3")
+    assert b"browser" not in (tmp_path / "participants.jsonl").read_bytes()
+
+
+DUEL = scenario.Scenario(
+    name="duel",
+    map={"grid": {"width": 6, "height": 1}},
+    teams={
+        "red": {"agents": [{"name": "rita", "node": 0}], "strategy": "human"},
+        "blue": {"agents": [{"name": "bob", "node": 5}], "strategy": "human"},
+    },
+    max_turns=2,
+)
+
+
+def begun_for_two(out, **options):
+    """Return a study of pairs in a folder."""
+    given = {"consent": "Do you agree?", "practice": 0, "rounds": 2, "seconds": 20.0}
+    return web.study(DUEL, out=out, **(given | options))
+
+
+def paired(study, *codes):
+    """Let participants agree and become a pair; return what each of them plays."""
+    for code in codes:
+        ask(study, code, agree=True)
+    return {code: ask(study, code)["role"] for code in codes}
+
+
+def begin_together(study, *codes):
+    """Begin a round of a pair; return who plays, by code."""
+    first = ask(study, codes[0], begin=True)
+    assert first["stage"] == "wait"
+    links = {code: ask(study, code, begin=True)["link"].replace("/play", "/") for code in reversed(codes)}
+    return {code: Player(link) for code, link in links.items()}
+
+
+def finished(study, rows):
+    """Wait until the games that are played are over, and there are so many rows."""
+    for thread in study._threads:
+        thread.join(5)
+    assert len(study.rows) == rows
+    return study.rows
+
+
+def test_participants_are_paired_as_they_come_and_the_table_says_with_whom(tmp_path):
+    with begun_for_two(tmp_path, conditions={"a": {}, "b": {}}) as study:
+        ask(study, "P1", agree=True)
+        assert ask(study, "P1") == {"stage": "wait", "within_s": 300.0}
+        assert study.assigned == {"a": 0, "b": 0}
+        roles = paired(study, "P2") | {"P1": ask(study, "P1")["role"]}
+        assert sorted(roles.values()) == ["bob", "rita"]
+        assert sorted(study.assigned.values()) == [0, 2]
+        others = paired(study, "P3", "P4")
+        assert study.assigned == {"a": 2, "b": 2}
+        players = begin_together(study, "P1", "P2")
+        code_of = {role: code for code, role in roles.items()}
+        players[code_of["rita"]].go(0, 1)
+        players[code_of["bob"]].question(0)
+        players[code_of["bob"]].socket.close()  # leaves, and returns
+        link = ask(study, code_of["bob"])["link"].replace("/play", "/")
+        players[code_of["bob"]] = Player(link)
+        players[code_of["bob"]].go(0, 4)
+        players[code_of["bob"]].go(1, 4)
+        players[code_of["rita"]].go(1, 2)
+        rows = finished(study, 2)
+        for player in players.values():
+            player.socket.close()
+        assert ask(study, "P1")["round"] == 2
+    by_role = {row["role"]: row for row in rows}
+    assert {role: (row["participant"], row["partner"]) for role, row in by_role.items()} == {
+        "rita": (code_of["rita"], code_of["bob"]),
+        "bob": (code_of["bob"], code_of["rita"]),
+    }
+    assert {(row["group"], row["round"], row["choices"], row["missed"]) for row in rows} == {(0, 1, 2, 0)}
+    with opened(tmp_path / rows[0]["recording"]) as recording:
+        assert recording[2].agents["node"].tolist() == [2, 4]
+        assert {event["person"] for event in recording.events() if event["kind"] == "choice"} == {"P1", "P2"}
+    with begun_for_two(tmp_path, conditions={"a": {}, "b": {}}) as study:  # all pairs go on
+        assert {code: ask(study, code)["role"] for code in ("P3", "P4")} == others
+        assert [ask(study, code)["round"] for code in ("P1", "P3")] == [2, 1]
+
+
+def test_who_has_left_the_page_that_waits_gets_no_partner(tmp_path, monkeypatch):
+    monkeypatch.setattr(participants, "_PRESENT_S", 0.0)
+    with begun_for_two(tmp_path) as study:
+        assert [ask(study, code, agree=True)["stage"] for code in ("P1", "P2")] == ["wait", "wait"]
+
+
+def test_a_participant_for_whom_no_partner_comes_is_told_so_and_may_wait_again(tmp_path):
+    with begun_for_two(tmp_path, partner_within=0.01) as study:
+        ask(study, "P1", agree=True)
+        while (now := ask(study, "P1"))["stage"] == "wait":
+            pass
+        assert now == {"stage": "alone", "within_s": 0.01}
+        ask(study, "P2", agree=True)  # while the page of the first does not wait
+        assert ask(study, "P1")["stage"] == "ready"
+
+
+def test_a_round_begins_without_a_partner_who_does_not_come_to_it(tmp_path):
+    with begun_for_two(tmp_path, partner_within=0.01, seconds=0.05) as study:
+        paired(study, "P1", "P2")
+        while (now := ask(study, "P1", begin=True))["stage"] == "wait":
+            pass
+        player = Player(now["link"].replace("/play", "/"))
+        rows = finished(study, 2)
+        player.socket.close()
+        assert ask(study, "P2")["round"] == 2
+    assert [row["missed"] for row in rows] == [2, 2]
+    with opened(tmp_path / rows[0]["recording"]) as recording:
+        absent = [event["outcome"] for event in recording.events() if event["person"] == "P2"]
+    assert absent == ["not there"] * 2
+
+
+def test_neither_of_a_pair_may_choose_for_the_other(tmp_path):
+    with begun_for_two(tmp_path) as study:
+        paired(study, "P1", "P2")
+        players = begin_together(study, "P1", "P2")
+        other = players["P2"].question(0)["question"]
+        players["P1"].question(0)
+        assert "another player" in players["P1"].refused(question=other, move=0)
+        for player in players.values():
+            player.socket.close()
+
+
 def test_impossible_studies_are_refused_before_they_begin(tmp_path):
     with pytest.raises(KeyError, match="gren"):
         begun(tmp_path, people="gren")
     with pytest.raises(ValueError, match="give 'bob' another strategy than human"):
         begun(tmp_path, conditions={"a": {"teams.blue.strategy": "human"}})
+    with pytest.raises(ValueError, match="nothing to play for 'red'"):
+        begun(tmp_path, people=["red", "rita"])
+    with pytest.raises(ValueError, match="write strategy: human"):
+        begun(tmp_path, people=None)
+    with pytest.raises(ValueError, match="partner_within must be more than 0, not -1"):
+        begun(tmp_path, partner_within=-1)
     with pytest.raises(ValueError, match="colour"):
         begun(tmp_path, conditions={"a": {"colour": 1}})

@@ -15,8 +15,8 @@ from gamms.text import printable_line, shown
 if TYPE_CHECKING:
     from gamms.web import Study
 
-_REQUIRED = ("scenario", "people", "consent")
-_KEYS = (*_REQUIRED, "conditions", "rounds", "practice", "seconds", "seed", "title")
+_REQUIRED = ("scenario", "consent")
+_KEYS = (*_REQUIRED, "people", "conditions", "rounds", "practice", "seconds", "partner_within", "seed", "title")
 _MOST_CONSENT = 1 << 16  # bytes
 
 

@@ -8,10 +8,10 @@
 
 Read `pages.py` first: what such a file holds; then `live.py`: a game that is served while it is played, with
 `streams.py`, what its spectators are sent, `links.py`, what they may, and `server.py`, HTTP and WebSocket. People who
-play: `people.py`, then `choices.py`, what they are asked, `playing.py`, how that travels, and `study.py`. `places.py`
-makes the page on which places of a map are chosen, and `place_editor.py` serves it. The viewer itself is JavaScript, in
-`viewer/`, where `main.js` is the first file to read; `scripts/build_viewer.py` makes one page of it,
-`data/viewer.html`, which ships with GAMMS, and `data/places.html`.
+play: `people.py`, then `choices.py`, what they are asked, `playing.py`, how that travels, and `study.py`, with
+`participants.py`, who takes part. `places.py` makes the page on which places of a map are chosen, and `place_editor.py`
+serves it. The viewer itself is JavaScript, in `viewer/`, where `main.js` is the first file to read;
+`scripts/build_viewer.py` makes one page of it, `data/viewer.html`, which ships with GAMMS, and `data/places.html`.
 
 A client: it uses recordings and contexts as any program would.
 """

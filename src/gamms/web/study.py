@@ -1,20 +1,22 @@
-"""Studies: people who play a scenario one by one under conditions, and a table with a row for each of their rounds.
+"""Studies: people who play a scenario under conditions, alone or in groups, and a table with a row for each round.
 
-A folder holds what is known: `participants.jsonl` says who has agreed, `rows.jsonl` has a row for each round, of which
-`rows.csv` is made, and `games` the recordings. A study that is begun again with the same folder goes on where each
-participant was. Network addresses are written nowhere.
+A folder holds what is known: `participants.jsonl` says who has agreed and who plays with whom, `rows.jsonl` has a row
+for each participant and round, of which `rows.csv` is made, and `games` the recordings. A study that is begun again
+with the same folder goes on where each participant was. Network addresses are written nowhere.
+
+The page of a participant asks by `/participant` what comes next: consent, waiting for others, a round that may begin,
+the round, or the end. A code belongs to the browser that has agreed with it, by a secret that the browser has made.
 """
 
 import base64
 import csv
 import hashlib
-import json
 import os
 import re
 import threading
-from collections.abc import Callable, Iterable, Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from html import escape
 from pathlib import Path
 from statistics import fmean, median
@@ -22,9 +24,8 @@ from time import monotonic
 from types import TracebackType
 from typing import Any, Self, TypedDict, Unpack
 
-from gamms import kernels
-from gamms.arguments import as_count, as_int, as_mapping, as_path, as_text
-from gamms.errors import BadFile, BadType, BadValue, GammsError
+from gamms.arguments import as_count, as_float, as_int, as_mapping, as_path, as_text
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.result import Result
 from gamms.plain import Plain, as_json
 from gamms.scenario import Scenario
@@ -34,14 +35,14 @@ from gamms.web.choices import CHOSEN, EVENT
 from gamms.web.links import Grant, Links, Refused
 from gamms.web.live import Live, ServeOptions
 from gamms.web.pages import live_page
+from gamms.web.participants import Group, Line, Participant, Participants, add_lines, read_lines
 from gamms.web.people import People, human
 from gamms.web.server import Connection, Json, Page, Server, Site
 
 _CODE = re.compile(r"[A-Za-z0-9._-]{1,64}")
-_MOST_PARTICIPANTS = 10_000
 _MOST_AT_ONCE = 50  # games
 _LOOK_S = 0.5
-Row = dict[str, Any]
+Row = Line
 
 
 class StudyOptions(TypedDict, total=False):
@@ -55,6 +56,8 @@ class StudyOptions(TypedDict, total=False):
     """Rounds before these, which are marked in the table; 1."""
     seconds: float
     """How long a participant may take for a choice; 60."""
+    partner_within: float
+    """Of several who play together: how long a participant waits for the others, in seconds; 300."""
     otherwise: Callable[[Any], None]
     """The strategy that decides where the participant does not; `gamms.strategies.stay`."""
     seed: int
@@ -70,19 +73,26 @@ class StudyOptions(TypedDict, total=False):
 
 
 def study(
-    scenario: Scenario, *, people: str, consent: str, out: str | os.PathLike[str], **options: Unpack[StudyOptions]
+    scenario: Scenario,
+    *,
+    consent: str,
+    out: str | os.PathLike[str],
+    people: str | Sequence[str] | None = None,
+    **options: Unpack[StudyOptions],
 ) -> "Study":
     """Let people take part in a study, each by a link with a code; returns a handle with the links.
 
     Each participant reads the consent text and agrees, gets a condition, plays practice rounds, and then those that
-    count. Conditions are balanced: in the order in which people agree, each block of as many as there are conditions
-    has all of them, in an order that follows from the seed.
+    count. Conditions are balanced: in the order in which people agree, or groups come together, each block of as many
+    as there are conditions has all of them, in an order that follows from the seed. Several people who play together
+    are grouped as they come; a code belongs to the browser that has agreed with it.
 
     Args:
         scenario: what is played.
-        people: the team or agent that a participant plays.
         consent: the text of the first page.
         out: the folder of the results. A study that is there goes on.
+        people: the team or agent that a participant plays; several of them for as many who play together; None: those
+            whose strategy is `human` in the scenario.
         options: `gamms.web.StudyOptions` has them.
 
     Raises:
@@ -92,28 +102,8 @@ def study(
         ScenarioError: the game cannot be built under one of the conditions.
         UnknownName (KeyError): there is no such team or agent.
     """
-    return Study(scenario, as_text(people, "people"), as_text(consent, "consent"), as_path(out, "out"), options)
-
-
-@dataclass
-class Participant:
-    """Who has agreed to take part.
-
-    Attributes:
-        code: of the link.
-        number: from 0, in the order in which they agreed.
-        condition: its name.
-        played: how many rounds are over, those of practice included.
-        attempts: how often the next one was begun.
-        live: the game that is played; None: none.
-    """
-
-    code: str
-    number: int
-    condition: str
-    played: int = 0
-    attempts: int = 0
-    live: Live | None = None
+    given = people if people is None or isinstance(people, str) else [as_text(one, "people") for one in people]
+    return Study(scenario, given, as_text(consent, "consent"), as_path(out, "out"), options)
 
 
 class Study:
@@ -123,7 +113,9 @@ class Study:
         folder: of the results.
     """
 
-    def __init__(self, scenario: Scenario, people: str, consent: str, folder: Path, options: StudyOptions) -> None:
+    def __init__(
+        self, scenario: Scenario, people: str | list[str] | None, consent: str, folder: Path, options: StudyOptions
+    ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"study takes a scenario, not {shown(scenario)}.")
         if unknown := sorted(options.keys() - StudyOptions.__annotations__.keys()):
@@ -131,27 +123,26 @@ class Study:
                 f"study has no option {shown(unknown[0])}; there is: {', '.join(StudyOptions.__annotations__)}."
             )
         self.folder = folder
-        self._people, self._consent, self._options = people, consent, options
+        self._consent, self._options = consent, options
         self._seed = as_int(options.get("seed", 0), "seed")
         self._practice = as_count(options.get("practice", 1), "practice", 0)
         self._rounds = as_count(options.get("rounds", 1), "rounds")
+        self._partner_within = as_float(options.get("partner_within", 300.0), "partner_within")
+        if not self._partner_within > 0.0:
+            raise BadValue(f"partner_within must be more than 0, not {self._partner_within:g}.")
         given = as_mapping(options.get("conditions") or {"all": {}}, "conditions")
         self._variants = {
             as_text(name, "a condition"): _changed(scenario, name, changes) for name, changes in given.items()
         }
+        self._people = self._people_of(scenario, people)
         for variant in self._variants.values():
-            with variant.build(self._seed, {people: self._human("participant")}) as ctx:
-                persons = People.open(ctx).persons
-                if len(persons) > 1:
-                    others = ", ".join(shown(name) for name in persons if name != "participant")
-                    raise BadValue(f"In a study one person plays, {people}; give {others} another strategy than human.")
+            self._check(variant)
         self._lock = threading.RLock()
-        self._participants: dict[str, Participant] = {}
-        self._ended: dict[str, Live] = {}  # code -> the game that is over, which pages still show
+        self._shown = deque[Group]()  # whose last game is over, and still shown
         self._rows: list[Row] = []
         self._closed = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._resume()
+        self._known = self._resume()
         title = options.get("title") or scenario.spec.name or "A study"
         self._title = title
         self._links = Links()
@@ -160,6 +151,34 @@ class Study:
         keywords: Any = {name: options[name] for name in ("port", "host", "allow_network") if name in options}
         self._server = Server(site, **keywords)
         self._token = self._links.add(Grant("participants"))
+
+    def _people_of(self, scenario: Scenario, people: str | list[str] | None) -> tuple[str, ...]:
+        """Return the teams and agents that participants play.
+
+        Raises:
+            BadValue: there is none.
+        """
+        if people is None:
+            with scenario.build(self._seed) as ctx:
+                found = tuple(People.open(ctx).persons)
+        else:
+            found = (people,) if isinstance(people, str) else tuple(dict.fromkeys(people))
+        if not found:
+            raise BadValue("No team or agent is played by a person: give people=, or write strategy: human.")
+        return found
+
+    def _check(self, variant: Scenario) -> None:
+        """Refuse a scenario in which others are played by people than those who take part."""
+        named = [f"participant {number}" for number in range(len(self._people))]
+        with variant.build(self._seed, dict(zip(self._people, map(self._human, named), strict=True))) as ctx:
+            persons = People.open(ctx).persons
+        if others := ", ".join(shown(name) for name in persons if name not in named):
+            raise BadValue(
+                f"In this study participants play {', '.join(self._people)}; give {others} another strategy than "
+                "human, or name all of them as people."
+            )
+        if idle := [one for one, name in zip(self._people, named, strict=True) if name not in persons]:
+            raise BadValue(f"There is nothing to play for {shown(idle[0])}: others of the people play all its agents.")
 
     # -- the handle -----------------------------------------------------------------------------------------------
 
@@ -188,18 +207,31 @@ class Study:
     def assigned(self) -> dict[str, int]:
         """How many participants have each condition."""
         with self._lock:
-            conditions = [one.condition for one in self._participants.values()]
+            conditions = [one.condition for one in self._known.groups for _ in one.members]
         return {name: conditions.count(name) for name in self._variants}
+
+    def release(self, code: str) -> None:
+        """Let another browser go on with a code: for a participant who has lost what the first one has kept.
+
+        Raises:
+            UnknownName (KeyError): no participant has agreed with this code.
+        """
+        with self._lock:
+            one = self._known.by_code.get(code)
+            if one is None:
+                raise UnknownName("participant", code, self._known.by_code)
+            self._known.keep_secret(one, None)
+
+    def condition_of(self, number: int) -> str:
+        """Return the condition of the participant who is the number-th to agree, or of that group, from 0."""
+        return self._known.condition_of(number)
 
     def wait(self, participants: int, timeout: float | None = None) -> bool:
         """Wait until so many participants have played all rounds; returns whether they have."""
         ends = None if timeout is None else monotonic() + timeout
         while not self._closed.is_set():
             with self._lock:
-                if (
-                    sum(one.played >= self._practice + self._rounds for one in self._participants.values())
-                    >= participants
-                ):
+                if sum(len(one.members) for one in self._known.groups if self._is_done(one)) >= participants:
                     return True
             if ends is not None and monotonic() >= ends:
                 break
@@ -216,8 +248,7 @@ class Study:
         """End the server and all games; those that are under way begin again when the study goes on."""
         self._closed.set()
         with self._lock:
-            games = [one.live for one in self._participants.values() if one.live is not None]
-            games += self._ended.values()
+            games = [live for one in self._known.groups for live in (one.live, one.ended) if live is not None]
         for live in games:
             live.close()
         for thread in self._threads:
@@ -234,79 +265,91 @@ class Study:
 
     def __repr__(self) -> str:
         """Show the folder and how many take part, without a token."""
-        return f"Study({str(self.folder)!r}, participants={len(self._participants)}, rounds={len(self._rows)})"
+        return f"Study({str(self.folder)!r}, participants={len(self._known.by_code)}, rounds={len(self._rows)})"
 
     # -- what participants ask ------------------------------------------------------------------------------------
 
     def _answer(self, grant: Grant, message: Json) -> Plain:
-        """Return what comes next for a participant: consent, a round that may begin, one to be played, or the end."""
+        """Return what comes next for a participant: consent, waiting, a round that may begin, the round, or the end."""
         code = message.get("code")
         if grant.name != "participants" or not isinstance(code, str) or not _CODE.fullmatch(code):
             raise Refused("This link has no code of a participant. Ask who gave it to you.")
         with self._lock:
-            one = self._participants.get(code)
-            if one is None:
-                if message.get("agree") is not True:
-                    return {"stage": "consent", "text": self._consent}
-                one = self._enrol(code)
-            if one.played >= self._practice + self._rounds:
-                return {"stage": "end", "rounds": self._rounds}
-            is_practice = one.played < self._practice
-            number = one.played + 1 - (0 if is_practice else self._practice)
-            where: Json = {"practice": is_practice, "round": number, "rounds": self._rounds}
-            if one.live is None:
-                if message.get("begin") is not True:
-                    return {"stage": "ready", **where}
-                self._begin(one)
-            assert one.live is not None  # noqa: S101 - it was begun just now
-            return {"stage": "play", "link": one.live.players[code], **where}
+            one = self._known.known(code, message)
+            return {"stage": "consent", "text": self._consent} if one is None else self._stage(one, message)
 
-    def _enrol(self, code: str) -> Participant:
-        number = len(self._participants)
-        if number >= _MOST_PARTICIPANTS:
-            raise Refused("This study has all its participants.")
-        one = Participant(code, number, self.condition_of(number))
-        self._write("participants.jsonl", {"participant": code, "number": number, "condition": one.condition})
-        self._participants[code] = one
-        return one
+    def _stage(self, one: Participant, message: Json) -> Json:
+        """Return what comes next for who has agreed."""
+        within: Json = {"within_s": self._partner_within}
+        group = one.group or self._known.group_of(one)
+        if group is None:
+            return {"stage": "alone" if one.came_at is None else "wait", **within}
+        if self._is_done(group):
+            return {"stage": "end", "rounds": self._rounds}
+        is_practice = group.played < self._practice
+        number = group.played + 1 - (0 if is_practice else self._practice)
+        where: Json = {"practice": is_practice, "round": number, "rounds": self._rounds}
+        if len(self._people) > 1:
+            where["role"] = self._people[group.members.index(one.code)]
+        if group.live is None:
+            if message.get("begin") is not True:
+                return {"stage": "ready", **where}
+            if not self._may_begin(group, one):
+                return {"stage": "wait", **where, **within}
+            self._begin(group)
+        assert group.live is not None  # noqa: S101 - it was begun just now
+        return {"stage": "play", "link": group.live.players[one.code], **where}
 
-    def condition_of(self, number: int) -> str:
-        """Return the condition of the participant who is the number-th to agree, from 0."""
-        names = list(self._variants)
-        block, place = divmod(number, len(names))
-        return names[int(kernels.stream(self._seed, "study", block).permutation(len(names))[place])]
+    def _is_done(self, group: Group) -> bool:
+        return group.played >= self._practice + self._rounds
+
+    def _may_begin(self, group: Group, one: Participant) -> bool:
+        """Note who wants to begin; return whether all do, or one has waited long enough for the others."""
+        if not group.ready:
+            group.ready_at = monotonic()
+        group.ready.add(one.code)
+        return len(group.ready) == len(group.members) or monotonic() - group.ready_at > self._partner_within
 
     def _human(self, name: str) -> Any:  # a strategy, which `Scenario.build` takes
         keywords: Any = {key: self._options[key] for key in ("seconds", "otherwise") if key in self._options}
+        if len(self._people) > 1:  # others do not wait for who does not come to a round
+            keywords["joins_within"] = keywords.get("seconds", 60.0)
         return human(name, **keywords)
 
     # -- games ------------------------------------------------------------------------------------------------------
 
-    def _begin(self, one: Participant) -> None:
-        """Begin the next round of a participant."""
-        if sum(other.live is not None for other in self._participants.values()) >= _MOST_AT_ONCE:
+    def _begin(self, group: Group) -> None:
+        """Begin the next round of a group."""
+        if sum(other.live is not None for other in self._known.groups) >= _MOST_AT_ONCE:
             raise Refused("Too many play at the moment. Try again in some minutes.")
-        ended = self._ended.pop(one.code, None)
-        if ended is not None:
-            ended.close()
-        one.attempts += 1
-        self._write("participants.jsonl", {"participant": one.code, "played": one.played, "attempt": one.attempts})
-        file = self.folder / "games" / f"{one.number}-{one.played}.ggr"
+        if group.ended is not None:
+            self._forget(group)
+        group.attempts += 1
+        self._known.note_round(group)
+        file = self.folder / "games" / f"{group.number}-{group.played}.ggr"
         file.parent.mkdir(parents=True, exist_ok=True)
         keywords: ServeOptions = {
-            "seed": self._seed + one.played,
-            "strategies": {self._people: self._human(one.code)},
+            "seed": self._seed + group.played,
+            "strategies": dict(zip(self._people, map(self._human, group.members), strict=True)),
             "record": file,
             "speed": None,
             "title": self._title,
         }
-        one.live = Live(self._variants[one.condition], keywords, _Room(self._server, self._links, one.code))
-        thread = threading.Thread(target=self._finish, args=(one, one.live, file), name="gamms study", daemon=True)
+        live = Live(self._variants[group.condition], keywords, _Room(self._server, self._links, group.members))
+        group.live = live
+        thread = threading.Thread(target=self._finish, args=(group, live, file), name="gamms study", daemon=True)
         self._threads = [*(known for known in self._threads if known.is_alive()), thread]
         thread.start()
 
-    def _finish(self, one: Participant, live: Live, file: Path) -> None:
-        """Wait until a round is over, and write its row."""
+    def _forget(self, group: Group) -> None:
+        """Show the last game of a group no longer."""
+        if group.ended is not None:
+            group.ended.close()
+            group.ended = None
+            self._shown.remove(group)
+
+    def _finish(self, group: Group, live: Live, file: Path) -> None:
+        """Wait until a round is over, and write its rows."""
         error, result = None, None
         try:
             result = live.wait()
@@ -315,30 +358,35 @@ class Study:
         if result is None and error is None:
             return  # the study was closed
         with self._lock:
-            row = self._row_of(one, result, error, file)
-            self._write("rows.jsonl", row)
-            self._rows.append(row)
+            rows = [self._row_of(self._known.by_code[code], group, result, error, file) for code in group.members]
+            add_lines(self.folder / "rows.jsonl", rows)
+            self._rows += rows
             self._write_csv()
-            one.played, one.attempts, one.live = one.played + 1, 0, None
-            self._ended[one.code] = live
-        # The page shows how it has ended until the next round is begun or the study is closed.
+            group.played, group.attempts, group.live, group.ended = group.played + 1, 0, None, live
+            group.ready.clear()
+            # The page shows how it has ended until the next round is begun, unless very many have played since then.
+            self._shown.append(group)
+            if len(self._shown) > _MOST_AT_ONCE:
+                self._forget(self._shown[0])
 
-    def _row_of(self, one: Participant, result: Result | None, error: str | None, file: Path) -> Row:
-        is_practice = one.played < self._practice
-        row: Row = {
-            "participant": one.code,
-            "number": one.number,
-            "condition": one.condition,
-            "round": one.played + 1 - (0 if is_practice else self._practice),
+    def _row_of(self, one: Participant, group: Group, result: Result | None, error: str | None, file: Path) -> Row:
+        is_practice = group.played < self._practice
+        row: Row = {"participant": one.code, "number": one.number, "condition": group.condition}
+        if len(self._people) > 1:
+            others = [code for code in group.members if code != one.code]
+            role = self._people[group.members.index(one.code)]
+            row |= {"group": group.number, "role": role, "partner": " ".join(others)}
+        row |= {
+            "round": group.played + 1 - (0 if is_practice else self._practice),
             "practice": is_practice,
-            "attempt": one.attempts,
-            "seed": self._seed + one.played,
+            "attempt": group.attempts,
+            "seed": self._seed + group.played,
             "gamms": versions()["gamms"],
             "recording": file.relative_to(self.folder).as_posix(),
             "error": error,
         }
         if result is not None:
-            choices = [event for event in result.events if event["kind"] == EVENT]
+            choices = [event for event in result.events if event["kind"] == EVENT and event["person"] == one.code]
             took = [event["seconds"] for event in choices if event["outcome"] == CHOSEN]
             row |= {"choices": len(took), "missed": len(choices) - len(took)}
             row |= {"seconds_mean": round(fmean(took), 3), "seconds_median": round(median(took), 3)} if took else {}
@@ -348,54 +396,38 @@ class Study:
 
     # -- the folder -------------------------------------------------------------------------------------------------
 
-    def _resume(self) -> None:
-        """Read what is in the folder.
+    def _resume(self) -> Participants:
+        """Return who takes part, by what is in the folder.
 
         Raises:
             BadFile: a line of its files is damaged.
             BadValue: it is of another study.
         """
         self.folder.mkdir(parents=True, exist_ok=True)
-        about = {"people": self._people, "conditions": list(self._variants), "seed": self._seed}
+        people = self._people[0] if len(self._people) == 1 else list(self._people)
+        about = {"people": people, "conditions": list(self._variants), "seed": self._seed}
         about |= {"practice": self._practice, "rounds": self._rounds}
-        known = self._read("study.jsonl")
-        if known and known[0] != about:
+        before = read_lines(self.folder / "study.jsonl")
+        if before and before[0] != about:
             raise BadValue(
-                f"{str(self.folder)!r} holds another study: {known[0]}; this one is {about}. "
+                f"{str(self.folder)!r} holds another study: {before[0]}; this one is {about}. "
                 "Give another folder as out."
             )
-        if not known:
-            self._write("study.jsonl", about)
-        self._rows = self._read("rows.jsonl")
-        lines = self._read("participants.jsonl")
-        for line in lines:
-            if "condition" in line:
-                one = Participant(line["participant"], line["number"], line["condition"])
-                one.played = sum(row["participant"] == one.code for row in self._rows)
-                self._participants[one.code] = one
-        for line in lines:
-            one = self._participants[line["participant"]]
-            if line.get("played") == one.played:
-                one.attempts = line["attempt"]
-
-    def _read(self, name: str) -> list[Row]:
-        """Return the lines of a file; one that has no end, where the program was killed, is cut off."""
-        file = self.folder / name
-        if not file.exists():
-            return []
-        data = file.read_bytes()
-        whole = data.rfind(b"\n") + 1
-        if whole < len(data):
-            with file.open("r+b") as torn:
-                torn.truncate(whole)
-        try:
-            return [json.loads(line) for line in data[:whole].splitlines()]
-        except ValueError as error:
-            raise BadFile(f"{str(file)!r} is damaged: {error}. Give another folder as out.") from None
-
-    def _write(self, name: str, line: Mapping[str, Plain]) -> None:
-        with (self.folder / name).open("a", encoding="utf-8") as file:
-            file.write(json.dumps(line) + "\n")
+        if not before:
+            add_lines(self.folder / "study.jsonl", [about])
+        self._rows = read_lines(self.folder / "rows.jsonl")
+        counts = Counter(row["participant"] for row in self._rows)
+        known = Participants(
+            self.folder / "participants.jsonl",
+            len(self._people),
+            list(self._variants),
+            self._seed,
+            self._partner_within,
+        )
+        for group in known.groups:
+            played = min(counts[code] for code in group.members)
+            group.played, group.attempts = played, group.attempts if group.played == played else 0
+        return known
 
     def _write_csv(self) -> None:
         columns = list(dict.fromkeys(name for row in self._rows for name in row))
@@ -408,9 +440,8 @@ class Study:
     # -- connections, each of which belongs to the game of its participant -------------------------------------------
 
     def _live_of(self, connection: Connection) -> Live | None:
-        code = connection.grant.name
-        one = self._participants.get(code)
-        return None if one is None else one.live or self._ended.get(code)
+        one = self._known.by_code.get(connection.grant.name)
+        return None if one is None or one.group is None else one.group.live or one.group.ended
 
     def joined(self, connection: Connection) -> None:
         """See `Talk`."""
@@ -457,16 +488,16 @@ def _page(title: str) -> bytes:
 
 
 class _Room:
-    """The part of a server that one participant has: what `Live` needs of it."""
+    """The part of a server that a group has: what `Live` needs of it."""
 
-    def __init__(self, server: Server, links: Links, code: str) -> None:
-        self._server, self._code = server, code
+    def __init__(self, server: Server, links: Links, codes: tuple[str, ...]) -> None:
+        self._server, self._codes = server, codes
         self.address, self.links = server.address, links
 
     @property
     def connections(self) -> list[Connection]:
-        """Those of the participant."""
-        return [one for one in self._server.connections if one.grant.name == self._code]
+        """Those of its members."""
+        return [one for one in self._server.connections if one.grant.name in self._codes]
 
     def link(self, token: str) -> str:
         """Return the address of the page on which is played."""
