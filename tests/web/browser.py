@@ -23,6 +23,7 @@ _FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # there is no network but for this machine
 )
 _SECONDS = 30.0
+_IS_READ = "document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead"
 
 
 class Page:
@@ -56,8 +57,8 @@ class Page:
             data = params["response"]["payloadData"]
             self.frames.append(data if params["response"]["opcode"] == 1 else base64.b64decode(data))
 
-    def open(self, path, width=1280, height=720, *, touch=False, scale=1, dark=False):
-        """Open a file or an address in a window of some size, and wait until the viewer has read it."""
+    def open(self, path, width=1280, height=720, *, touch=False, scale=1, dark=False, until=_IS_READ):
+        """Open a file or an address in a window of some size, and wait until the viewer has read it, or else."""
         for domain in ("Page", "Runtime", "Log", "Network"):
             self.call(f"{domain}.enable")
         self.call(
@@ -71,16 +72,19 @@ class Page:
         self.frames.clear()
         is_address = str(path).startswith("http")
         self.call("Page.navigate", url=str(path) if is_address else Path(path).absolute().as_uri())
-        self.wait("document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead")
+        self.wait(until)
         return self
 
     @contextmanager
-    def another(self):
-        """Open another page in a window of its own."""
-        target = self.call("Target.createTarget", url="about:blank", newWindow=True)["targetId"]
-        with _connected(f"ws://{self._address}/devtools/page/{target}") as socket:
-            yield Page(socket, self._address)
-        self.call("Target.closeTarget", targetId=target)
+    def another(self, *, is_other_browser=False):
+        """Open another page in a window of its own; as another browser would, without the cookies of this one."""
+        with _connected(_described(self._address, "version")["webSocketDebuggerUrl"]) as socket:
+            whole = Page(socket, self._address)
+            profile = whole.call("Target.createBrowserContext") if is_other_browser else {}
+            target = whole.call("Target.createTarget", url="about:blank", newWindow=True, **profile)["targetId"]
+            with _connected(f"ws://{self._address}/devtools/page/{target}") as own:
+                yield Page(own, self._address)
+            whole.call("Target.closeTarget", targetId=target)
 
     def value(self, expression):
         """Return the value of an expression in the page."""
@@ -170,8 +174,13 @@ def _connected(address):
 
 def _target(address):
     """Return the path of the socket of the first page."""
+    pages = [one for one in _described(address, "list") if one["type"] == "page"]
+    return "/" + pages[0]["webSocketDebuggerUrl"].split("/", 3)[3]
+
+
+def _described(address, what):
+    """Return what the browser says of itself, or of its pages."""
     from urllib.request import ProxyHandler, build_opener
 
-    with build_opener(ProxyHandler({})).open(f"http://{address}/json/list") as answer:
-        pages = [one for one in json.load(answer) if one["type"] == "page"]
-    return "/" + pages[0]["webSocketDebuggerUrl"].split("/", 3)[3]
+    with build_opener(ProxyHandler({})).open(f"http://{address}/json/{what}") as answer:
+        return json.load(answer)
