@@ -79,7 +79,7 @@ def main():
             print(
                 f"speed {speed}: {unseen[0]:.2f}, {alone[0]:.2f}, {watched[0]:.2f} ms of its own; "
                 f"{unseen[1]:.2f}, {alone[1]:.2f}, {watched[1]:.2f} ms pass; "
-                f"{watched[2] / 1e6:.1f} MB sent, {watched[3]} parts dropped",
+                f"{watched[2] / 1e6:.1f} MB sent, {watched[3]} turns dropped",
                 flush=True,
             )
         own, passed = (statistics.median(column) for column in zip(*ratios, strict=True))

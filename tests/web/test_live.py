@@ -11,7 +11,9 @@ import pytest
 import gamms
 from gamms import recorder, scenario, web
 from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
+from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.blocks import HEAD_SIZE, head_of
+from gamms.typing import OpCodes
 from gamms.web import streams
 from gamms.web.pages import drawn_log
 
@@ -147,13 +149,30 @@ def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
         following = streams.Streams(ctx.graph.columns)
         ctx.record.follow(following)
         stream = following.of(web.links.Audience())
-        first, number, dropped = stream.read(0)
-        assert (head_of(first[:HEAD_SIZE]).type, number, dropped) == (ord("K"), 1, 0)
+        first, place, dropped = stream.read(stream.last_keyframe)
+        assert (head_of(first[:HEAD_SIZE]).type, place.turns, dropped) == (ord("K"), 0, 0)
         ctx.game.run(max_turns=200)
-        again, _, dropped = stream.read(number)
+        assert following.of(web.links.Audience()) is stream
+        again, place, dropped = stream.read(place)
         assert (head_of(again[:HEAD_SIZE]).type, head_of(again[:HEAD_SIZE]).first) == (ord("K"), 192)
-        assert dropped == 192 + 2
-        assert sum(map(len, stream._parts)) < 8000
+        assert (dropped, place.turns) == (192, 200)
+        assert sum(len(part) for part, _ in stream._parts) < 8000
+
+
+def test_what_is_wrong_in_a_turn_is_raised_where_it_is_played(tmp_path):
+    with HUNT.build() as ctx:
+        ctx.record.start(tmp_path / "game.ggr")
+        following = streams.Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        stream = following.of(web.links.Audience())
+        ctx.record.write(OpCodes.AGENT_CURRENT_NODE, {"agent_name": "no agent", "node_id": 5})
+        ctx.game.step()
+        with pytest.raises(Damaged, match="does not fit"):
+            following.of(web.links.Audience())  # in the thread of the server
+        with pytest.raises(Damaged, match="does not fit"):
+            ctx.game.step()
+        assert following.of(web.links.Audience()) is None
+        assert stream.read(stream.last_keyframe)[1].turns == 0
 
 
 def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
@@ -169,7 +188,7 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
             admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
         assert live.wait(0.0) is first
         admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})
-        admin.read(lambda client: b"red_2" in bytes(client.bytes) or client.blocks()[-1].first == 11)
+        admin.read(lambda client: client.recording().turns == 12)
         again = live.wait(10)
     assert (again.turns, again.seed, len(again.agents)) == (12, 9, 5)
 
@@ -183,7 +202,7 @@ def test_the_game_begins_again_when_its_file_changes(join, tmp_path):
         path.write_text("{")
         watcher.read(lambda client: client.told and client.told[-1]["error"])
         path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 7}))
-        watcher.read(lambda client: client.bytes and client.blocks()[-1].first == 6)
+        watcher.read(lambda client: client.bytes and client.recording().turns == 7)
         assert live.wait(10).turns == 7
 
 

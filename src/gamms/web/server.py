@@ -72,7 +72,7 @@ class Connection:
         grant: what its link says.
         inbox: what handlers have put there for the thread that plays, `MOST_INBOX` messages at most.
         place: where it is in what it is sent; for the talk alone.
-        counts: its messages: "received", "bad", "refused", and frames that were "dropped".
+        counts: its messages: "received", "bad", "refused", and turns that were "dropped".
     """
 
     def __init__(self, grant: Grant) -> None:

@@ -1,4 +1,7 @@
-"""What each audience of a live game is sent: the recording format, header, keyframes and a block for each turn.
+"""What each audience of a live game is sent: the recording format, header, keyframes and blocks of turns.
+
+The thread that plays only hands over what has happened. It becomes bytes when a connection asks for it, in a block of
+all turns since then, so that spectators cost a game that waits between its turns nothing.
 
 A stream holds the blocks of the last turns only, and one keyframe at least; all connections of an audience read the
 same bytes. One that falls behind them begins again at the last keyframe, and the turns between are counted as dropped:
@@ -26,6 +29,8 @@ from gamms.web.pages import drawn_header, drawn_keyframe, drawn_log
 from gamms.web.server import Connection
 
 _KEYFRAME_TURNS = 64
+_MOST_WAITING = 1 << 11  # agents in the parts of turns that wait to become bytes
+_MOST_PARTS = 256  # likewise
 _KEYFRAME_BYTES = 1 << 20  # of blocks behind a keyframe, after which there is another one
 _MOST_BYTES = 1 << 22  # of blocks that are kept
 _PIECE = 1 << 16  # bytes that are sent at once
@@ -38,6 +43,7 @@ class Place(NamedTuple):
 
     stream: "Stream"
     number: int  # of the next part
+    turns: int  # that come before it
 
 
 class _Parts(RawIOBase):
@@ -86,17 +92,17 @@ class Stream:
         self._begun_at = turns
         self._is_seen = False  # whether a keyframe or a turn says what is seen at the beginning
         self._sink = _Parts()
-        self._writer = Writer(self._sink, header, turns=1, seconds=None, first=turns)  # type: ignore[arg-type]
+        self._writer = Writer(self._sink, header, turns=_KEYFRAME_TURNS, seconds=None, first=turns)  # type: ignore[arg-type]
         self.opening = self._sink.taken()
         self._lock = Lock()
-        self._parts: deque[bytes] = deque()
+        self._parts: deque[tuple[bytes, int]] = deque()  # and how many turns are over behind each
         self._first = 0  # number of the first part
-        self._keyframe_at = 0  # number of the last part that is a keyframe
+        self._last_keyframe = Place(self, 0, turns)
         self._size = self._since_keyframe = 0  # bytes
         self._add_keyframe(state)
 
     def hear(self, log: Log, whole: Log, *, is_over: bool, state: Callable[[], Keyframe]) -> None:
-        """Take what has happened.
+        """Take what has happened; `write` gives it out.
 
         Args:
             log: since the last call.
@@ -115,11 +121,18 @@ class Stream:
             self._add_keyframe(self._known())
             self._is_seen = True
 
+    def write(self) -> None:
+        """Give out the turns that were taken, in a block of their own."""
+        self._writer.end_block()
+        if part := self._sink.taken():
+            self._add(part)
+
     def end(self) -> None:
         """Give out the last turn, behind which nothing is sensed."""
         for given in () if self._cut is None else self._cut.rest():
             self._add_turn(given, self._known)
             self._is_seen = False  # if it goes on
+        self.write()
 
     def _known(self) -> Keyframe:
         assert self._cut is not None  # noqa: S101 - callers look
@@ -128,43 +141,42 @@ class Stream:
     def _add_turn(self, log: Log, state: Callable[[], Keyframe]) -> None:
         self._writer.add_turn(drawn_log(log))
         self._turns += 1
-        self._add(self._sink.taken())
         if (self._turns - self._begun_at) % _KEYFRAME_TURNS == 0 or self._since_keyframe > _KEYFRAME_BYTES:
             self._add_keyframe(state())
 
     def _add_keyframe(self, state: Keyframe) -> None:
+        self.write()
         self._writer.keyframe(drawn_keyframe(state))
         self._add(self._sink.taken(), is_keyframe=True)
 
     def _add(self, part: bytes, *, is_keyframe: bool = False) -> None:
         with self._lock:
-            self._parts.append(part)
+            self._parts.append((part, self._turns))
             self._size += len(part)
             self._since_keyframe = 0 if is_keyframe else self._since_keyframe + len(part)
             if is_keyframe:
-                self._keyframe_at = self._first + len(self._parts) - 1
-            while self._size > _MOST_BYTES and self._first < self._keyframe_at:
-                self._size -= len(self._parts.popleft())
+                self._last_keyframe = Place(self, self._first + len(self._parts) - 1, self._turns)
+            while self._size > _MOST_BYTES and self._first < self._last_keyframe.number:
+                self._size -= len(self._parts.popleft()[0])
                 self._first += 1
 
-    def read(self, number: int) -> tuple[bytes, int, int]:
-        """Return what comes from a part on, some of it, the number of the part behind it, and how many were dropped."""
+    def read(self, place: Place) -> tuple[bytes, Place, int]:
+        """Return what comes from a place on, some of it, the place behind it, and how many turns were dropped."""
         with self._lock:
-            dropped = 0
-            if number < self._first:
-                dropped, number = self._keyframe_at - number, self._keyframe_at
-            found, size = [], 0
-            for part in islice(self._parts, number - self._first, None):
+            begin = self._last_keyframe if place.number < self._first else place
+            found, size = [(b"", begin.turns)], 0
+            for part in islice(self._parts, begin.number - self._first, None):
                 found.append(part)
-                size += len(part)
+                size += len(part[0])
                 if size > _PIECE:
                     break
-            return b"".join(found), number + len(found), dropped
+        after = Place(self, begin.number + len(found) - 1, found[-1][1])
+        return b"".join(part for part, _ in found), after, begin.turns - place.turns
 
     @property
-    def last_keyframe(self) -> int:
-        """The number of the part that is the last keyframe."""
-        return self._keyframe_at
+    def last_keyframe(self) -> Place:
+        """Where the last keyframe is."""
+        return self._last_keyframe
 
 
 class Streams:
@@ -181,7 +193,11 @@ class Streams:
         self.turns = 0
         self._columns = columns
         self._lock = Lock()
-        self._state: DetachedState | None = None  # after the last whole turn
+        self._waiting: deque[tuple[Log, bool]] = deque()  # what was heard and is in no stream yet
+        self._most_waiting = 0
+        self._error: Exception | None = None  # what was wrong with it
+        self._state: DetachedState | None = None  # after the last whole turn that is in the streams
+        self._turns = 0  # of that
         self._since: Log = []  # what has happened since then
         self._header: Keyframe = {}
         self._sides: Callable[[Callable[[str, Any], bool]], Any]  # that are known to agents
@@ -190,35 +206,62 @@ class Streams:
     def begin(self, header: Keyframe, state: Keyframe) -> None:
         """Begin with all audiences; see `Follower`."""
         with self._lock:
-            self._header, self._since, self.turns = drawn_header(header), [], 0
+            self._waiting.clear()
+            self._most_waiting = min(max(_MOST_WAITING // max(len(state["names"]), 1), 1), _MOST_PARTS)
+            self._header, self._since, self.turns, self._turns = drawn_header(header), [], 0, 0
             self._sides = partial(sides_of, header, {name: state[name] for name in ("names", "teams")})
-            self._state = DetachedState(deepcopy(state))
+            self._state, self._error = DetachedState(deepcopy(state)), None
             self._streams = {audience: self._begun(audience) for audience in self._streams}
 
     def hear(self, log: Log, *, is_over: bool) -> None:
-        """Add to all streams; see `Follower`."""
-        with self._lock:
-            state = self._state
-            if state is None:
-                return
-            self._since += log
-            if is_over:
-                state.apply(self._since)
-                self.turns += 1
-            for stream in filter(None, self._streams.values()):
-                stream.hear(log, self._since, is_over=is_over, state=lambda: state.keyframe(self.turns))
-            if is_over:
-                self._since = []
+        """Take what has happened, for the thread that asks for it next, unless too much waits; see `Follower`.
+
+        Raises:
+            Damaged: something that a program has written fits no state; it may have been heard before.
+        """
+        if self._error is not None:
+            raise self._error
+        self.turns += is_over
+        self._waiting.append((log, is_over))
+        if len(self._waiting) >= self._most_waiting:
+            with self._lock:
+                self._catch_up()
+
+    def _catch_up(self) -> None:
+        """Add to all streams what waits."""
+        if not self._waiting or self._state is None:
+            return
+        streams = [stream for stream in self._streams.values() if stream is not None]
+        try:
+            while self._waiting:
+                self._add(self._state, streams, *self._waiting.popleft())
+        except Exception as error:
+            self._error, self._state, self._streams = error, None, dict.fromkeys(self._streams)
+            raise
+        for stream in streams:
+            stream.write()
+
+    def _add(self, state: DetachedState, streams: list[Stream], log: Log, is_over: bool) -> None:
+        self._since += log
+        if is_over:
+            state.apply(self._since)
+            self._turns += 1
+        for stream in streams:
+            stream.hear(log, self._since, is_over=is_over, state=lambda: state.keyframe(self._turns))
+        if is_over:
+            self._since = []
 
     def end(self) -> None:
         """Give out the last turn to all, because the game is over."""
         with self._lock:
+            self._catch_up()
             for stream in filter(None, self._streams.values()):
                 stream.end()
 
     def of(self, audience: Audience) -> Stream | None:
         """Return the stream of an audience, which begins now if there was none; None before there is a game."""
         with self._lock:
+            self._catch_up()
             if self._streams.get(audience) is None:
                 self._streams[audience] = None if self._state is None else self._begun(audience)
             return self._streams[audience]
@@ -230,11 +273,12 @@ class Streams:
 
     def _begun(self, audience: Audience) -> Stream:
         assert self._state is not None  # noqa: S101 - callers look
-        state = self._state.keyframe(self.turns)
+        state = self._state.keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
-        stream = Stream(audience, self._header | {"sides": sides}, state, self.turns, self._nearest)
+        stream = Stream(audience, self._header | {"sides": sides}, state, self._turns, self._nearest)
         if self._since:
             stream.hear(self._since, self._since, is_over=False, state=dict)
+            stream.write()
         return stream
 
     def _nearest(self, place: Sequence[float]) -> int:
@@ -251,13 +295,13 @@ def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
     if place is None or place.stream is not stream:
         for at in range(0, len(stream.opening), _PIECE):
             yield stream.opening[at : at + _PIECE]
-        place = connection.place = Place(stream, stream.last_keyframe)
+        place = connection.place = stream.last_keyframe
     while True:
-        piece, number, dropped = stream.read(place.number)
+        piece, place, dropped = stream.read(place)
         connection.counts["dropped"] += dropped
         if dropped:  # it begins again
             yield stream.opening
-        place = connection.place = Place(stream, number)
+        connection.place = place
         if not piece:
             return
         for at in range(0, len(piece), _PIECE):

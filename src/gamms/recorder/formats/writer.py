@@ -148,9 +148,18 @@ class Writer:
         """
         self._file.check()
         body = packing.pack(_is_dict(state, "keyframe"), "A keyframe")
+        self.end_block()
+        self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
+
+    def end_block(self) -> None:
+        """Write the turns that were added and let a new block begin, whatever the stream can do.
+
+        Raises:
+            RecordingError: see `add_turn`.
+        """
+        self._file.check()
         if self._open.turns:
             self._close_block()
-        self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
 
     def flush(self) -> None:
         """Write all turns that were added, if the stream can take back the last blocks of a file.
@@ -173,8 +182,7 @@ class Writer:
         """
         if self._file.is_closed:
             return
-        if self._open.turns:
-            self._close_block()
+        self.end_block()
         self._put(blocks.END, b"", blocks.Counts(self.turns))
         self._file.close()
 
