@@ -41,6 +41,13 @@ def test_what_a_value_costs_is_never_more_than_its_bytes_say_at_a_glance(value):
     assert 0 < packing.cost_of(data) <= packing.most_cost_of(data)
 
 
+@given(plain, hnp.arrays("int32", hnp.array_shapes(min_dims=1, max_dims=3, min_side=0, max_side=4)))
+def test_what_a_value_costs_is_what_a_decoder_charges(value, array):
+    data, allowance = packing.to_bytes([value, {"a": array}], "It"), Allowance(1 << 20, "It")
+    packing.Decoder(allowance).value(data)
+    assert packing.cost_of(data) == allowance.total - allowance.left
+
+
 @given(
     st.sampled_from(DTYPES).flatmap(lambda name: hnp.arrays(name, hnp.array_shapes(min_dims=0, max_dims=4, min_side=0)))
 )

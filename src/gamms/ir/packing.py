@@ -45,6 +45,7 @@ DTYPES = {
 
 _NAMES = {dtype: name for name, dtype in DTYPES.items()}  # NOTE: NumPy takes 8 us to say a dtype's own name
 _TUPLE, _LIST, _DICT, _SET, _FROZENSET, _BYTES, _INT, _TEXT, _ARRAY = range(9)  # codes of extensions
+_PLAIN_CODES = frozenset({_BYTES, _INT, _TEXT})  # what is in no container
 _EXTENSION_HEADS = bytes((*range(0xC7, 0xCA), *range(0xD4, 0xD9)))
 _ONE = b"\x91"  # the head of an array with one item, which a value is in
 _SCALARS = frozenset({type(None), bool, int, float, str})
@@ -254,7 +255,7 @@ def array_bytes(array: Array) -> bytes:
     """Return the bytes of an array: the first bytes of all items, then all second ones; of integers, of differences."""
     flat = np.ascontiguousarray(array).reshape(-1)
     if flat.dtype.kind in "iu":
-        flat = np.diff(flat, prepend=flat.dtype.type(0))
+        flat = steps(flat)
     flat = flat.astype(flat.dtype.newbyteorder("<"), copy=False)
     return flat.view(np.uint8).reshape(-1, flat.dtype.itemsize).T.tobytes()
 
@@ -399,10 +400,24 @@ def from_bytes(data: bytes) -> Plain:
 
 
 def cost_of(data: bytes) -> int:
-    """Return how much memory a value that was written takes, in bytes."""
-    allowance = Allowance(1 << 60, "A value", is_streamed=True)
-    Decoder(allowance).value(data)
-    return allowance.total - allowance.left
+    """Return what a decoder charges for a value that was written, in bytes of memory."""
+    return _OF_BYTE * len(data) + _cost_within(data)
+
+
+def _cost_within(data: bytes) -> int:
+    """Return what is charged for the containers among the items of a MessagePack array, and for what is in them."""
+    # NOTE: arrays of numbers are most of what agents sense; to open them took ten times as long (benchmarks/README.md).
+    extension, cost = _extension(), 0
+    for item in _flat().decode(data):
+        if type(item) is extension and item.code not in _PLAIN_CODES:
+            inner = bytes(item.data)
+            cost += _cost_of_container(inner) + (0 if item.code == _ARRAY else _cost_within(inner))
+    return cost
+
+
+def _cost_of_container(data: bytes) -> int:
+    """Return what is charged for a container with these bytes, but not for those in it."""
+    return _OF_CONTAINER + _OF_ITEM * _count_of(data) + len(data)
 
 
 def most_cost_of(data: bytes) -> int:
@@ -462,7 +477,7 @@ class Decoder:
         if depth < 1:
             raise BadFile(f"more than {MOST_DEPTH} containers are in each other")
         make = _MAKERS[code]
-        charge(_OF_CONTAINER + _OF_ITEM * _count_of(data) + len(data))
+        charge(_cost_of_container(data))
         items: list[Plain] = [*_flat().decode(data)]
         if not _SCALARS.issuperset(map(type, items)):
             for place, one in enumerate(items):

@@ -1,7 +1,6 @@
 """What agents sensed in one turn, as columns of ids, and back again."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from itertools import chain
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,7 +19,7 @@ _OF_AGENTS_IN_SPACE = ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")  # which see (ki
 _OF_NODES = ("NEIGHBOR", "MAP", "RANGE", "ARC", "AERIAL", "OCCLUDED_MAP", "OCCLUDED_AERIAL")
 _OF_AGENTS = ("AGENT", "AGENT_RANGE", "AGENT_ARC", "OCCLUDED_AGENT", *_OF_AGENTS_IN_SPACE)
 _SEEING = frozenset((*_OF_NODES, *_OF_AGENTS))
-_INT64 = range(-(1 << 63), 1 << 63)
+_INT, _INT64 = frozenset({int}), range(-(1 << 63), 1 << 63)
 
 
 Nearest = Callable[[Sequence[float]], int]
@@ -51,7 +50,7 @@ def packed(
         (
             agent,
             [
-                _look(name, getattr(kind, "name", str(kind)), data, numbers, nodes)
+                _look(name, str(getattr(kind, "name", kind)), data, numbers, nodes)
                 for name, (kind, data) in each.items()
             ],
         )
@@ -61,24 +60,28 @@ def packed(
 
 def columns_of(observers: Iterable[tuple[int, list[Look]]]) -> dict[str, Any]:
     """Return the data of an event: the number of each agent, and its looks."""
-    agents, counts = [], []
+    agents, counts, which, forms, sizes, ids, others = [list[Any]() for _ in range(7)]
     sensors: dict[tuple[str, str], int] = {}
-    looks: list[Look] = []
     for agent, own in observers:
         agents.append(agent)
         counts.append(len(own))
-        looks += own
-    which = [sensors.setdefault((look.sensor, look.kind), len(sensors)) for look in looks]
-    sizes = [(len(look.first), len(look.second)) for look in looks]
+        for sensor, kind, form, first, second, other in own:
+            which.append(sensors.setdefault((sensor, kind), len(sensors)))
+            forms.append(form)
+            sizes.append((len(first), len(second)))
+            ids += first
+            ids += second
+            if form in WITH_OTHER:
+                others.append(other)
     return {
         "agents": np.array(agents, np.int64),
         "counts": np.array(counts, np.int64),
         "sensors": list(sensors),
         "which": np.array(which, np.int64),
-        "forms": np.array([look.form for look in looks], np.uint8),
+        "forms": np.array(forms, np.uint8),
         "sizes": np.array(sizes, np.int64).reshape(-1, 2),
-        "ids": np.array(list(chain.from_iterable((*look.first, *look.second) for look in looks)), np.int64),
-        "others": [look.other for look in looks if look.form in WITH_OTHER],
+        "ids": np.array(ids, np.int64),
+        "others": others,
     }
 
 
@@ -224,10 +227,11 @@ def _look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], node
         elif kind in _OF_AGENTS_IN_SPACE and data.keys() <= numbers.keys():
             below = [nodes[name] for name in data]
             return Look(sensor, kind, _IN_SPACE, [numbers[name] for name in data], below, to_plain(list(data.values())))
-        elif _are_ids(data.values()) and all(name in numbers for name in data):
+        elif data.keys() <= numbers.keys() and _are_ids(data.values()):
             return Look(sensor, kind, _AGENTS, [numbers[name] for name in data], list(data.values()), None)
     return Look(sensor, kind, _OTHER, [], [], to_plain(data))
 
 
-def _are_ids(values: Iterable[Any]) -> bool:
-    return all(type(value) is int and value in _INT64 for value in values)
+def _are_ids(values: Collection[Any]) -> bool:
+    # NOTE: without a call for each of the many nodes that a sensor sees (benchmarks/README.md, spectators).
+    return _INT.issuperset(map(type, values)) and (not values or (min(values) in _INT64 and max(values) in _INT64))
