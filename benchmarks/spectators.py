@@ -1,10 +1,10 @@
-"""Measure what spectators cost a game that is served: turn times with 100 of them, with one, and with none.
+"""Measure what spectators cost a game that is served: turn times with 100 of them, one, none, and not served at all.
 
-    python benchmarks/spectators.py [SPECTATORS] [PAIRS]
+    python benchmarks/spectators.py [SPECTATORS] [ROUNDS]
 
 The game is that of `gamms demo`, 300 turns. The spectators are in a process of their own and read all that they are
-sent. Games with none, one and all take turns. Two figures for each: the processor time of the thread that plays,
-and the time that passes, which other processes on the same cores make longer.
+sent. The four take turns. Two figures for each: the processor time of the thread that plays, as a mean of all turns,
+and the time that passes, as their median, for other processes on the same cores stretch some of them.
 """
 
 import asyncio
@@ -21,25 +21,35 @@ TURNS = 300
 
 
 def play(game, spectators, speed):
-    """Return the milliseconds of a turn, of the thread's own and that pass, and how many bytes were sent."""
-    with game.build(1) as ctx, web.serve(ctx, speed=None) as live:
-        ctx.game.step()
-        watching = subprocess.Popen(
-            [sys.executable, __file__, "--watch", live.url, str(spectators)], stdout=subprocess.PIPE, text=True
-        )
-        while len(live.connections) < spectators:
-            time.sleep(0.01)
-        time.sleep(1.0)  # until all have been sent the map
-        own, passed = 0.0, 0.0
-        for _ in range(TURNS):
-            begun, begun_own = time.perf_counter(), time.thread_time()
+    """Return the milliseconds of a turn, of the thread's own and that pass, and what was sent; None: not served."""
+    with game.build(1) as ctx:
+        if spectators is None:
             ctx.game.step()
-            own, passed = own + time.thread_time() - begun_own, passed + time.perf_counter() - begun
-            if speed is not None:
-                time.sleep(1.0 / speed)
-        dropped = sum(connection.counts["dropped"] for connection in live.connections)
-    sent = int(watching.communicate(timeout=60)[0])
-    return 1000 * own / TURNS, 1000 * passed / TURNS, sent, dropped
+            return (*turn_times(ctx, speed), 0, 0)
+        with web.serve(ctx, speed=None) as live:
+            ctx.game.step()
+            watching = subprocess.Popen(
+                [sys.executable, __file__, "--watch", live.url, str(spectators)], stdout=subprocess.PIPE, text=True
+            )
+            while len(live.connections) < spectators:
+                time.sleep(0.01)
+            time.sleep(1.0)  # until all have been sent the map
+            times = turn_times(ctx, speed)
+            dropped = sum(connection.counts["dropped"] for connection in live.connections)
+        return (*times, int(watching.communicate(timeout=60)[0]), dropped)
+
+
+def turn_times(ctx, speed):
+    """Play, and return the milliseconds of a turn: the mean of the thread's own, the median of those that pass."""
+    passed, own = [], 0.0
+    for _ in range(TURNS):
+        begun, begun_own = time.perf_counter(), time.thread_time()
+        ctx.game.step()
+        own += time.thread_time() - begun_own
+        passed.append(time.perf_counter() - begun)
+        if speed is not None:
+            time.sleep(1.0 / speed)
+    return 1000 * own / TURNS, 1000 * statistics.median(passed)
 
 
 async def watch(url, spectators):
@@ -68,22 +78,23 @@ async def watch(url, spectators):
 
 
 def main():
-    """Play pairs of games, as fast as possible and at the pace of people."""
-    spectators, pairs = (int(text) for text in (*sys.argv[1:], "100", "5")[:2])
+    """Play rounds of games, as fast as possible and at the pace of people."""
+    spectators, rounds = (int(text) for text in (*sys.argv[1:], "100", "5")[:2])
+    counts = (None, 0, 1, spectators)
     game = capture_the_flag((Team("red", 5), Team("blue", 5)), 2 * TURNS)
     for speed in (None, 20.0):
-        ratios = []
-        for _ in range(pairs):
-            unseen, alone, watched = (play(game, count, speed) for count in (0, 1, spectators))
-            ratios.append([watched[i] / alone[i] for i in range(2)])
+        found = [[play(game, count, speed) for count in counts] for _ in range(rounds)]
+        for count, games in zip(counts, zip(*found, strict=True), strict=True):
+            name = "not served" if count is None else f"{count} spectators"
+            own, passed = (statistics.median(one[i] for one in games) for i in range(2))
+            ratios = [
+                statistics.median(one[i] / none[1][i] for one, none in zip(games, found, strict=True)) for i in range(2)
+            ]
             print(
-                f"speed {speed}: {unseen[0]:.2f}, {alone[0]:.2f}, {watched[0]:.2f} ms of its own; "
-                f"{unseen[1]:.2f}, {alone[1]:.2f}, {watched[1]:.2f} ms pass; "
-                f"{watched[2] / 1e6:.1f} MB sent, {watched[3]} turns dropped",
+                f"speed {speed}, {name}: {own:.2f} ms of its own ({ratios[0]:.2f} of none), {passed:.2f} ms pass "
+                f"({ratios[1]:.2f}); {games[0][2] / 1e6:.1f} MB sent, {games[0][3]} turns dropped",
                 flush=True,
             )
-        own, passed = (statistics.median(column) for column in zip(*ratios, strict=True))
-        print(f"speed {speed}: {own:.2f} times the thread's own time, {passed:.2f} times the time that passes")
 
 
 if __name__ == "__main__":

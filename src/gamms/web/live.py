@@ -409,7 +409,8 @@ class Live:
             self.streams.end()
             if self.scenario is None:
                 self._is_over.set()
-        self._server.wake()
+        if is_over or self.streams.have_cuts:  # in the middle of a turn only teams are sent something
+            self._server.wake()
         if is_over:
             self.pace.wait()
 

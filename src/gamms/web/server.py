@@ -409,7 +409,7 @@ class _Hub:
 
     def wake(self) -> None:
         """See `Server.wake`."""
-        if self._loop is not None:
+        if self._loop is not None and self.open and not self._news.is_set():  # else it knows
             with suppress(RuntimeError):  # it has ended
                 self._loop.call_soon_threadsafe(self._news.set)
 
@@ -484,15 +484,16 @@ class _Hub:
 
     async def _send_in_rounds(self) -> None:
         """Wake all connections when there is something new, so seldom that sending takes a small share of the time."""
+        begun, spent = monotonic(), thread_time()
         while True:
             await self._news.wait()
+            await asyncio.sleep(_SHORTEST_S)  # while the thread that plays ends its turn
+            while (rest := min((thread_time() - spent) * _SHARE, _LONGEST_S) - (monotonic() - begun)) > 0.0:  # noqa: ASYNC110 - it is time that passes
+                await asyncio.sleep(rest)
             self._news.clear()
             begun, spent = monotonic(), thread_time()
             for connection in self.open:
                 connection._woken.set()
-            await asyncio.sleep(_SHORTEST_S)
-            while (rest := min((thread_time() - spent) * _SHARE, _LONGEST_S) - (monotonic() - begun)) > 0.0:  # noqa: ASYNC110 - it is time that passes
-                await asyncio.sleep(rest)
 
 
 async def _send_all(websocket: "WebSocket", connection: Connection, talk: Talk) -> None:

@@ -266,6 +266,11 @@ class Streams:
                 self._streams[audience] = None if self._state is None else self._begun(audience)
             return self._streams[audience]
 
+    @property
+    def have_cuts(self) -> bool:
+        """Whether an audience is followed that is not sent everything."""
+        return any(not audience.is_everything for audience in list(self._streams))
+
     def drop(self, audience: Audience) -> None:
         """Write no stream for an audience until it is asked for again."""
         with self._lock:
