@@ -1,5 +1,7 @@
 """The law of batches: whatever is played in arrays is played as the turn engine plays it, event by event."""
 
+import zlib
+
 import numpy as np
 from batch_scenes import plain
 from hypothesis import HealthCheck, Phase, given, settings
@@ -38,6 +40,7 @@ from gamms.strategies import (
     random_waypoints,
     sweep,
 )
+from gamms.typing.sensor_engine import SensorType
 
 LAWS = settings(max_examples=30, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 LARGE = settings(LAWS, phases=[Phase.generate])  # games are too large to be made smaller in reasonable time
@@ -169,6 +172,26 @@ def busy_in_arrays(view):
 busy.array_form = busy_in_arrays
 
 
+def attentive(state):
+    """Do what follows from all that the agent sees, knows and remembers."""
+    legal, memory, shared = state["legal"], state["memory"], state["team_memory"]
+    sights = {name: (str(kind), [*data.items()]) for name, (kind, data) in state["sensor"].items() if kind in SHOWN}
+    sights |= {name: (str(kind), data) for name, (kind, data) in state["sensor"].items() if kind not in SHOWN}
+    facts = {name: repr(value) for name, value in state["facts"].items() if name in ("land", "flags")}
+    known = [sights, facts, [*memory.items()], sorted(shared.items()), state["name"], state["team"], state["turn"]]
+    lot = zlib.crc32(repr([*known, legal, state["curr_pos"], state["blocked"], state["draw"].below(3)]).encode())
+    memory[state["turn"]] = lot % 97
+    if lot % 3 == 0:
+        shared[state["name"]] = shared.get(state["name"], 0) + 1
+    state["action"] = legal[lot % len(legal)] if lot % 11 else lot % 50
+    if "deeds" in state and lot % 2:
+        do = {"scan": {"node": legal[-1]}, "rest": None} if lot % 4 == 1 else {"mark": {"size": lot % 5, "how": "far"}}
+        state["action"] = {"node_id": state["action"], "do": do}
+
+
+SHOWN = (SensorType.AGENT, SensorType.AGENT_RANGE)
+
+
 def strike(ctx):
     """Let agents that are marked go back, or out if they are marked much; end the game if several rest."""
     for deed in ctx.game.performed("mark"):
@@ -276,7 +299,7 @@ KINDS = [
 ]
 
 
-def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None, called=()):
+def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None, called=(), asked=""):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     ctx.game.deeds = {} if deeds is None else DEEDS
     for number, node in enumerate(NODES):
@@ -297,8 +320,12 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
     motion = motion or {}
     for number, (name, (team, node)) in enumerate(agents.items()):
         made = [random_walk if deeds is None else busy, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
-        kind = KINDS[number % 3 * ("speed_unit" in motion)]
+        kind = KINDS[number % 3 * (bool(asked) or "speed_unit" in motion)]
         sees = [ctx.sensor.create_sensor(f"eyes of {name}", **kind).sensor_id]
+        if asked and number % 2:
+            sees.append(ctx.sensor.create_sensor(f"feet of {name}", "NEIGHBOR").sensor_id)
+        if name[0] in asked:
+            made = [attentive]
         agent = ctx.agent.create_agent(
             name, start_node_id=node, team=team, strategy=made[number % len(made)], sensors=sees
         )
@@ -372,23 +399,25 @@ motions = st.one_of(
     motion=motions,
     deeds=st.one_of(st.none(), st.lists(phases, max_size=2)),
     called=st.one_of(st.just([]), st.lists(st.tuples(st.sampled_from(sorted(CALLED)), phases), max_size=3)),
+    asked=st.sampled_from(["", "a", "bc", "abc"]),
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called
+    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked
 ):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
     if motion is not None and "speed_unit" in motion:
         order = None
+    asked = "" if motion else asked
     with (
-        open_game(streets, agents, rules, conflicts, early, order, motion, deeds, called) as ctx,
+        open_game(streets, agents, rules, conflicts, early, order, motion, deeds, called, asked) as ctx,
         ctx.game.batch(seeds=seeds, most_agents={agents[min(agents)][0]: ["b9", "y9", "z9"]}) as games,
     ):
-        assert games.slow is None or "game by game" in games.slow, games.slow
+        assert games.slow is None or "game by game" in games.slow or "agent by agent" in games.slow, games.slow
         for _ in range(restart[0]):
             games.step()
         games.reset([restart[1] % len(seeds)])
         games.run()
-        assert not games.detached
+        assert asked or not games.detached
         with ctx.game.fork(0).ctx as alone:
             for number, seed in enumerate(seeds):
                 alone.game.reset(seed=seed)

@@ -154,7 +154,7 @@ def test_strategies_are_blind_or_need_sensors_with_array_forms():
             games.run()
 
 
-def test_strategies_that_call_functions_or_may_set_no_action_are_played_one_by_one():
+def test_strategies_that_call_functions_or_may_set_no_action_are_asked_agent_by_agent():
     with hunted().build(seed=1) as ctx:
         agent = ctx.agent.get_agent("red_1")
         for strategy, slow in {
@@ -164,7 +164,7 @@ def test_strategies_that_call_functions_or_may_set_no_action_are_played_one_by_o
         }.items():
             agent.register_strategy(strategy)
             with ctx.game.batch(2) as games:
-                assert games.slow == slow
+                assert games.slow == f"{slow}, which is asked agent by agent"
 
 
 def test_agents_with_equal_strategies_are_asked_together():

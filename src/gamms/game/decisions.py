@@ -1,15 +1,19 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
-from collections.abc import Awaitable, Callable, Mapping, MutableSequence, Sequence
+from collections.abc import Awaitable, Callable, Hashable, Mapping, MutableSequence, Sequence
 from copy import deepcopy
+from functools import cached_property
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from gamms import kernels
 from gamms.deciding import DecidePhase
-from gamms.errors import BadType, GammsError
+from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.order import Commanded, IllegalAction, Legality, ResolvedAction
-from gamms.game.random_streams import ArrayDraws
+from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
@@ -20,14 +24,6 @@ from gamms.text import shown
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
-from collections.abc import Hashable
-from functools import cached_property, lru_cache
-
-import numpy as np
-
-from gamms import kernels
-from gamms.errors import BadValue
-from gamms.kernels.draws import BitArray
 
 State = dict[str, Any]  # of an agent
 Writes = list[tuple[str, dict[str, Any]]]  # (agent, what it made of its copy), in the order of the names
@@ -36,35 +32,6 @@ _PLAIN = (str, bytes, int, float, bool, type(None))
 _NOTHING: Any = object()  # stands for a key that is not there
 _REASONS = {"error": "its strategy or plan raised an error", "overrun": "its strategy or plan took too long"}
 _COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
-
-
-@lru_cache(maxsize=64)
-def _keys_of(names: tuple[str, ...]) -> BitArray:
-    return kernels.name_keys(names)
-
-
-class TeamDraws(ArrayDraws):
-    """The keyed draws of several agents: each call gives one number for each agent, (agents,).
-
-    They are those that the agents get from their `state["draw"]` in the same turn, call by call.
-
-    Args:
-        seed: of the game.
-        names: of the agents.
-        turn: the number of turns that were played.
-    """
-
-    def __init__(self, seed: int, names: tuple[str, ...], turn: int) -> None:
-        self._purpose, self._names, self._turn = kernels.purpose_key(seed, "agent"), names, turn
-        self._keys: BitArray | None = None
-        self._count = 0
-
-    def bits(self) -> BitArray:
-        """Return 64 random bits for each agent."""
-        if self._keys is None:
-            self._keys = _keys_of(self._names)
-        self._count += 1
-        return kernels.draw_bits_many(self._purpose, self._keys, self._turn, self._count - 1)
 
 
 class TeamArrays:
@@ -257,6 +224,53 @@ class Decisions:
         slot.last[0] = state
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
+
+    def ask_each(self, individuals: Sequence[tuple[Any, ...]], near: Mapping[int, tuple[int, ...]]) -> None:
+        """Ask agents one by one, where there are no channels and no time budget.
+
+        Args:
+            individuals: of agents, see `Part.individuals`.
+            near: the nodes that are legal along one edge.
+        """
+        phase, starts, ends = self._phase, self.starts, self.ends
+        turn, shared = self._state.turn, self._state.team_memories
+        for i, agent, template, carried, last in individuals:
+            strategy: Callable[[Any], Any] | None = agent.strategy
+            if template is None or strategy is None:
+                self.ask(i, self._observe(self._slots[i]))
+                continue
+            # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `ask` does the same.
+            here = starts[i]
+            sensed = {}
+            for key, sense, sensor, result in carried:
+                sense(here)
+                sensed[key] = (sensor.type, result[0])
+            last[0] = state = template.copy()
+            state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
+            state["legal"] = legal = near[here]
+            is_known = bool(shared) and template["team"] in shared
+            noted: dict[Any, Any] = memory_copy(shared[template["team"]]) if is_known else {}
+            state["team_memory"] = noted
+            phase.agent = agent
+            try:
+                answer = strategy(state)
+                phase.agent = None
+                if answer is not None and hasattr(type(answer), "__await__"):
+                    self.wait_for(i, state, answer)
+                    continue
+                action = state["action"]
+            except Exception as error:  # noqa: BLE001 - a strategy is the caller's code
+                phase.agent = None
+                self.fail(i, state, error)
+                continue
+            if type(action) is int and action in legal:
+                ends[i] = action
+            else:
+                self.take(i, state)
+            if is_known:
+                self.note(i, state.get("team_memory"))
+            elif noted:
+                self.note(i, noted)
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
         """Ask the plan of a team, with the states of its agents."""

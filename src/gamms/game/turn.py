@@ -1,7 +1,7 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
 from functools import partial
 from operator import itemgetter
 from time import perf_counter
@@ -309,7 +309,7 @@ class TurnEngine:
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
         starts, state = order.selection.of(self._ctx.agent.block.node), self._state
-        decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
+        decisions = self.decisions(order.slots, starts, state)
         if part.paced:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
@@ -333,17 +333,20 @@ class TurnEngine:
             self._note_illegal(slot, why)
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
 
+    def decisions(self, slots: Sequence[AgentSlot], starts: MutableSequence[int], state: GameState) -> Decisions:
+        """Return what asks agents on these nodes and takes what they decide, in a game that has such a state."""
+        return Decisions(slots, starts, self._settings, state, self._phase, self._legality, self.observation)
+
     def _ask_part(self, order: TurnOrder, part: Part, observers: list[Observer], decisions: Decisions) -> None:
         """Ask the strategies of the agents of a part, and the plans of its teams."""
         settings, state = self._settings, self._state
         sees_first = observers or not part.see_world_only
         seen = self._observe_first(order, part, observers) if sees_first else None
-        is_usual = settings.team_memory and not state.team_memories and settings.time_budget is None
-        if seen is not None or settings.channels or not is_usual:
+        if seen is not None or settings.channels or not settings.team_memory or settings.time_budget is not None:
             for i, *_ in part.individuals:
                 decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
         else:
-            self._ask_individuals(order, part, decisions)
+            decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
         for commanded in part.commanded:
             if commanded.plan.arrays:
                 decisions.ask_arrays(commanded, self._ctx.seed, FactsOf(state, commanded.team, None))
@@ -463,45 +466,6 @@ class TurnEngine:
                 del blocked[name]
                 if not isinstance(slots, LazySlots) or slots.is_made(i):
                     slots[i].show_blocked()
-
-    def _ask_individuals(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
-        """Ask agents one by one, where neither memories of teams nor a time budget count."""
-        near, phase, turn = self._ctx.graph.graph.neighborhoods, self._phase, self._state.turn
-        starts, ends, note, wait_for = decisions.starts, decisions.ends, decisions.note, decisions.wait_for
-        for i, agent, template, carried, last in part.individuals:
-            strategy: Callable[[Any], Any] | None = agent.strategy
-            if template is None or strategy is None:
-                decisions.ask(i, self.observation(order.slots[i]))
-                continue
-            # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `Decisions.ask` does the same.
-            here = starts[i]
-            sensed = {}
-            for key, sense, sensor, result in carried:
-                sense(here)
-                sensed[key] = (sensor.type, result[0])
-            last[0] = state = template.copy()
-            state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
-            state["legal"] = legal = near[here]
-            noted: dict[Any, Any] = {}
-            state["team_memory"] = noted
-            phase.agent = agent
-            try:
-                answer = strategy(state)
-                phase.agent = None
-                if answer is not None and hasattr(type(answer), "__await__"):
-                    wait_for(i, state, answer)
-                    continue
-                action = state["action"]
-            except Exception as error:  # noqa: BLE001 - a strategy is the caller's code
-                phase.agent = None
-                decisions.fail(i, state, error)
-                continue
-            if type(action) is int and action in legal:
-                ends[i] = action
-            else:
-                decisions.take(i, state)
-            if noted:
-                note(i, noted)
 
     def _observe_first(self, order: TurnOrder, part: Part, observers: list[Observer]) -> dict[int, dict[str, Any]]:
         """Return the states of all by slot, where none may decide before all have observed."""

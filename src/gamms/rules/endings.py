@@ -61,6 +61,8 @@ class Hooks(TypedDict, total=False):
     """Returns what of these agents the array form cannot deal with, in words; None: nothing."""
     prepare_arrays: Callable[[GameArrays], object]
     """Called when a batch begins: publishes facts in the form that they have in arrays."""
+    facts_in_game: Callable[[GameArrays, int], Mapping[str, Any]]
+    """Returns the facts of one game of those arrays as strategies get them that are asked agent by agent."""
     brings_back: bool
     """Whether agents that are out come back, so that learners wait for that."""
     check: Callable[[Context], object]

@@ -16,6 +16,7 @@ from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.readonly import published
 from gamms.rules.contacts import tracks_of, visits_of
 from gamms.rules.endings import all_know, refuse_unknown, with_hooks
 from gamms.rules.meetings import Visit
@@ -95,6 +96,7 @@ def capture_flag(
         array_form=in_arrays,
         array_trigger=game.may_change,
         prepare_arrays=game.prepare_arrays,
+        facts_in_game=game.facts_in_game,
     )
 
 
@@ -120,6 +122,16 @@ class _Flags(NamedTuple):
         if self.announce:
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
+
+    def facts_in_game(self, state: GameArrays, number: int) -> dict[str, Any]:
+        """Return what is published in one game of a batch, by name."""
+        if not self.announce:
+            return {}
+        kept = state.keep(("capture_flag", self.key), self.start_of(state.roster))
+        rows, names = kept["carriers"][number].tolist(), state.roster.names
+        pairs = zip(self.bases.items(), rows, strict=True)
+        flags = {team: {"node": base, "carrier": None if row < 0 else names[row]} for (team, base), row in pairs}
+        return {self.key: published(self.key, flags)}
 
     def may_change(self, turn: DeviceTurn) -> Tensor:
         """Return in which games of a batch on a device a flag is carried, or an agent is at a base, (games,)."""

@@ -32,7 +32,6 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
-from gamms.typing.game import Deed
 
 _KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
 _LAST = "array strategies, last turn"  # that of the turn in which it was asked last, where it looks at others
@@ -324,9 +323,8 @@ class _TurnOfOne(ArrayTurn):
         if moves is not None:
             has_paths = not (self._by_metres or (is_one_edge and (are_all_at_once or self._is_moving)))
             self._take_moves(moves, has_paths=has_paths)
-        done = game.performed()
-        for kind in dict.fromkeys(one.kind for one in done):
-            self._deeds.append(self._columns_of(kind, [(i, one) for i, one in enumerate(done) if one.kind == kind]))
+        done = [(0, self._number[one.agent], i, one.kind, one.values) for i, one in enumerate(game.performed())]
+        self._deeds += state.deeds.from_plain(done, self.starts)
 
     def _take_moves(self, moves: TurnMoves, *, has_paths: bool) -> None:
         """Take how the agents have moved."""
@@ -348,24 +346,6 @@ class _TurnOfOne(ArrayTurn):
             times[0, number, : len(track.times)] = track.times
             waits[0, number] = length > 1 and track.path[0] == track.path[1]
         self.paths = Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
-
-    def _columns_of(self, kind: str, done: Sequence[tuple[int, Deed]]) -> ArrayDeeds:
-        """Return deeds of one kind, each with its place among all."""
-        known, shape = self._state.deeds, self.node.shape
-        agents, columns = [self._number[one.agent] for _, one in done], dict[str, Any]()
-        for key, field in known.fields_of(kind).items():
-            given = [one.values.get(key) for _, one in done]
-            if field.kind in ("agent", "node"):
-                number: Callable[[Any], int] = self._number.__getitem__ if field.kind == "agent" else self._row
-                given = [-1 if one is None else number(one) for one in given]
-            is_typed = field.is_required or field.kind in ("agent", "node")
-            columns[key] = np.zeros(shape, np.array(given).dtype if is_typed else object)
-            for agent, value in zip(agents, given, strict=True):
-                columns[key][0, agent] = value
-        where = np.zeros(shape, np.bool_)
-        where[0, agents] = True
-        found = known.checked(kind, columns, where, np.arange(shape[1]), self.starts, 0)
-        return found._replace(order=np.array([i for i, _ in done]))
 
     def _row(self, node: int) -> int:
         return int(self.streets.rows(node))

@@ -18,6 +18,7 @@ from gamms.game.batch.grounds import Ground, ViewOfGrounds, decider_of, is_other
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
+from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
 from gamms.game.batch.sight import DELAYS, sees_from_edges, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import movement_of, why_not_moved
@@ -27,7 +28,6 @@ from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
-from gamms.game.slots import COUNTED
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -55,7 +55,10 @@ class ArrayEngine:
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
         settings = game.settings()
         self._has_scalar_rules = bool(called_one_by_one(game))
-        if self._has_scalar_rules or any(map(turns_with_its_agent, roster.agents)):
+        asked = self._teams_asked = teams_asked(game)
+        is_asked = roster.plays_for(asked) & roster.is_first
+        self._askable: tuple[IntArray, list[Players | None]] = np.flatnonzero(is_asked), [None] * len(seeds)
+        if self._has_scalar_rules or asked or any(map(turns_with_its_agent, roster.agents)):
             self.state.headings = self._headings_of(roster)
         self.state.shared[DELAYS] = DelayedLooks(self.state)
         if settings["team_memory"]:
@@ -75,6 +78,8 @@ class ArrayEngine:
         self._kinds: dict[str, Any] = {}  # agent that has come -> what it is and carries
         self._here = self._made_ground(game, lambda: game.fork(0), roster, movement)
         self._here.shared, self._here.now = self.state.shared, self.state.now
+        if self._here.asked is not None:
+            self.state.note_blocked = self._here.asked.note_blocked
         self._grounds = [self._here]  # the maps of games, that of the start first
         self._numbers: dict[Hashable, int] = {}  # what is open and closed -> the number of the ground
         self._changed_roads: dict[tuple[int, tuple[int, ...], bool], int] = {}  # the number of the ground that follows
@@ -96,7 +101,8 @@ class ArrayEngine:
         self, game: PlayedGame, start: Callable[[], PlayedGame], roster: Roster, movement: Movement
     ) -> Ground:
         context = RuleContext(start, self.state, self._own, self._close, self._admit)
-        return Ground(game, context, roster, movement)
+        asked = ScalarStrategies(context, self.state, *self._askable) if len(self._askable[0]) else None
+        return Ground(game, context, roster, movement, asked)
 
     def _admit(self, agent: IAgent, sensors: Sequence[Any]) -> str | None:
         """Have an agent that has come, with its sensors as they are described; or return why that is not possible."""
@@ -109,6 +115,8 @@ class ArrayEngine:
             return f"agent {named} comes in a batch in which roads are closed"
         if agent.name not in self._kinds:
             why = next(why_not_decided(game, [agent]), None)
+            if why is None and agent.team in self._teams_asked:
+                why = "a team that is asked agent by agent"
             if why is not None:
                 return f"agent {named} comes with {why}"
             if any(getattr(sensor, "delay_turns", 0) for sensor in agent.sensors.values()):
@@ -220,7 +228,7 @@ class ArrayEngine:
         """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
         for game in games.tolist():
-            self._own[game] = None
+            self._own[game] = self._askable[1][game] = None
 
     @property
     def is_over(self) -> BoolArray:
@@ -278,6 +286,9 @@ class ArrayEngine:
             those = np.zeros(state.node.shape, np.bool_)  # of the part, in the games that go on
             those[turn.games] = turn.alive if members is None else turn.alive & moves
             state.shared[DELAYS].note(turn.games, those[turn.games])
+            if self._here.asked is not None and given:
+                at_once = is_given if members is None else is_given & moves
+                self._here.asked.forget_blocked(turn, np.flatnonzero(at_once).tolist())
             chosen, own_deeds = self._decided(turn, wanted, is_decided)
             own_deeds += _deeds_of(turn, deeds, those) if deeds else []
             self._outboxes += [box.those(those[box.at, box.senders]) for box in outboxes]
@@ -330,6 +341,8 @@ class ArrayEngine:
             is_refused = np.zeros(moves.ends.shape, np.bool_)
             for check in self._here.checks:
                 is_refused |= check(turn, moves.ends) & moves.goes
+            if self._here.asked is not None:
+                self._here.asked.note_stopped(turn, is_refused, None)
             moves = turn.refused(moves, is_refused)
             for named, form in self._here.rules["deeds"]:
                 self._call(named, form, turn)
@@ -339,6 +352,8 @@ class ArrayEngine:
             form, context = self._here.conflicts, self._here.context
             in_conflict = (context.resolve(turn, moves) if form is None else form(turn, ends)) & moves.goes
             self.state.counts["blocked"][turn.games] += in_conflict
+            if self._here.asked is not None:
+                self._here.asked.note_stopped(turn, in_conflict, moves.ends)
         turn.move(moves.without(in_conflict), in_conflict, part)
 
     def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> tuple[IntArray, BoolArray]:
@@ -388,6 +403,11 @@ class ArrayEngine:
                 except Exception as error:
                     error.add_note(f"In the strategy {group.name} of a batch.")
                     raise
+        asked = self._here.asked
+        agents = np.zeros(0, np.int64) if asked is None else asked.agents[~is_decided[asked.agents]]
+        if asked is not None and len(agents):
+            actions[:, agents], done = asked.decide(turn, agents)
+            deeds += done
         return actions, [one for one in deeds if len(one.at)]
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
@@ -436,7 +456,6 @@ class ArrayEngine:
                 "team": roster.teams[team],
                 "alive": bool(state.alive[game, number]),
                 "node": nodes[number],
-                **dict.fromkeys(COUNTED, 0),
                 **{kind: int(counts[game, number]) for kind, counts in state.counts.items()},
             }
             for number, (name, team) in enumerate(zip(roster.names, roster.team_of.tolist(), strict=True))
@@ -473,7 +492,9 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (game.turn > 0 or bool(game.scores), "a game that has begun"),
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
-    reasons += [(True, why) for why in why_not_decided(game, game.agents)]
+    asked = teams_asked(game)
+    why = why_not_asked(game, [agent for agent in game.agents if agent.team in asked]) if asked else None
+    reasons += [(why is not None, next(iter(asked.values()), ""))]
     scalar = called_one_by_one(game)
     reasons.append(
         (bool(scalar) and why_not_called(game) is not None, f"{scalar[:1] and scalar[0]}, with {why_not_called(game)}")
@@ -504,6 +525,19 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]
                 yield why
             if by_metres and not sees_from_edges(sensor, agent):
                 yield f"the sensor {name!r} of agent {agent.name!r}, from edges"
+
+
+def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
+    """Return the teams whose agents are asked one by one, and what of each has no array form, in words.
+
+    These are all agents of a team, because they share a memory.
+    """
+    found: dict[Hashable, str] = {}
+    for agent in game.agents:
+        why = next(why_not_decided(game, [agent]), None)
+        if why is not None:
+            found.setdefault(agent.team, why)
+    return found
 
 
 def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) -> list[ArrayDeeds]:

@@ -1,6 +1,7 @@
 """Deeds of many games at once: what strategies declare through their views, rules find in turns, and results list."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -136,6 +137,35 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
             for key, field in self.fields_of(deed).items()
         }
         return ArrayDeeds(deed, *(none[0],) * 4, values)
+
+    def from_plain(
+        self, done: Sequence[tuple[int, int, int, str, Mapping[str, Any]]], nodes: IntArray
+    ) -> list[ArrayDeeds]:
+        """Return deeds that scalar forms do, which were checked, in arrays: those of each kind.
+
+        Args:
+            done: game, number of the agent, place among the deeds of that agent, kind, and field -> value.
+            nodes: (games, agents) rows of the nodes where agents are.
+        """
+        numbers: dict[str, Callable[[Any], int]] = {
+            "agent": self._roster.names.index,
+            "node": lambda node: int(self._streets.rows(node)),
+        }
+        found = []
+        for kind in dict.fromkeys(one[3] for one in done):
+            those = sorted([one for one in done if one[3] == kind], key=itemgetter(0, 1))
+            at, agents, order = (np.array([one[i] for one in those], np.int64) for i in range(3))
+            values: dict[str, Column] = {}
+            for key, field in self.fields_of(kind).items():
+                given, number = [one[4].get(key) for one in those], numbers.get(field.kind)
+                is_numeric = field.is_required and field.kind in _NUMERIC
+                values[key] = np.empty(len(those), _NUMERIC[field.kind][1] if is_numeric else object)
+                for i, one in enumerate(given if number is None else ()):
+                    values[key][i] = one
+                if number is not None:
+                    values[key] = np.array([-1 if one is None else number(one) for one in given], np.int64)
+            found.append(ArrayDeeds(kind, at, agents, nodes[at, agents], order, values))
+        return found
 
     def _column(
         self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]

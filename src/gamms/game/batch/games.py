@@ -10,7 +10,7 @@ import numpy as np
 
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_items, as_mapping, as_name, as_path
 from gamms.errors import BadValue, UnknownName
-from gamms.game.batch.arrays import ArrayEngine, why_not_in_arrays
+from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
@@ -75,11 +75,14 @@ class Batch:
         most_agents: MostAgents | None = None,
     ) -> None:
         self._source, self.seeds, self.library = source, seeds, library
-        self.slow = source.follows_seed or why_not_in_arrays(source.game)
+        self.slow, asked = source.follows_seed or why_not_in_arrays(source.game), teams_asked(source.game)
+        if self.slow is None and library is not None and asked:
+            self.slow = next(iter(asked.values()))
         self._roster = Roster.of(source.game.agents)
         if most_agents is not None:
             self._roster = Roster.of(source.game.agents, _reserved(self._roster, most_agents))
-        self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None else _BYTES_PER_RESULT)
+        self._first_nodes = [agent.current_node_id for agent in self._roster.agents]  # who move if games are detached
+        self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
         self.seeds = tuple(seeds)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is not None:
@@ -88,9 +91,10 @@ class Batch:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds), self._roster)
         else:
             self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds), self._roster)
-        scalar = called_one_by_one(source.game)
+        scalar = [f"{one}, which is called game by game" for one in called_one_by_one(source.game)]
+        scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
         if scalar and not self._is_one_by_one:
-            self.slow = f"{scalar[0]}, which is called game by game"
+            self.slow = scalar[0]
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
         is_kept = as_bool(record, "record") or (scalar and not self._is_one_by_one)
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
@@ -198,7 +202,7 @@ class Batch:
             return nullcontext()
         return refusing_changes(
             self._engine.forms,
-            "Keep it in view.keep(key, make) or turn.keep(key, make), of a rule in scalar form in ctx.game.data.",
+            "Keep it in view.keep(key, make) or turn.keep(key, make), else in state['memory'] or ctx.game.data.",
         )
 
     def run(self, progress: bool = False) -> None:
@@ -466,7 +470,7 @@ class Batch:
         """Return the ids of the nodes where agents begin, (games, agents), in the order of their names."""
         starts = self._source.starts
         if starts is None:
-            return np.tile([agent.current_node_id for agent in self._roster.agents], (len(seeds), 1))
+            return np.tile(self._first_nodes, (len(seeds), 1))
         nodes = starts(seeds)
         some = next(iter(nodes.values()))  # for names that are reserved, any will do
         return np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)

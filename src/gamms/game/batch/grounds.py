@@ -1,6 +1,6 @@
 """The maps of a batch: games in which rules have closed the same roads are played together on one ground."""
 
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from functools import partial
 from typing import Any, NamedTuple, TypeVar
@@ -11,6 +11,7 @@ from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.scalar_rules import RuleContext
+from gamms.game.batch.scalar_strategies import ScalarStrategies
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SeenNodes
@@ -41,10 +42,11 @@ class Ground:
         game: at its start, on this map.
         context: calls the rules of it that have no array form.
         roster, movement: the agents and how they go.
+        asked: asks those that are asked one by one; None: there are none.
 
     Attributes:
-        game, context, roster, movement: as given.
-        groups: the strategies and plans of agents, each with all agents that have the same.
+        game, context, roster, movement, asked: as given.
+        groups: the array forms of strategies and plans, each with all agents that have the same.
         rules: phase -> its rules in their order, each with its form; those without follow each other as one.
         conflicts: the form of the conflict resolver; None: it has none, or there is none.
         has_conflicts: whether there is one.
@@ -52,8 +54,11 @@ class Ground:
         shared, now: what was worked out for this map, and of how its games are now; see `GameArrays`.
     """
 
-    def __init__(self, game: PlayedGame, context: RuleContext, roster: Roster, movement: Movement) -> None:
+    def __init__(
+        self, game: PlayedGame, context: RuleContext, roster: Roster, movement: Movement, asked: ScalarStrategies | None
+    ) -> None:
         settings = game.settings()
+        self.asked = asked
         self.game, self.context, self.roster, self.movement = game, context, roster, movement
         self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
         self.conflicts, self.has_conflicts = form_of(settings["conflicts"]), settings["conflicts"] is not None
@@ -65,7 +70,12 @@ class Ground:
 
     def gather(self) -> None:
         """Take the strategies and plans of agents."""
-        self.groups = _groups(self.roster, self.game.settings()["plans"])
+        self.groups = _groups(self.roster, self.game.settings()["plans"], frozenset(self._asked_rows()))
+
+    def _asked_rows(self) -> list[int]:
+        """Return the numbers of the agents of teams that are asked one by one, those that may come too."""
+        team_of = self.roster.team_of
+        return [] if self.asked is None else np.flatnonzero(np.isin(team_of, team_of[self.asked.agents])).tolist()
 
     def _forms_of(self, phase: str) -> list[tuple[NamedRule, ArrayRule]]:
         found: list[tuple[NamedRule, ArrayRule]] = []
@@ -90,7 +100,8 @@ class Ground:
         rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
         checks = [form_of(getattr(one.rule, "check", None)) for one in self.game.rules]
         declared = [form for form in (*checks, self.conflicts) if form is not None]
-        return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions()]
+        asked = [] if self.asked is None else self.asked.functions()
+        return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions(), *asked]
 
 
 class ViewOfGrounds(ArrayView):
@@ -218,12 +229,12 @@ def is_other_by_roads(whole: GraphColumns, now: GraphColumns) -> bool:
 _NOTHING = object()
 
 
-def _groups(roster: Roster, plans: Mapping[Any, Plan]) -> list[Group]:
-    """Return the strategies and plans of agents, each with all agents that have the same."""
+def _groups(roster: Roster, plans: Mapping[Any, Plan], left_out: Collection[int]) -> list[Group]:
+    """Return the array forms of strategies and plans of agents, each with all agents that have the same."""
     found: dict[Hashable, list[int]] = {}
     for number, agent in enumerate(roster.agents):
         decider = decider_of(agent, plans)
-        if decider is not None:
+        if decider is not None and number not in left_out:
             found.setdefault(key_of(form_of(decider)), []).append(number)
     groups = []
     for numbers in found.values():

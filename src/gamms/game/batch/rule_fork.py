@@ -11,14 +11,19 @@ from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.decisions import Decisions
+from gamms.game.facts import PrivateForks
 from gamms.game.moves import Refusals, TurnMoves
-from gamms.game.order import ResolvedAction, TurnOrder
+from gamms.game.order import Part, ResolvedAction, TurnOrder
 from gamms.game.settings import NamedRule
+from gamms.game.slots import AgentSlot
 from gamms.game.snapshots import SnapshotTaker, Start, copied
 from gamms.ir.agents import Progress
 from gamms.ir.columns import Selection
 from gamms.ir.game_state import GameState
+from gamms.ir.graph import IntArray
 from gamms.plain import why_not_plain
+from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IAgent
 
@@ -127,18 +132,19 @@ class RuleFork:
         in_arrays = [one.rule for one in self._game.rules if form_in(game, one.rule) is not None]
         keys = [key for rule in in_arrays if (key := getattr(rule, "key", None)) is not None]
         self._first_data = {
-            key: self._unknown(f"ctx.game.data[{key!r}] of a rule in arrays") if _is_of(keys, key, value) else value
+            key: self.unknown(f"ctx.game.data[{key!r}] of a rule in arrays") if _is_of(keys, key, value) else value
             for key, value in values.data.items()
-        } | {key: self._unknown(f"ctx.game.data[{key!r}] of a rule in arrays") for key in keys}
+        } | {key: self.unknown(f"ctx.game.data[{key!r}] of a rule in arrays") for key in keys}
         self._facts_at_start = dict(game.facts)
         values.counts = _OfSlots(self._notes, "ctx.game.counts")
         values.memories = _OfSlots(self._notes, "ctx.game.memories")
-        values.team_memories = self._unknown("ctx.game.team_memories, or what an agent observes,")
+        values.team_memories = self.unknown("ctx.game.team_memories, or what an agent observes,")
+        self._private_at_start = values.agent_facts, values.team_facts
         if values.team_facts:
             values.team_facts = _OfSome(self._notes, "what is published to teams")
         if values.agent_facts:
             values.agent_facts = _OfSome(self._notes, "what is published to agents")
-        self._looks = self._unknown("what agents have sensed")
+        self._looks = self.unknown("what agents have sensed")
 
     def _gather(self, came: tuple[str, ...]) -> None:
         """Take the agents that there are."""
@@ -177,7 +183,88 @@ class RuleFork:
         self.stand(came)
         return not self._notes and known == (self._fixed, self._sensors, self._heading)
 
-    def _unknown(self, what: str) -> "_Unknown":
+    # -- agents that are asked in it --------------------------------------------------------------------------------
+
+    @property
+    def structure_version(self) -> int:
+        """Changes when agents come or go."""
+        version: int = self._block.structure_version
+        return version
+
+    @property
+    def rank(self) -> IntArray:
+        """(agents of the roster,) the row of each in the block, in whose order sensors show those of the start."""
+        found = np.full(len(self.number), len(self.rows))
+        found[self.rows] = np.arange(len(self.rows))
+        return found
+
+    def in_order(self, seen: dict[str, int]) -> dict[str, int]:
+        """Return what a sensor shows in the order of the block, given in that of the agents of the start."""
+        if not self.came:
+            return seen
+        row_of = self._block.row_of
+        return dict(sorted(seen.items(), key=lambda one: row_of(one[0])))
+
+    @property
+    def rules_in_arrays(self) -> list[Callable[..., object]]:
+        """The rules that have array forms."""
+        return [one.rule for one in self._game.rules if form_in(self._game, one.rule) is not None]
+
+    @property
+    def facts(self) -> dict[str, Any]:
+        """What was published to all, and does not change while there are only array forms."""
+        self._know_facts()
+        return dict(self._values.facts)
+
+    @property
+    def private_facts(self) -> tuple[dict[str, dict[str, Any]], dict[Any, dict[str, Any]]]:
+        """What was published to agents and to teams, likewise."""
+        changing = {name: value for name, value in self._facts.items() if isinstance(value, _Unknown)}
+        found: list[Any] = [
+            {to: {name: changing.get(name, value) for name, value in known.items()} for to, known in those.items()}
+            for those in self._private_at_start
+        ]
+        return found[0], found[1]
+
+    def has_own_strategy(self, agent: IAgent) -> bool:
+        """Whether the strategy of an agent closes over the context, so that in a fork it is another function."""
+        return self._ctx.agent.agents[agent.name].strategy is not agent.strategy
+
+    def slot(self, name: str, state: GameState, seed: int, forks: PrivateForks) -> AgentSlot:
+        """Return what the turn engine holds of an agent, for a game of such a state."""
+        agent = self._ctx.agent.agents[name]
+        access, facts = self._ctx.agent.storage.turn_access(agent), ReadOnlyMapping(state.facts)
+        return AgentSlot(agent, access, state, seed, facts, self._parts.settings, forks)
+
+    def part(self, slots: Sequence[AgentSlot]) -> Part:
+        """Return what is needed to ask the agents of these slots."""
+        return Part(slots, None, self._block.progress, self._parts.settings.plans)
+
+    def decisions(self, slots: Sequence[AgentSlot], starts: list[int], state: GameState) -> Decisions:
+        """Return what asks these agents and takes what they decide."""
+        return self._parts.turns.decisions(slots, starts, state)
+
+    def ask(self, decisions: Decisions, part: Part) -> None:
+        """Ask the agents of a part.
+
+        Raises:
+            NeedsTurnEngine: one looks at what arrays do not have.
+        """
+        decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
+        if self._notes:
+            raise NeedsTurnEngine(self._notes[-1])
+
+    def refuse(self, what: str) -> NoReturn:
+        """Refuse what strategies do that no game in arrays can.
+
+        Raises:
+            NeedsTurnEngine: always.
+        """
+        self._notes.append(what)
+        raise NeedsTurnEngine(what)
+
+    def unknown(self, what: str) -> Any:
+        """Return what stands for what arrays do not have."""
         return _Unknown(self._notes, what)
 
     def first_state(self) -> OwnState:
@@ -196,7 +283,10 @@ class RuleFork:
         values.turn = columns.turns[at]
         self._ctx.reseed(state.seeds[game], own.rng)
         self._set_alive(columns.took_part[at])
-        values.moves = None if phase == "before" and not values.turn else self._moves(at, columns)
+        is_first = phase in ("before", "decide") and not values.turn
+        values.moves = None if is_first else self._moves(at, columns)
+        if phase == "decide" and values.turn:
+            values.moves = self.unknown("ctx.game.moves while agents decide")
         self._set_alive(columns.alive[at])
         block.move_all(self._all, columns.previous[at])
         block.move_all(self._all, columns.node[at])
@@ -245,7 +335,7 @@ class RuleFork:
         facts.clear()
         for name, value in self._state.facts.items():
             is_same = name in first and first[name] is value
-            facts[name] = value if is_same else self._unknown(f"the fact {name!r} of a rule in arrays")
+            facts[name] = value if is_same else self.unknown(f"the fact {name!r} of a rule in arrays")
         self._facts = dict(facts)
 
     def _set_attributes(self, attributes: list[dict[str, Any]] | None) -> None:
@@ -464,7 +554,7 @@ class _Unknown(dict[Any, Any]):
 
     __bool__ = __contains__ = __delitem__ = __eq__ = __getitem__ = __iter__ = __len__ = __ne__ = __or__ = __ror__ = (
         __setitem__
-    ) = _refuse
+    ) = __repr__ = __format__ = _refuse
     clear = copy = get = items = keys = pop = popitem = setdefault = update = values = _refuse
 
 

@@ -1,7 +1,7 @@
 """What has no array form in games that are played in arrays: called game by game, in one context for all."""
 
 import random
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache
 from itertools import pairwise
@@ -76,7 +76,7 @@ class RuleContext:
         self._known: RuleFork | None = None
 
     @property
-    def _fork(self) -> "RuleFork":
+    def fork(self) -> "RuleFork":
         """The context; made when it is needed, and again after a rule has changed more than a game."""
         if self._known is None:
             self._known = RuleFork(self.start(), self._state, self._admit)
@@ -84,7 +84,7 @@ class RuleContext:
 
     def functions(self) -> list[Callable[..., object]]:
         """Return the rules, checks and the conflict resolver that are called game by game."""
-        return self._fork.called() if called_one_by_one(self.start()) else []
+        return self.fork.called() if called_one_by_one(self.start()) else []
 
     def call(self, rules: Sequence[NamedRule], turn: ArrayTurn) -> None:
         """Call rules of one phase in each game of a turn."""
@@ -117,17 +117,43 @@ class RuleContext:
 
     def _each(self, turn: ArrayTurn, phase: str, named: str, act: Act) -> None:
         """Do something in each game of a turn that arrays have."""
+
+        def play(game: int, at: int, i: int, columns: GameColumns) -> None:
+            own = self._own[game] or self.fork.first_state()
+            self.fork.load(i, game, own, columns, phase)
+            act(self.fork, at)
+            self._own[game] = self.fork.taken(at, turn)
+            self._take_map(game, own, phase)
+
+        self._in_all(turn, named, self._in_turns(turn, phase), play)
+
+    def ask(self, turn: ArrayTurn, named: str, act: Act, *, needs_game: bool) -> None:
+        """Let strategies decide in each game of a turn, which is loaded if they need it; nothing changes there."""
+        none = GameColumns([], [], [], [], [], [], [], [], [], [], [])
+
+        def decide(game: int, at: int, i: int, columns: GameColumns) -> None:
+            if columns is not none:
+                self.fork.load(i, game, self._own[game] or self.fork.first_state(), columns, "decide")
+            act(self.fork, at)
+
+        unloaded = ((at, 0, none) for at in range(len(turn.games)))
+        self._in_all(turn, named, self._in_turns(turn, "decide") if needs_game else unloaded, decide)
+
+    def _in_all(
+        self,
+        turn: ArrayTurn,
+        named: str,
+        places: Iterable[tuple[int, int, GameColumns]],
+        play: Callable[[int, int, int, GameColumns], None],
+    ) -> None:
+        """Do something in each game of a turn that arrays have; where that is not possible, the game leaves them."""
         before = _global_random()
-        for at, i, columns in self._in_turns(turn, phase):
+        for at, i, columns in places:
             game = int(turn.games[at])
             if game in self._state.apart:
                 continue
-            own = self._own[game] or self._fork.first_state()
             try:
-                self._fork.load(i, game, own, columns, phase)
-                act(self._fork, at)
-                self._own[game] = self._fork.taken(at, turn)
-                self._take_map(game, own, phase)
+                play(game, at, i, columns)
             except NoRow as error:
                 error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {named}.")
                 raise
@@ -139,7 +165,7 @@ class RuleContext:
 
     def _take_map(self, game: int, own: OwnState, phase: str) -> None:
         """Put a game on the map that was made of its own."""
-        map_now = self._fork.taken_map()
+        map_now = self.fork.taken_map()
         if map_now is not None:
             is_early = own.came or phase not in ("before", "after")
             why = "it changes roads where agents have come, or are about to move" if is_early else None
@@ -149,7 +175,7 @@ class RuleContext:
 
     def _recover(self, named: str, error: Exception) -> None:
         """Have the context as it was before an error, or another one, without the agents that have come there."""
-        if not self._fork.has_recovered():
+        if not self.fork.has_recovered():
             self._known = None
             for game, own in enumerate(self._own):
                 if own is not None and own.came:
@@ -163,11 +189,11 @@ class RuleContext:
             own = self._own[turn.games[at]]
             by_cast.setdefault(() if own is None else own.came, []).append(at)
         for came, those in by_cast.items():
-            self._fork.stand(came)
-            columns = _columns(self._state, turn, those, self._fork.rows, is_moving=phase not in ("before", "after"))
+            self.fork.stand(came)
+            columns = _columns(self._state, turn, those, self.fork.rows, is_moving=phase not in ("before", "after"))
             for i, at in enumerate(those):
-                if self._fork.came != came and int(turn.games[at]) not in self._state.apart:
-                    self._fork.stand(came)
+                if self.fork.came != came and int(turn.games[at]) not in self._state.apart:
+                    self.fork.stand(came)
                 yield at, i, columns
 
     def _leave(self, game: int, named: str, error: Exception) -> None:

@@ -11,6 +11,7 @@ from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.movement import Movement, Paths, Places
+from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -176,6 +177,7 @@ class GameArrays:
         scores: key -> (games,) numbers.
         has_score: key -> (games,) whether the score was set.
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
+        note_blocked: notes why an agent of a game does not do what it wanted; None: no strategy asks for it.
         errors: of each game, in order.
         deeds: what agents may do besides moving, and did.
         radio: by what agents send messages, and what was sent; None: by nothing.
@@ -200,6 +202,8 @@ class GameArrays:
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
     """
 
+    note_blocked: Callable[[int, int, str | None], None] | None = None
+
     def __init__(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> None:
         self.roster, self.movement, self.streets, self.seeds = roster, movement, movement.streets, list(seeds)
         games, shape = len(seeds), (len(seeds), len(roster.names))
@@ -219,7 +223,7 @@ class GameArrays:
         self.scores: dict[Hashable, FloatArray] = {}
         self.has_score: dict[Hashable, BoolArray] = {}
         self._has_fractions: set[Hashable] = set()  # keys of scores to which numbers were added that are no integers
-        self.counts = {name: np.zeros(shape, np.int64) for name in ("moves", "blocked", "illegal")}
+        self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.radio: Radio | None = None
         self.deeds = DeclaredDeeds({}, None, roster, movement.streets, games)

@@ -131,10 +131,7 @@ class MovesOfTurn:
         """Take back moves and deeds that rules have refused, note the deeds that remain, and return the moves."""
         state, games, refused = self._state, self.games, self._refused
         for at, agent, kind in sorted(refused):
-            error = {"turn": int(self.turn[at]), "agent": self.roster.names[agent], "kind": "illegal"}
-            message = f"{kind}: {'; '.join(sorted(refused[at, agent, kind]))}"
-            state.errors[games[at]].append({**error, "message": message})
-            state.counts["illegal"][games[at], agent] += 1
+            self._note_error(at, agent, f"{kind}: {'; '.join(sorted(refused[at, agent, kind]))}")
         if refused:
             keys = [list(zip(one.at.tolist(), one.agents.tolist(), strict=True)) for one in self._deeds]
             self._deeds = [
@@ -233,12 +230,15 @@ class MovesOfTurn:
     def note_illegal(self, illegal: Sequence[Illegal]) -> None:
         """Note which actions could not be done."""
         for at, agent, message in sorted(illegal):
-            game = int(self.games[at])
-            if not self.alive[at, agent]:
-                continue
-            self._state.counts["illegal"][game, agent] += 1
-            error = {"agent": self.roster.names[agent], "kind": "illegal", "message": message}
-            self._state.errors[game].append({"turn": int(self.turn[at]), **error})
+            if self.alive[at, agent]:
+                self._note_error(at, agent, message)
+
+    def _note_error(self, at: int, agent: int, message: str) -> None:
+        state, game, name = self._state, int(self.games[at]), self.roster.names[agent]
+        state.counts["illegal"][game, agent] += 1
+        state.errors[game].append({"turn": int(self.turn[at]), "agent": name, "kind": "illegal", "message": message})
+        if state.note_blocked is not None:
+            state.note_blocked(game, agent, message)
 
     def end_moves(self) -> None:
         """Let the turn be played: what follows are its rules."""

@@ -1,0 +1,128 @@
+"""Strategies without an array form in games that are played in arrays: asked agent by agent, as in games alone."""
+
+import random
+
+import pytest
+from batch_scenes import plain, scene
+
+from gamms.errors import BadValue
+from gamms.strategies import chase
+
+TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}}}
+NEAR = {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 2.0}}, "teams.red.sensors": ["near"]}
+SEEDS = [3, 4, 5, 6]
+
+
+def explore(state):
+    visits = state["memory"].setdefault("visits", {})
+    visits[state["curr_pos"]] = visits.get(state["curr_pos"], 0) + 1
+    state["action"] = min(state["legal"], key=lambda node: (visits.get(node, 0), node))
+
+
+def flee(state):
+    near = {*state["sensor"]["near"][1].values()}
+    free = [node for node in state["legal"] if node not in near] or state["legal"]
+    state["action"] = state["draw"].choice(free)
+
+
+def carry(state):
+    carriers = [flag["carrier"] for flag in state["facts"]["flags"].values()]
+    state["action"] = state["legal"][carriers.count(state["name"]) and -1]
+
+
+def share(state):
+    shared = state["team_memory"]
+    shared["turns"] = [*shared.get("turns", []), state["turn"]]
+    state["action"] = state["legal"][len(shared["turns"]) % len(state["legal"])]
+
+
+def draw_from_generator(state):
+    state["action"] = int(state["rng"].choice(state["legal"]))
+
+
+def follow(ctx):
+    def strategy(state):
+        known = ctx.agent.get_agent("blue_0").current_node_id
+        state["action"] = min(state["legal"], key=lambda node: ctx.graph.graph.distance(node, known))
+
+    return strategy
+
+
+def same(strategies, rules=(TAG,), **more):
+    """Return the batch, played, whose games are those that `play` plays."""
+    scenario = scene(rules, **more).replace(**NEAR)
+    with scenario.batch(seeds=SEEDS, strategies=strategies) as games:
+        games.run()
+        for number, seed in enumerate(SEEDS):
+            assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=strategies))
+    return games
+
+
+@pytest.mark.parametrize("strategy", [explore, flee, share, draw_from_generator, follow])
+def test_what_strategies_see_draw_and_remember_is_that_of_games_alone(strategy):
+    games = same({"red": strategy}, settings={} if strategy is share else {"order": [["blue"], ["red"]]})
+    assert "agent by agent" in games.slow
+    assert games.is_in_arrays
+    assert not games.detached
+
+
+def test_flags_are_published_to_strategies_that_are_asked_agent_by_agent():
+    assert not same({"red": carry}, rules=[TAG, FLAGS], max_turns=40).detached
+
+
+def test_a_strategy_of_a_team_whose_others_have_no_form_shares_their_memory():
+    games = same({"red_0": share, "red_1": chase, "red_2": share})
+    assert not games.detached
+
+
+def test_actions_that_are_not_legal_are_noted_and_leave_agents_where_they_are():
+    def astray(state):
+        state["action"] = 24 if state["turn"] % 2 else state["legal"][-1]
+        if state["blocked"]:
+            state["action"] = state["legal"][0]
+
+    assert same({"red": astray}).result(0).errors
+
+
+def test_a_game_in_which_a_strategy_raises_is_played_alone_up_to_there():
+    def stumble(state):
+        state["action"] = state["legal"][1 // (4 - state["turn"]) * 0]
+
+    with scene([TAG]).batch(seeds=SEEDS, strategies={"red": stumble}) as games:
+        with pytest.raises(ZeroDivisionError) as raised:
+            games.run()
+        assert "In game 0 of a batch" in "".join(raised.value.__notes__)
+
+
+@pytest.mark.parametrize("what", ["random", "fork"])
+def test_games_are_played_alone_where_strategies_need_the_turn_engine(what):
+    def strategy(state):
+        lot = random.random() if what == "random" else state["fork"](1).game.turn
+        state["action"] = state["legal"][int(lot * 2) % 2]
+
+    games = same({"red": strategy}, max_turns=5)
+    assert len(games.detached) == len(SEEDS)
+
+
+def test_a_strategy_that_keeps_state_in_a_closure_is_refused():
+    times = []
+
+    def count(state):
+        times.append(1)
+        state["action"] = state["legal"][0]
+
+    with scene([TAG]).batch(2, strategies={"red": count}) as games, pytest.raises(BadValue, match="'times'"):
+        games.run()
+
+
+def test_agents_that_actions_are_given_to_are_not_asked():
+    scenario = scene([TAG]).replace(**NEAR)
+    with (
+        scenario.batch(seeds=SEEDS, strategies={"red": explore, "blue": explore}) as games,
+        scenario.batch(seeds=SEEDS, strategies={"red": explore, "blue": explore}, one_by_one=True) as slow,
+    ):
+        for turn in range(10):
+            for batch in (games, slow):
+                batch.step({"red": batch.observe("red").counts - 1} if turn % 3 else {})
+        assert [plain(games.result(i)) for i in range(4)] == [plain(slow.result(i)) for i in range(4)]
