@@ -6,6 +6,7 @@ library is needed. A public name is one in `__all__` of a package that `gamms` o
 """
 
 import ast
+import builtins
 import contextlib
 import copy
 import inspect
@@ -243,7 +244,7 @@ def _in(module: str) -> list[str]:
 
 def _class(module: str, name: str, found: Found) -> str:
     docs, members = docstring_of(found), list(_members(found))
-    inner = examples_of(module, name) + "\n\n"
+    inner = PARAGRAPH.join(part for part in (_bases_of(found), examples_of(module, name)) if part) + PARAGRAPH
     above = [docstring_of(one) for one in _lineage(found)[1:]]
     inner += "\n".join(
         _member(one, body, "" if f"{_name_of(one.node)}:" in docs else _said_of(_name_of(one.node), above))
@@ -252,6 +253,18 @@ def _class(module: str, name: str, found: Found) -> str:
     constructor = next(_inits(found), None)
     signature = _signatures(constructor[0], name, constructor[1]) if constructor else name
     return _directive("py:class", signature, docs, _in(module), inner)
+
+
+def _bases_of(found: Found) -> str:
+    """Return a line with the classes that a class is derived from: public ones, and those of Python itself."""
+    shown = []
+    for text in (ast.unparse(base.value if isinstance(base, ast.Subscript) else base) for base in found.node.bases):
+        module, name = _split(found, text) if "." in text else (found.module, text)
+        with contextlib.suppress(LookupError):
+            home = owner_of(find(module, name), name)
+            shown += [f"{{py:class}}`~{home}.{name}`"] if home and name in names_of(home) else []
+        shown += [f"`{text}`"] if hasattr(builtins, text) else []
+    return f"Bases: {', '.join(shown)}." if shown else ""
 
 
 def _inits(found: Found) -> Iterator[tuple[Found, list[ast.stmt]]]:

@@ -49,8 +49,8 @@ class FlyingSensor(Sensor):
         at: (x, y, z) to look from; None looks from the owner.
     """
 
-    range: float
-    fov: float
+    range: float  # how far it sees in space, map units
+    fov: float  # the full opening angle of its cone, radians
 
     _type: ClassVar[SensorType]
     _is_occluded = False
