@@ -60,7 +60,7 @@ def obstacle_from_file(
 
     Args:
         filepath: the map file.
-        tags: only things with one of these tags.
+        tags: only things with one of these tags: key -> a value, several, or True for all.
         height_estimates: (key, value) -> (height in metres, type): what is a wall at all, and how high where neither
             `height` nor `building:levels` says so. None: `gamms.osm.wall_estimates()`, without land use.
         min_tolerance: metres by which a footprint may be simplified, but never so that it crosses a street of the file

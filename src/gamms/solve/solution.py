@@ -229,7 +229,8 @@ class Solution:
     def bound(self) -> Bound:
         """What `value` is to that of the game in which agents know no more than their sensors show.
 
-        It is at least that where the team itself is not shown everything, at most that where the other one is not.
+        "exact": the same; "upper": at least it, because the team itself is not shown everything; "lower": at most it,
+        because the other team is not; "none": near it, on a side that is not known.
         """
         numeric = self._stages.side
         blind = [team for team, seen in self.sees.items() if seen != "full"]
@@ -390,7 +391,9 @@ def solve(
     Args:
         scenario: of two teams.
         team: whose values are given; None: the first one.
-        reward: what it gets; see `Reward`.
+        reward: what it gets for a turn, and the other one pays. "score": by how much its score changes more than that
+            of the other team; "win": 1 if it wins, -1 if the other one does; "turns": -1, so that it wants the game to
+            be short; or a function of a `Transition` that returns a number.
         turns: the game is cut after so many turns; None: as the scenario says.
         discount: what a reward counts one turn later, above 0 and up to 1.
         seed: of the start; None: that of the scenario, or 0.

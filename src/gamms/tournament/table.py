@@ -47,7 +47,8 @@ class Payoff(NamedTuple):
     """How two entries did against each other, as the first of them sees it.
 
     Attributes:
-        points: of a game, with an interval over the seeds, of each of which both sides' games count as one.
+        points: of a game: `value`, the mean, and `low` and `high`, its 95 % interval over the seeds, of each of which
+            both sides' games count as one.
         score: by how much its team's score was higher, likewise.
         games: that they have played.
     """

@@ -70,7 +70,7 @@ class IObstacles(ABC):
         """Return whether no face blocks the straight line from one place to each of others.
 
         A face that touches either end blocks; one that the line runs along does not, nor one of no area. A line of
-        no length is never blocked. What this means in numbers, `gamms.kernels.blocks` says.
+        no length is never blocked.
 
         Args:
             origin: (3,) x, y, z in map units.

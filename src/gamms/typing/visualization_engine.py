@@ -108,11 +108,11 @@ class GraphVisual(TypedDict, total=False):
     """The keywords of `set_graph_visual`."""
 
     node_color: ColorType | str
-    """(128, 128, 128)"""
+    """Of nodes: (128, 128, 128)."""
     node_size: float
     """The radius of nodes, world units: 2.0."""
     edge_color: ColorType | str
-    """(211, 211, 211)"""
+    """Of edges: (211, 211, 211)."""
     draw_id: bool
     """Whether the ids of nodes are written beside them: False."""
 
@@ -132,7 +132,7 @@ class AgentVisual(TypedDict, total=False):
     """The keywords of `set_agent_visual`."""
 
     color: ColorType | str
-    """(0, 0, 0)"""
+    """Of the disc: (0, 0, 0)."""
     size: float
     """The radius, or half the side of an image, world units: 8.0."""
     image_path: str | PathLike[str] | None
@@ -153,7 +153,7 @@ class SensorVisual(TypedDict, total=False):
     node_size: float
     """The radius of nodes, world units: 2.0, or 1.0 where edges are sensed, too."""
     layer: int
-    """40; in a window 30."""
+    """Lower ones are painted first: 40; in a window 30."""
 
 
 class IVisualizationEngine(ABC):

@@ -312,7 +312,7 @@ class Artists(Guarded):
             name: of the artist; another than "values" is the title of the legend.
 
         Returns:
-            The artist, on layer `Layer.VALUES`; None where nothing is shown.
+            The artist, on layer 13; None where nothing is shown.
 
         Raises:
             UnknownName (KeyError): no such node, edge or colour map.

@@ -397,12 +397,12 @@ class Live:
     # -- what the thread that plays calls -------------------------------------------------------------------------
 
     def begin(self, header: dict[str, Any], state: dict[str, Any]) -> None:
-        """Show another game; see `gamms.recorder.session.Follower`."""
+        """Show another game (called by the thread that plays)."""
         self.streams.begin(header, state)
         self._server.wake()
 
     def hear(self, log: Log, *, is_over: bool) -> None:
-        """Show what has happened, and wait until the next turn may be played."""
+        """Show what has happened, and wait until the next turn may be played (called by the thread that plays)."""
         self.streams.hear(log, is_over=is_over)
         game = None if self.ctx is None else self.ctx.current_game
         if is_over and game is not None and (game.is_over or game.turn == game.last_turn):
@@ -417,20 +417,20 @@ class Live:
     # -- what the thread of the server calls ----------------------------------------------------------------------
 
     def joined(self, connection: Connection) -> None:
-        """See `Talk`."""
+        """Call `when_joined` (called by the server)."""
         for hear in self.when_joined:
             hear(connection)
         self._tell_controllers()
 
     def left(self, connection: Connection) -> None:
-        """Write no stream any more that no connection reads."""
+        """Write no stream any more that no connection reads (called by the server)."""
         audience = connection.grant.audience
         if not connection.grant.may_play and all(one.grant.audience != audience for one in self.connections):
             self.streams.drop(audience)
         self._tell_controllers()
 
     def received(self, connection: Connection, message: Json) -> None:
-        """See `Talk`."""
+        """Do what the handler of a message of a client does (called by the server)."""
         handler = self.handlers.get(str(message.get("type")))
         if handler is None:
             connection.counts["bad"] += 1
@@ -438,7 +438,7 @@ class Live:
         handler(connection, message)
 
     def news(self, connection: Connection) -> Iterable[bytes]:
-        """See `Talk`."""
+        """Return what a client has not been sent yet, in pieces (called by the server)."""
         before = connection.counts["dropped"]
         yield from news(self.streams, connection)
         if connection.counts["dropped"] != before:

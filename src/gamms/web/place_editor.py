@@ -42,7 +42,9 @@ class PlaceEditor:
 
     Raises:
         ScenarioError (ValueError), OSError: the file cannot be loaded.
-        MissingExtra, BadValue, NetworkError: see `gamms.web.server.Server`.
+        MissingExtra (ImportError): the extra `web` is not installed.
+        BadValue (ValueError): the address is not loopback, and `allow_network` is not set; or there is no such port.
+        NetworkError (ConnectionError): the port is in use, or not allowed.
     """
 
     def __init__(

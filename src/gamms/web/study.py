@@ -65,11 +65,11 @@ class StudyOptions(TypedDict, total=False):
     title: str
     """What stands above the pages; the name of the scenario."""
     port: int
-    """See `serve`."""
+    """See `ServeOptions`."""
     host: str
-    """See `serve`."""
+    """See `ServeOptions`."""
     allow_network: bool
-    """See `serve`."""
+    """See `ServeOptions`."""
 
 
 def study(
@@ -444,26 +444,26 @@ class Study:
         return None if one is None or one.group is None else one.group.live or one.group.ended
 
     def joined(self, connection: Connection) -> None:
-        """See `Talk`."""
+        """Show a participant the round that they play (called by the server)."""
         live = self._live_of(connection)
         if live is not None:
             live.joined(connection)
 
     def left(self, connection: Connection) -> None:
-        """See `Talk`."""
+        """Note that a participant is away (called by the server)."""
         live = self._live_of(connection)
         if live is not None:
             live.left(connection)
 
     def received(self, connection: Connection, message: Json) -> None:
-        """See `Talk`."""
+        """Take a message of a participant (called by the server)."""
         live = self._live_of(connection)
         if live is None:
             raise Refused("No round is played now.")
         live.received(connection, message)
 
     def news(self, connection: Connection) -> Iterable[bytes]:
-        """See `Talk`."""
+        """Return what a participant has not been sent yet, in pieces (called by the server)."""
         live = self._live_of(connection)
         return () if live is None else live.news(connection)
 

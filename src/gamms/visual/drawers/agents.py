@@ -74,9 +74,9 @@ def render_agent(ctx: IContext, data: dict[str, Any]) -> None:
 
 
 def render_aerial_agent(ctx: IContext, data: dict[str, Any]) -> None:
-    """Draw the agent in the air that `data['agent_data']` names, from above; `labels.py` writes its height beside it.
+    """Draw the agent in the air that `data['agent_data']` names, from above.
 
-    One that is out of the game is not drawn.
+    Its height is written beside it where agents have labels. One that is out of the game is not drawn.
     """
     look: AgentData = data["agent_data"]
     agent = cast("IAerialAgent", ctx.agent.get_agent(look.name))

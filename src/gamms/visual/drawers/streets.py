@@ -59,7 +59,7 @@ def render_graph(ctx: IContext, data: dict[str, Any]) -> None:
     """Draw the graph as `data['graph_data']`, a GraphData, describes it; a two-way street is drawn once.
 
     On a real map roads are as broad as their class, `highway`, asks for. Tunnels are dashed and lie below, bridges
-    above. Where `data['tunnels']` is "below", they are left to `render_tunnels`.
+    above. Where `data['tunnels']` is "below", they are left out.
     """
     look: GraphData = data["graph_data"]
     columns = ctx.graph.columns()
