@@ -27,6 +27,7 @@ _SECTIONS = ("Args", "Attributes", "Ensures", "Raises", "Requires", "Returns", "
 _SECTION = re.compile(rf"^((?:{'|'.join(_SECTIONS)})(?: \([^)]*\))?):(.*)$")
 _NAMED = r"[\w*][\w.* ]*?(?: \([\w ]+\))?"
 _ITEM = re.compile(rf"^({_NAMED}(?:, {_NAMED})*): (.*)$")
+_INITS = ("__init__", "__new__")
 PARAGRAPH = "\n\n"
 _Definition = ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Assign | ast.AnnAssign
 
@@ -269,8 +270,30 @@ def _bases_of(found: Found) -> str:
 
 def _inits(found: Found) -> Iterator[tuple[Found, list[ast.stmt]]]:
     for one in _lineage(found):
-        inits = [node for node in one.node.body if _name_of(node) == "__init__"]
+        inits = [node for node in one.node.body if _name_of(node) in _INITS] or _init_of_fields(one.node)
         yield from ((Found(one.module, node), one.node.body) for node in inits[-1:])
+
+
+def _init_of_fields(node: ast.ClassDef) -> list[ast.stmt]:
+    """Return the constructor that Python gives to a dataclass and a named tuple; nothing for other classes."""
+    marks = " ".join(ast.unparse(one) for one in [*node.decorator_list, *node.bases])
+    if not re.search(r"\bdataclass\b|\bNamedTuple\b", marks):
+        return []
+    fields = [one for one in node.body if isinstance(one, ast.AnnAssign) and "ClassVar" not in ast.unparse(one)]
+    given = [
+        f"{_name_of(one)}: {ast.unparse(one.annotation)}{_default_of(one)}"
+        for one in fields
+        if "init=False" not in ast.unparse(one)
+    ]
+    keywords = ["*"] if "kw_only=True" in marks and given else []
+    return ast.parse(f"def __init__({', '.join(['self', *keywords, *given])}): ...").body
+
+
+def _default_of(field: ast.AnnAssign) -> str:
+    """Return the default of a field; dots for one that is made for each object."""
+    return (
+        "" if field.value is None else f" = {'...' if isinstance(field.value, ast.Call) else ast.unparse(field.value)}"
+    )
 
 
 def _lineage(found: Found) -> list[Found]:
@@ -376,7 +399,7 @@ def _qualified(node: ast.AST, module: str) -> str:
 
 def _signature(node: ast.FunctionDef, name: str, module: str) -> str:
     given = re.sub(r"^(self|cls)(, /)?(, |$)", "", _qualified(node.args, module))
-    returns = f" -> {_qualified(node.returns, module)}" if node.returns and node.name != "__init__" else ""
+    returns = f" -> {_qualified(node.returns, module)}" if node.returns and node.name not in _INITS else ""
     return f"{name}({given}){returns}".replace("\n", " ")
 
 

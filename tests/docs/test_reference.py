@@ -45,6 +45,17 @@ def test_a_field_is_described_by_all_lines_of_the_text_below_it():
     assert "a node of the map with one of them\nis a node of the graph; ()." in entry
 
 
+def test_classes_of_fields_have_the_constructor_that_python_makes():
+    for package, head in (
+        ("gamms.typing", "Node(id: int, x: float, y: float)"),
+        ("gamms.typing", "OSMEdge(id: int, source: int, target: int, length: float, linestring: Any=None)"),
+        ("gamms.osm", "Access(speed_kph: float, forward: bool=True, backward: bool=True)"),
+        ("gamms.osm", "Mode(*, name: str,"),
+        ("gamms.visual", "draw_id: bool=False, edge_line_points: dict[int, Any]=...)"),
+    ):
+        assert head in reference.page_of(package)
+
+
 def test_a_verb_of_a_part_is_a_method_of_its_engine():
     _, _, entry = reference.page_of("gamms.visual").partition("{py:class} PictureEngine")
     assert "{py:method} save(path: str | os.PathLike[str]," in entry
