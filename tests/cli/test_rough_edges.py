@@ -19,7 +19,7 @@ seed: 1
 max_turns: %d
 teams:
   red: {count: 2, strategy: "gamms.strategies:random_walk"}
-  blue: {count: 1, strategy: "gamms.strategies:random_walk"}
+  blü: {count: 1, strategy: "gamms.strategies:random_walk"}
 """
 
 
@@ -132,6 +132,14 @@ def test_a_reader_that_has_enough_ends_a_command_without_a_word():
     assert said == b""
 
 
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs an output that is full")
+def test_an_output_that_is_full_is_a_failure_in_one_sentence():
+    with Path("/dev/full").open("wb") as full, gamms("--version", stdout=full) as process:
+        said = process.communicate()[1]
+    assert process.returncode == 1
+    assert said.decode().splitlines() == ["gamms: No space left on device, while something was read or written."]
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is another signal there")
 @pytest.mark.parametrize("more", [(), ("--seeds", "0:4", "--jobs", "2")], ids=["one game", "many"])
 def test_ctrl_c_ends_games_with_a_word_and_leaves_a_recording_that_can_be_read(folder, more):
@@ -151,10 +159,11 @@ def test_ctrl_c_ends_games_with_a_word_and_leaves_a_recording_that_can_be_read(f
 
 
 @pytest.mark.skipif(os.name == "nt", reason="a locale of Unix")
-def test_commands_work_in_a_narrow_terminal_without_utf_8_without_a_home_and_with_warnings_as_errors():
+@pytest.mark.parametrize("command", [("run", "game.yaml", "--out", "öut"), ("replay", "öut/game.ggr")], ids=" ".join)
+def test_commands_work_in_a_narrow_terminal_without_utf_8_without_a_home_and_with_warnings_as_errors(command):
     clean = {name: os.environ[name] for name in ("PATH", "PYTHONPATH") if name in os.environ}
-    strict = {**clean, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "COLUMNS": "20"}
-    with gamms("run", "game.yaml", "--out", "öut", env=strict, flags=["-W", "error"]) as process:
+    strict = {**clean, "LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONIOENCODING": "ascii", "COLUMNS": "20"}
+    with gamms(*command, env=strict, flags=["-W", "error"]) as process:
         printed, said = process.communicate()
     assert (process.returncode, said) == (0, b"")
-    assert printed.isascii() or "öut".encode() in printed
+    assert rb"bl\xfc" in printed or "blü".encode() in printed

@@ -1,9 +1,11 @@
 """All commands in the order of the help, and those on scenario files and maps, which only look."""
 
 import json
+import os
 import sys
 from collections.abc import Callable, Mapping
 from enum import StrEnum
+from io import TextIOWrapper
 from itertools import pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -249,7 +251,15 @@ app.add_typer(
 
 def main() -> None:
     """Run the command line."""
+    out: object = sys.stdout  # None where it is closed
+    if isinstance(out, TextIOWrapper):
+        out.reconfigure(errors="backslashreplace")  # of characters that the encoding of the system lacks
     try:
-        app()
-    except OSError as error:  # the output is full: of a help or a version, which no command has printed
+        try:
+            app()
+        finally:
+            if isinstance(out, TextIOWrapper) and out is sys.stdout:  # not where a reader had enough
+                out.flush()
+    except OSError as error:  # the output is full
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would say so again at its end
         sys.exit(explained(error))

@@ -104,7 +104,7 @@ def allowed(packages: Iterable[str]) -> tuple[str, ...]:
 
 def private_package(folder: Path) -> str:
     """Return the name under which the modules of a folder are imported."""
-    return f"{PRIVATE_MODULES}{hashlib.sha256(str(folder.resolve()).encode()).hexdigest()[:16]}"
+    return f"{PRIVATE_MODULES}{hashlib.sha256(os.fsencode(folder.resolve())).hexdigest()[:16]}"
 
 
 def is_defined_in(value: object, package: str) -> bool:
