@@ -4,6 +4,7 @@
     python scripts/check_release.py --extras none viz --python python3.12 --python python3.13
     python scripts/check_release.py --oldest                     # the lower bounds of pyproject.toml, exactly
     python scripts/check_release.py --large                      # also extras with libraries of more than 200 MB
+    python scripts/check_release.py --extras torch --first torch==2.13.0  # a build that is installed before
 
 Needs an index or a folder of wheels that pip finds; `build` and `twine` are put into an environment of their own. Where
 `uv` is found it installs, else pip. Prints a line for each environment; the exit status is 1 if a check has failed.
@@ -48,15 +49,34 @@ COMMANDS = (
     "gamms verify hunt/first/game.ggr",
 )
 _CONTEXT = "import gamms\nctx = gamms.create_context(seed=1)\nctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))\n"
-_HUNT = "import gamms\nhunt = gamms.scenario.load('hunt/hunt.yaml')\n"
+_HUNT = "import gamms\nhunt = gamms.scenario.load('hunt/hunt.yaml').replace(max_turns=3)\n"
 PROBES = {  # what an extra is for; without it, each raises MissingExtra
     "viz": _CONTEXT + "ctx.visual.save('a.png'); ctx.visual.save('a.pdf')",
     "video": _CONTEXT + "with ctx.visual.film('a.mp4'): ctx.game.run(max_turns=2)",
-    "notebook": _HUNT + "hunt.replace(max_turns=3).play(seed=1).to_pandas('teams')",
+    "notebook": _HUNT + "hunt.play(seed=1).to_pandas('teams')",
     "rl": _HUNT + "gamms.rl.parallel_env(hunt).reset(seed=1)",
     "osm": "import gamms\nopen('a.osm', 'w').write('<osm></osm>')\n"
     "try: gamms.osm.graph_from_xml('a.osm')\nexcept gamms.errors.BadFile: pass",
+    "osm-online": "import gamms\ntry: gamms.osm.graph_from_place('Nowhere')\nexcept gamms.errors.NetworkError: pass",
     "llm": "import gamms; gamms.llm.Strategy('http://localhost:1/v1', 'm', 'Go.')",
+    "accel": "import gamms; gamms.experiment.statistics.mean_interval([1.0, 2.0, 4.0])",
+    "frames": _CONTEXT + "ctx.graph.frames.to_polars(); ctx.graph.frames.to_igraph()",
+    "plot": _HUNT + "gamms.experiment.run(hunt, range(2), {'max_turns': [1, 2]}).plot()",
+    "parquet": _HUNT + "import os; gamms.experiment.run(hunt, range(2), out='rows')\n"
+    "if not os.path.exists('rows/rows.parquet'): raise gamms.errors.MissingExtra('rows.parquet', 'parquet')",
+    "ray": _HUNT + "gamms.experiment.run(hunt, range(2), executor='ray')",
+    "ros": "import gamms\ntry: gamms.bridge.rosbridge('ws://127.0.0.1:1', timeout_s=1)\n"
+    "except gamms.errors.NetworkError: pass",
+    "solve": "import gamms; walk = {'count': 1, 'strategy': 'gamms.strategies:random_walk'}\n"
+    "field = {'grid': {'width': 2, 'height': 1}}\n"
+    "gamms.solve.openspiel(gamms.scenario.Scenario(map=field, max_turns=2, teams={'a': walk, 'b': walk}))",
+    "tournament": "import gamms; gamms.tournament.Table([], ['a', 'b']).ratings()",
+    "torch": _HUNT + "try: import torch\nexcept ImportError: raise gamms.errors.MissingExtra('', 'torch') from None\n"
+    "with hunt.batch(2, xp=torch) as games: games.run()",
+    "torchrl": _HUNT + "gamms.rl.torchrl_env(hunt, num_games=2).rollout(2)",
+    "train": _HUNT + "gamms.rl.sb3_env(hunt, num_games=2, team='pursuers').reset()",
+    "onnx": "import gamms\ntry: gamms.rl.networks.onnx_logits(b'', 'a.onnx')\nexcept gamms.errors.BadFile: pass",
+    "web": _HUNT + "with gamms.web.serve(hunt) as live: live.wait()",
 }
 
 
@@ -71,7 +91,8 @@ def main() -> int:
                 print(f"{python}: not found here, skipped")
                 continue
             for extras in _sets(options):
-                said = _checked(folder / "environment", python, wheel, extras, is_oldest=options.oldest)
+                constraints = _constraints(folder, extras) if options.oldest else []
+                said = _checked(folder / "environment", python, [wheel, *constraints], extras, options.first)
                 which = "oldest" if options.oldest else "newest"
                 print(f"{Path(python).name:10} {which} {','.join(extras) or 'no extra':40} {said}", flush=True)
                 failures += said.startswith("FAILED")
@@ -84,6 +105,9 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--python", action="append", help="an interpreter, more than once for several; this one")
     parser.add_argument("--extras", nargs="+", choices=["none", "all", *sorted(EXTRAS.keys() - {"dev"})])
     parser.add_argument("--oldest", action="store_true", help="install the lower bounds of pyproject.toml")
+    parser.add_argument(
+        "--first", nargs="+", default=[], help="requirements to install before, such as a build of torch"
+    )
     parser.add_argument("--large", action="store_true", help=f"also {', '.join(sorted(LARGE))}")
     options = parser.parse_args()
     options.python = options.python or [sys.executable]
@@ -124,13 +148,15 @@ def _built(folder: Path) -> tuple[Path, int]:
     return wheel, len(problems)
 
 
-def _checked(folder: Path, python: str, wheel: Path, extras: list[str], *, is_oldest: bool) -> str:
+def _checked(folder: Path, python: str, installed: list[str | Path], extras: list[str], first: list[str]) -> str:
     """Install the wheel with some extras into an empty environment, and say what came of the games."""
     shutil.rmtree(folder, ignore_errors=True)
     inside = _environment(folder / "env", python)
-    constraints = _constraints(folder, extras) if is_oldest else []
+    wheel, *constraints = installed
     named = f"{wheel}[{','.join(extras)}]" if extras else str(wheel)
     try:
+        if first:
+            _install(inside, first)
         _install(inside, [named, *constraints])
     except subprocess.CalledProcessError as error:
         return f"skipped, cannot be installed: {_last(error.stderr)}"
