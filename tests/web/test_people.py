@@ -187,6 +187,76 @@ def test_flyers_get_a_direction_and_deeds_name_who_is_in_sight():
     assert result.deeds[0]["whom"] == "bert"
 
 
+RADIO = {"range_m": 100.0, "max_bytes_per_turn": 12, "teams": ["red", "blue"]}
+
+
+def saying(*messages):
+    """Answer with a move to node 1 or back, and with these messages in the first turn."""
+
+    def answer(people, name, question):
+        choice = {"question": question["question"], "move": question["here"]}
+        people.choose(name, choice | ({"messages": list(messages)} if question["turn"] == 0 and name == "anna" else {}))
+        return question
+
+    return answer
+
+
+def test_a_person_sends_messages_which_are_recorded_and_sent_again(tmp_path):
+    first, second = tmp_path / "game.ggr", tmp_path / "again.ggr"
+    by_radio = {"channel": "radio", "to": "blue", "body": "hello"}
+    with context(web.human(seconds=3.0), web.human(seconds=3.0), channels={"radio": RADIO}) as ctx:
+        ctx.record.start(first)
+        result, asked = play(ctx, saying(by_radio), turns=2)
+    found = {(one["agent"], one["turn"]): one for one in asked}
+    assert found["anna", 0]["channels"] == {"radio": {"to": [None, "blue"], "bytes": 12}}  # bert is out of sight
+    (heard,) = found["bert", 1]["inbox"]
+    assert heard == by_radio | {"sender": "anna", "turn": 0, "overheard": False}
+    assert found["bert", 1]["channels"]["radio"]["to"] == [None, "red", "anna"]  # who was heard can be answered
+    assert [(one["sender"], one["to"], one["body"]) for one in result.messages] == [("anna", "blue", "hello")]
+    again = web.human(choices=first)
+    with context(again, web.human(choices=first), channels={"radio": RADIO}) as ctx:
+        ctx.record.start(second)
+        assert ctx.game.run(2) == result
+    assert first.read_bytes() == second.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("messages", "words"),
+    [
+        ([{"channel": "radio", "to": "blue", "body": "far too long"}], "channel 'radio' takes 12 of each agent"),
+        ([{"channel": "radio", "to": None, "body": "1234567"}] * 2, "channel 'radio' takes 12 of each agent"),
+        ([{"channel": "wire", "to": None, "body": "a"}], "has no channel for"),
+        ([{"channel": "police", "to": None, "body": "a"}], "has no channel for"),
+        ([{"channel": "radio", "to": "bert", "body": "a"}], "cannot send to 'bert'"),  # who is out of sight
+        ([{"channel": "radio", "to": "anna", "body": "a"}], "cannot send to 'anna'"),
+        ([{"channel": "radio", "to": False, "body": "a"}], "cannot send to False"),
+        ([{"channel": "radio", "to": ["blue"], "body": "a"}], "cannot send to"),
+        ([{"channel": ["radio"], "to": None, "body": "a"}], "has no channel for"),
+        ([{"channel": "radio", "to": None}], "There is no 'body'"),
+        ([{"channel": "radio", "to": None, "body": "a", "sender": "bert"}], "Unknown key of a message: 'sender'"),
+        (["radio"], "has no channel for 'radio'"),
+        ("radio", "Messages are a list"),
+        ([{"channel": "radio", "to": None, "body": ""}] * 9, "at most 8"),
+    ],
+)
+def test_messages_that_the_channels_do_not_take_are_refused_with_the_whole_choice(messages, words):
+    found = []
+
+    def answer(people, name, question):
+        with pytest.raises(RefusedChoice) as caught:
+            people.choose(name, {"question": question["question"], "move": 1, "messages": messages})
+        found.append(str(caught.value))
+        people.let_go()
+
+    channels = {"radio": RADIO, "police": {"range_m": 9.0, "teams": ["blue"]}}
+    with context(web.human(seconds=3.0), channels=channels) as ctx:
+        result, _ = play(ctx, answer)
+    assert words in found[0]
+    assert "bert" not in found[0].replace(str(messages), "").replace("'bert'", "")
+    assert result.messages == []
+    assert result.agents["anna"]["node"] == 0
+
+
 def test_what_a_person_chose_is_cut_from_what_another_team_knows(tmp_path):
     path = tmp_path / "game.ggr"
     with context(web.human(seconds=3.0)) as ctx:

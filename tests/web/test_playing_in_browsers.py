@@ -120,3 +120,46 @@ def test_two_people_play_by_mouse_fingers_and_keys(pages, tmp_path):
     people = {name: web.human(choices=path) for name in ("rita", "bea")}
     again = MATCH.play(strategies=people, record=tmp_path / "again.ggr")
     assert again == result
+
+
+def write(page, element, words):
+    """Click a field and type into it."""
+    click_middle(page, element)
+    for letter in words:
+        page.key(letter)
+
+
+def test_people_write_to_each_other_on_their_turns(pages, tmp_path):
+    radio = {"radio": {"range_m": 500, "max_bytes_per_turn": 40}, "wire": {"hops": 1, "teams": ["red"]}}
+    game, path = MATCH.replace(channels=radio), tmp_path / "game.ggr"
+    rita, bea = pages
+    with web.serve(game, speed=None, record=path) as live:
+        rita.open(live.players["rita"], 1280, 800)
+        bea.open(live.players["bea"], 390, 844, touch=True, dark=True)
+        asked(rita, 0)
+        asked(bea, 0)
+        assert bea.value("document.querySelector('.outbox').children[0].hidden")  # there is one channel alone
+        write(rita, "document.querySelector('.outbox .body')", "1 <b>at 7 or so, or later than that? ok</b>")
+        assert rita.value("gamms.player.selected") is None  # the 1 is no move
+        assert rita.value("gamms.look.labels") == "auto"
+        click_button(rita, "Stay")
+        rita.wait("document.querySelector('.ask .words').textContent.includes('takes 40 of each agent')")
+        rita.value("document.querySelector('.outbox .body').value = ''")
+        write(rita, "document.querySelector('.outbox .body')", "<b>at 7, ok?</b>")
+        rita.wait("performance.now() - gamms.player.chosenAt > 400")
+        click_button(rita, "Stay")
+        click_button(bea, "Stay")
+        asked(bea, 1)
+        assert bea.value("document.querySelector('.inbox').textContent") == "rita radio <b>at 7, ok?</b>"
+        assert bea.value("document.querySelector('.outbox').textContent").endswith("to rita")
+        click_button(bea, "Stay")
+        asked(rita, 1)
+        click_button(rita, "Stay")
+        for page in (rita, bea):
+            asked(page, 2)
+            click_button(page, "Stay")
+        result = live.wait(10)
+        assert rita.messages == bea.messages == []
+    assert [(one["sender"], one["to"], one["body"]) for one in result.messages] == [("rita", None, "<b>at 7, ok?</b>")]
+    people = {name: web.human(choices=path) for name in ("rita", "bea")}
+    assert game.play(strategies=people, record=tmp_path / "again.ggr") == result

@@ -1,5 +1,6 @@
-"""What a person is asked about an agent, and which answers count: a legal move, a direction, declared deeds."""
+"""What a person is asked about an agent, and which answers count: a legal move, a direction, deeds and messages."""
 
+import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -9,6 +10,7 @@ from typing import Any
 from gamms import recorder
 from gamms.context import Context
 from gamms.errors import BadFile, BadValue, GammsError
+from gamms.game.channels import checked_outbox, receivers_of
 from gamms.game.deeds import field_of, wanted_deeds
 from gamms.plain import Plain, as_json
 from gamms.text import reason, shown
@@ -22,8 +24,10 @@ CHOSEN = "chosen"
 
 _MOST_MOVES = 5000
 _FARTHEST = 1e9  # of a direction
-_KEYS = ("question", "move", "do")  # of a choice
-_KEYS_IN_THE_AIR = ("question", "direction", "distance", "do")
+_KEYS = ("question", "move", "do", "messages")  # of a choice
+_KEYS_IN_THE_AIR = ("question", "direction", "distance", "do", "messages")
+_MOST_MESSAGES = 8  # of a choice
+_MOST_HEARD = 20  # messages that a person is shown of those that came
 
 
 class RefusedChoice(Refused):
@@ -50,6 +54,8 @@ class Question:
         speed: of an agent that flies, map units per turn.
         here: its node, or its place in space.
         deeds: what it may do besides: deed -> field -> its kind, its choices (None: any) and whether it is needed.
+        channels: by which it may send messages: name -> `to`, to whom, and `bytes`, how many a turn (None: any).
+        inbox: the messages that it hears now, as JSON; the last ones, if they are many.
         limit_s: how long the person may take.
         began: when it was asked, or when the person has come, by `time.monotonic()`.
         until: when the time is over.
@@ -67,6 +73,8 @@ class Question:
     speed: float
     here: Plain
     deeds: dict[str, dict[str, dict[str, Plain]]]
+    channels: dict[str, dict[str, Plain]]
+    inbox: list[Plain]
     limit_s: float
     began: float
     until: float
@@ -81,7 +89,8 @@ class Question:
         moves: Plain = None if self.moves is None else list(self.moves)
         asked = {"question": self.number, "agent": self.agent, "turn": self.turn, "here": self.here, "moves": moves}
         left = round(max(self.until - monotonic(), 0.0), 3)
-        return {**asked, "speed": self.speed, "deeds": self.deeds, "left_s": left, "is_chosen": self.chosen is not None}
+        offered: dict[str, Plain] = {"speed": self.speed, "deeds": self.deeds, "channels": self.channels}
+        return {**asked, **offered, "inbox": self.inbox, "left_s": left, "is_chosen": self.chosen is not None}
 
 
 @dataclass(frozen=True)
@@ -143,12 +152,48 @@ def deeds_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> di
     return offered
 
 
+def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) -> dict[str, dict[str, Plain]]:
+    """Return by which channels an agent may send, and to whom: all, teams, agents of the person, in sight or heard."""
+    if "outbox" not in state:
+        return {}
+    me, heard = state["name"], [message["sender"] for message in state["inbox"]]
+    teams = {agent.name: agent.team for agent in ctx.agent.create_iter()}
+    known = sorted(({*own, *heard, *_names_in_sight(state)} - {me}) & teams.keys())
+    offered: dict[str, dict[str, Plain]] = {}
+    for name, channel in ctx.game.channels.items():
+        if channel.is_for(teams[me]):
+            named = [team for team in ctx.agent.teams if isinstance(team, str | int) and channel.is_for(team)]
+            others = [
+                to for to in (*named, *known) if any(channel.is_for(teams[one]) for one in _others(to, me, teams))
+            ]
+            offered[name] = {"to": [None, *dict.fromkeys(others)], "bytes": channel.max_bytes_per_turn}
+    return offered
+
+
+def _others(to: Plain, me: str, teams: Mapping[str, Any]) -> Iterator[str]:
+    """Yield the agents that a message is for, without its sender."""
+    return (name for name in receivers_of(to, teams) if name != me)
+
+
+def inbox_of(state: Mapping[str, Any]) -> list[Plain]:
+    """Return the messages that an agent hears now, as JSON."""
+    return [as_json(dict(message)) for message in state.get("inbox", ())[-_MOST_HEARD:]]
+
+
 # -- choices --------------------------------------------------------------------------------------------------------
 
 
 def written(choice: Mapping[str, Plain]) -> dict[str, Plain]:
     """Return what is recorded of a choice."""
-    return {key: value for key, value in choice.items() if key != "question" and (key != "do" or value)}
+    return {
+        key: value for key, value in choice.items() if key != "question" and (key not in ("do", "messages") or value)
+    }
+
+
+def messages_of(choice: Choice) -> list[Any]:
+    """Return the messages that a choice sends."""
+    messages: list[Any] = [] if choice.action is None else json.loads(choice.action).get("messages", [])
+    return messages
 
 
 def as_action(choice: Mapping[str, Any]) -> Any:
@@ -180,6 +225,7 @@ def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | No
     elif "move" not in choice or not _is_among(choice["move"], question.moves):
         raise RefusedChoice("illegal", f"Agent {shown(question.agent)} may not go to {shown(choice.get('move'))} now.")
     do = _checked_deeds(choice.get("do") or {}, question, ctx)
+    _check_messages(choice.get("messages") or [], question, ctx)
     return as_action({**choice, "do": do})
 
 
@@ -218,6 +264,27 @@ def _checked_deeds(given: Plain, question: Question, ctx: Context | None) -> dic
         return wanted_deeds(done, ctx.game.deeds, ctx)
     except GammsError as error:
         raise RefusedChoice("illegal", reason(error)) from None
+
+
+def _check_messages(given: Plain, question: Question, ctx: Context | None) -> None:
+    """Refuse messages that the channels do not take; who is out of sight is in no reason."""
+    if not isinstance(given, list) or len(given) > _MOST_MESSAGES:
+        raise RefusedChoice("illegal", f"Messages are a list of at most {_MOST_MESSAGES}, not {shown(given)}.")
+    for message in given:
+        values = message if isinstance(message, Mapping) else {}
+        name, to = values.get("channel"), values.get("to")
+        offered = question.channels.get(name) if isinstance(name, str) else None
+        if offered is None:
+            raise RefusedChoice("illegal", f"Agent {shown(question.agent)} has no channel for {shown(message)}.")
+        if not any(type(one) is type(to) and one == to for one in offered["to"]):
+            raise RefusedChoice(
+                "illegal", f"Agent {shown(question.agent)} cannot send to {shown(to)} by {shown(name)}."
+            )
+    if given and ctx is not None:
+        teams = {agent.name: agent.team for agent in ctx.agent.create_iter()}
+        _, flaws = checked_outbox(given, ctx.agent.get_agent(question.agent), ctx.game.channels, teams)
+        if flaws:
+            raise RefusedChoice("illegal", flaws[0].partition("]: ")[2])
 
 
 # -- recordings ------------------------------------------------------------------------------------------------------

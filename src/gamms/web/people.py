@@ -32,8 +32,11 @@ from gamms.web.choices import (
     RefusedChoice,
     action_of,
     as_action,
+    channels_of,
     choices_in,
     deeds_of,
+    inbox_of,
+    messages_of,
     moves_of,
     written,
 )
@@ -179,7 +182,7 @@ class People:
             return any(question.chosen is None for _, question in self._questions.values())
 
     def choose(self, person: str, choice: Mapping[str, Plain]) -> None:
-        """Take the choice of a person: `question`, and `move`, or `direction` and `distance`, and `do`.
+        """Take the choice of a person: `question`; `move`, or `direction` and `distance`; `do`; and `messages`.
 
         Raises:
             RefusedChoice: it does not count: it is late, foreign, illegal or a duplicate; nothing has changed.
@@ -269,6 +272,8 @@ class People:
                 ctx.agent.get_agent(state["name"]).speed or 0.0,
                 as_json(state["curr_pos"]),
                 deeds_of(state, person.agents, ctx),
+                channels_of(state, person.agents, ctx),
+                inbox_of(state),
                 *(min(seconds, latest), now, until, wake),
             )
             self._questions[question.number] = (person.name, question)
@@ -341,6 +346,8 @@ class Human:
         self._people.note(choice)
         if choice.outcome == CHOSEN:
             state["action"] = action
+            if messages := messages_of(choice):
+                state["outbox"] += messages
             return
         answer = self._otherwise(state)
         if answer is not None:

@@ -1,5 +1,6 @@
 // Mouse, wheel, touch and keys.
 
+const WRITTEN = new Set(["text", "number", "search"]); // kinds of fields in which one types
 const CLICK_PX = 6; // a pointer that moves less is a click
 const PAN_PX = 60, ZOOM = 1.25;
 
@@ -101,6 +102,7 @@ function onKey(app, event) {
   if (event.ctrlKey || event.metaKey || event.altKey) return;
   const isButton = target.tagName === "BUTTON", isField = target.tagName === "SELECT" || target.tagName === "INPUT";
   if (event.key === "Escape") escape(app);
+  else if (isField && WRITTEN.has(/** @type {HTMLInputElement} */ (target).type)) return;
   else if (isField && (event.key.length > 1 || event.key === " ")) return; // arrows move the timeline and menus
   else if (isButton && (event.key === " " || event.key === "Enter")) return;
   else if (app.player?.key(event)) event.stopPropagation();

@@ -1,4 +1,4 @@
-// What a person is asked in a game that is played: legal moves on the map and as buttons, deeds, and the time that is left.
+// What a person is asked in a game that is played: legal moves on the map and as buttons, deeds, messages, and the time that is left.
 import { dot, element, refill } from "./dom.js";
 import { faded } from "./themes.js";
 
@@ -6,6 +6,7 @@ const FAR_PX = 18; // how far beside a node a pointer may be; fingers more
 const LEAST_WAY_PX = 40, WANTED_WAY_PX = 64; // between an agent and its moves: it is looked at more closely where less
 const AGAIN_MS = 400; // after a choice, in which a click is the second half of a double click
 const MOST_BUTTONS = 10; // moves that have a number and a button
+const MOST_LETTERS = 500; // of a message
 const WINDS = ["→", "↗", "↑", "↖", "←", "↙", "↓", "↘"];
 const WIND_NAMES = ["east", "north-east", "north", "north-west", "west", "south-west", "south", "south-east"];
 /** @type {Record<string, [number, number]>} */
@@ -17,6 +18,7 @@ const ARROWS = { ArrowRight: [1, 0], ArrowLeft: [-1, 0], ArrowUp: [0, 1], ArrowD
  * @property {number} question @property {string} agent @property {number} turn @property {number | number[]} here
  * @property {(number | null)[] | null} moves nodes; null among them: stop on the edge; null: it flies
  * @property {number} speed @property {Record<string, Record<string, Field>>} deeds @property {number} left_s @property {boolean} is_chosen
+ * @property {Record<string, {to: any[], bytes: number | null}>} channels by which it can send @property {any[]} inbox what it hears
  * @typedef {{x: number, y: number, move?: number | null, direction?: number[], distance?: number, words: string}} Option what can be chosen, and where that is
  */
 
@@ -39,8 +41,10 @@ export class Player {
     this.words = element("p", { class: "words", role: "status", "aria-live": "polite" });
     this.moves = element("div", { class: "moves", role: "group", "aria-label": "Moves" });
     this.deeds = element("div", { class: "deeds" });
+    this.inbox = element("ul", { class: "inbox", "aria-label": "Messages that came" });
+    this.outbox = element("div", { class: "outbox" });
     this.element = element("section", { class: "ask card", "aria-label": "Your move", hidden: true },
-      element("div", { class: "asked" }, this.who, this.clock), this.gauge, this.words, this.moves, this.deeds);
+      element("div", { class: "asked" }, this.who, this.clock), this.gauge, this.inbox, this.words, this.moves, this.deeds, this.outbox);
     app.root.append(this.element);
     for (const { scene } of app.views) scene.overlay = (shown) => this.#paint(shown);
     setInterval(() => this.#tick(), 200);
@@ -91,8 +95,7 @@ export class Player {
     if (question === undefined) {
       refill(this.who, "Your move is made");
       this.words.textContent = this.isWaiting ? "Waiting for others …" : "";
-      refill(this.moves);
-      refill(this.deeds);
+      for (const part of [this.moves, this.deeds, this.inbox, this.outbox]) refill(part);
     } else if (isNew) {
       const color = app.views[0].scene.discOf(question.agent)?.color;
       const others = this.questions.length > 1 ? ` (${this.questions.length - left + 1} of ${this.questions.length})` : "";
@@ -102,6 +105,8 @@ export class Player {
       this.words.textContent = isTouch ? `${where}.` : `${where}, or use ${question.moves === null ? "" : "numbers or "}arrow keys and Enter.`;
       this.#showMoves(question);
       this.#showDeeds(question);
+      refill(this.inbox, ...question.inbox.map((one) => element("li", {}, element("b", { text: one.sender }), element("span", { class: "aside", text: ` ${one.overheard ? "(overheard) " : ""}${one.channel} ` }), wordsOf(one.body))));
+      this.#showOutbox(question);
     }
     this.element.style.setProperty("--top", `${app.controls.head.offsetHeight + 24}px`);
     this.#tick();
@@ -160,6 +165,31 @@ export class Player {
     }));
   }
 
+  /** Show what a message is written in. @param {Question} question */
+  #showOutbox({ channels }) {
+    const names = Object.keys(channels);
+    if (names.length === 0) return refill(this.outbox);
+    const select = (/** @type {string} */ label) => element("select", { "aria-label": label, title: label });
+    const channel = select("Channel"), to = select("To"), text = element("input", { type: "text", class: "body", placeholder: "Message, sent with your move", "aria-label": "Message", maxlength: MOST_LETTERS });
+    const offer = () => {
+      const { bytes } = channels[channel.value];
+      refill(to, ...channels[channel.value].to.map((one, i) => element("option", { value: i, text: one === null ? "to all" : `to ${one}` })));
+      text.title = bytes === null ? "It is sent with your move" : `It is sent with your move; ${channel.value} takes ${bytes} bytes a turn`;
+    };
+    refill(channel, ...names.map((name) => element("option", { value: name, text: name })));
+    channel.addEventListener("change", offer);
+    channel.hidden = names.length === 1;
+    offer();
+    refill(this.outbox, channel, to, text);
+  }
+
+  /** Return the message that is written, to be sent with the choice. */
+  #wantedMessages() {
+    const [channel, to, text] = this.outbox.children, { question } = this;
+    if (question === undefined || !text?.value.trim()) return [];
+    return [{ channel: channel.value, to: question.channels[channel.value].to[Number(to.value)], body: text.value.trim() }];
+  }
+
   /** Return the deeds that are ticked; throws words where a field makes no sense. */
   #wantedDeeds() {
     const question = this.question;
@@ -184,9 +214,9 @@ export class Player {
     const { question } = this;
     if (question === undefined || (isPointed && performance.now() - this.chosenAt < AGAIN_MS)) return;
     try {
-      const deeds = this.#wantedDeeds();
+      const deeds = this.#wantedDeeds(), messages = this.#wantedMessages();
       const move = option.direction === undefined ? { move: option.move ?? null } : { direction: option.direction, ...(option.distance === undefined ? {} : { distance: option.distance }) };
-      this.send({ type: "choose", question: question.question, ...move, ...(Object.keys(deeds).length ? { do: deeds } : {}) });
+      this.send({ type: "choose", question: question.question, ...move, ...(Object.keys(deeds).length ? { do: deeds } : {}), ...(messages.length ? { messages } : {}) });
       this.chosenAt = performance.now();
     } catch (error) {
       this.refuse(error instanceof Error ? error.message : String(error));
@@ -342,6 +372,12 @@ function ring(to, x, y, radius) {
   to.beginPath();
   to.arc(x, y, radius, 0, 2 * Math.PI);
   if (to.getLineDash().length) to.stroke();
+}
+
+/** Return what the body of a message says. @param {any} body */
+function wordsOf(body) {
+  const words = typeof body === "string" ? body : JSON.stringify(body);
+  return words.length > MOST_LETTERS ? `${words.slice(0, MOST_LETTERS)}…` : words;
 }
 
 /** Return which of the eight winds a direction is nearest to. @param {number} dx @param {number} dy */
