@@ -260,8 +260,8 @@ def _bases_of(found: Found) -> str:
     """Return a line with the classes that a class is derived from: public ones, and those of Python itself."""
     shown = []
     for text in (ast.unparse(base.value if isinstance(base, ast.Subscript) else base) for base in found.node.bases):
-        module, name = _split(found, text) if "." in text else (found.module, text)
-        with contextlib.suppress(LookupError):
+        with contextlib.suppress(LookupError):  # a class of another library
+            module, name = _split(found, text) if "." in text else (found.module, text)
             home = owner_of(find(module, name), name)
             shown += [f"{{py:class}}`~{home}.{name}`"] if home and name in names_of(home) else []
         shown += [f"`{text}`"] if hasattr(builtins, text) else []
