@@ -181,7 +181,8 @@ class _GameKeys(TypedDict, total=False):
     blocked: str | None
     """Why the agent did not do in its last turn what it wanted; None: it did."""
     fork: PrivateForks
-    """Gives copies of the game to look ahead in, as far as the agent knows it: see `gamms.planning`."""
+    """Gives copies of the game to look ahead in, as far as the agent knows it: `fork(seed).game`, as `gamms.planning`
+    uses it."""
     deeds: Mapping[str, Mapping[str, Any]]
     """What agents may do besides moving, as `ctx.game.deeds` declares it; only where that declares something."""
     inbox: list[Message]
