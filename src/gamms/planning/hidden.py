@@ -11,8 +11,8 @@ from gamms.ir.graph import FloatArray
 from gamms.typing import AgentType, IAgent, SensorType
 from gamms.typing.game import State
 
-_IN_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
-_ON_GROUND = (SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT)
+IN_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
+ON_GROUND = (SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT)
 _MOST_STEPS = 50  # of a teammate that was not seen for long; more change little
 
 
@@ -39,7 +39,7 @@ class Hidden:
             name: place
             for state in states.values()
             for kind, data in state["sensor"].values()
-            if kind in _IN_AIR
+            if kind in IN_AIR
             for name, (_, place) in data.items()
             if name in self._flying
         }
@@ -93,7 +93,7 @@ class Hidden:
             belief.observe(self._ctx, state, share=is_alone)
             if not isinstance(here, tuple):
                 belief.note(self._ctx, state, name, here, share=is_alone)
-            shown = [data for kind, data in state["sensor"].values() if kind in _ON_GROUND]
+            shown = [data for kind, data in state["sensor"].values() if kind in ON_GROUND]
             for mate, node in sorted(pair for data in shown for pair in data.items() if pair[0] in mates):
                 belief.note(self._ctx, state, mate, int(node), share=is_alone)
 

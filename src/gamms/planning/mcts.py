@@ -3,7 +3,7 @@
 import gc
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
-from math import exp, inf, log, sqrt
+from math import exp, inf, isqrt, log, sqrt
 from time import perf_counter
 from typing import Any, Literal, NamedTuple, Unpack, cast
 
@@ -25,6 +25,7 @@ _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_AR
 _ITERATIONS = 200
 _EXPLORATION = 0.7  # how much UCT is for actions that it does not know yet; gains are from 0 to 1
 _RESERVE = 1.05  # by how much longer than predicted all of a decision may take
+_TRIED = 2  # how often an agent does something else than its policy, in each world
 _EXPLORED = 0.2  # the share of moves that Exp3 makes at random
 
 
@@ -255,6 +256,10 @@ class _Timer:
         self._last = now
         return now + self._longest <= self._end
 
+    def is_past(self, share: float) -> bool:
+        """Return whether more than a share of the time is over."""
+        return perf_counter() > self._began + share * (self._end - self._began)
+
     def end(self) -> None:
         """Note how long steps were."""
         if self._steps > 1:
@@ -286,34 +291,31 @@ class _Node:
         children: (action, what it saw then) -> the node behind.
     """
 
-    __slots__ = ("actions", "children", "counts", "squares", "totals", "weights")
+    __slots__ = ("actions", "children", "counts", "totals", "weights")
 
     def __init__(self) -> None:
         self.actions: Sequence[Action] | None = None
         self.children: dict[Key, _Node] = {}
         self.counts: list[int] = []
         self.totals: list[float] = []
-        self.squares: list[float] = []
         self.weights: list[float] = []
 
     def offer(self, actions: Sequence[Action]) -> None:
-        """Set what the agent may do."""
+        """Set what the agent may do, in the order in which it is tried."""
         self.actions = actions
         self.counts = [0] * len(actions)
-        self.totals, self.squares, self.weights = ([0.0] * len(actions) for _ in range(3))
+        self.totals, self.weights = ([0.0] * len(actions) for _ in range(2))
 
     def by_uct(self, known: _Range, draw: Draws) -> int:
-        """Return the action with the highest upper bound, of several any; those that were not tried come first."""
-        # By lot, or agents that search together would try their actions in step, and not see whose brings what.
-        if not self.counts[0]:
-            return 0
-        untried = [action for action, tries in enumerate(self.counts) if not tries]
-        if untried:
-            return draw.choice(untried)
-        explore = log(sum(self.counts))
+        """Return the action with the highest upper bound, of several any; of n visits, the first sqrt(n) are open."""
+        tries = sum(self.counts)
+        among = range(min(len(self.counts), max(1, isqrt(tries))))
+        if not self.counts[among[-1]]:
+            return among[-1]
+        explore = log(tries)
         bounds = [
-            known.share(total / tries) + _EXPLORATION * sqrt(explore / tries)
-            for tries, total in zip(self.counts, self.totals, strict=True)
+            known.share(self.totals[one] / self.counts[one]) + _EXPLORATION * sqrt(explore / self.counts[one])
+            for one in among
         ]
         highest = max(bounds)
         return draw.choice([action for action, bound in enumerate(bounds) if bound == highest])
@@ -324,31 +326,6 @@ class _Node:
         shares = [exp(_EXPLORED / number * (weight - highest)) for weight in self.weights]
         total = sum(shares)
         return [(1.0 - _EXPLORED) * share / total + _EXPLORED / number for share in shares]
-
-    def best(self, confidence: float) -> int:
-        """Return the action with the highest lower bound of its mean, or the first, if no other is surely better.
-
-        Args:
-            confidence: by how many standard errors another has to be better than the first.
-        """
-        known = [action for action, tries in enumerate(self.counts) if tries]
-        first, *others = known
-        mean, error = self._mean(first)
-        best, most = first, 0.0
-        for action in others:
-            other, its_error = self._mean(action)
-            margin = other - mean - confidence * sqrt(error + its_error)
-            if margin > most:
-                best, most = action, margin
-        return best
-
-    def _mean(self, action: int) -> tuple[float, float]:
-        """Return the mean gain of an action and the square of its standard error."""
-        tries, total = self.counts[action], sum(self.counts)
-        mean = self.totals[action] / tries
-        every = sum(self.totals) / total
-        spread = max(0.0, sum(self.squares) / total - every * every)
-        return mean, spread / tries
 
     def mixed(self, chance: float) -> int:
         """Return an action by how often each was tried, but for what Exp3 tries in any case."""
@@ -367,6 +344,52 @@ def _drawn(shares: Sequence[float], chance: float) -> int:
     return max(number for number, share in enumerate(shares) if share)
 
 
+class _Trials:
+    """How much more each action of an agent brings than that of its policy, in the same worlds.
+
+    Args:
+        actions: how many; the first is that of the policy.
+    """
+
+    def __init__(self, actions: int) -> None:
+        self.counts = [0] * actions
+        self._totals = [0.0] * actions
+        self._squares = 0.0
+
+    def note(self, action: int, gain: float) -> None:
+        """Note by how much more an action has brought in a world."""
+        self.counts[action] += 1
+        self._totals[action] += gain
+        self._squares += gain * gain
+
+    def next(self) -> int:
+        """Return the action with the highest upper bound but the first; those that were not tried come first."""
+        rest = range(1, len(self.counts))
+        untried = [action for action in rest if not self.counts[action]]
+        if untried:
+            return untried[0]
+        tries = sum(self.counts)
+        spread, explore = sqrt(self._squares / tries), _EXPLORATION * sqrt(log(tries))
+        return max(rest, key=lambda one: self._mean(one) + spread * explore / sqrt(self.counts[one]))
+
+    def best(self, confidence: float) -> int:
+        """Return the action with the highest lower bound of its mean, or the first, if no other is surely better.
+
+        Args:
+            confidence: by how many standard errors another has to be better than the first.
+        """
+        tries = sum(self.counts)
+        spread, best, most = sqrt(self._squares / max(tries, 1)), 0, 0.0
+        for action in range(1, len(self.counts)):
+            margin = self._mean(action) - confidence * spread / sqrt(max(self.counts[action], 1))
+            if margin > most:
+                best, most = action, margin
+        return best
+
+    def _mean(self, action: int) -> float:
+        return self._totals[action] / max(self.counts[action], 1)
+
+
 class _Walker:
     """An agent in one iteration, on its way down its tree.
 
@@ -374,11 +397,15 @@ class _Walker:
         search: its settings, and the gains so far.
         roots: what it knows at first -> the root of its tree; of an agent that decides, its only root under ().
         policy: what it does behind its tree.
+        first: the action that it begins with, of an agent that tries others one by one.
         is_own: whether it decides.
     """
 
-    def __init__(self, search: "_Search", roots: dict[Key, _Node], policy: Strategy, *, is_own: bool) -> None:
-        self._search, self._branch, self._policy, self._is_own = search, roots, policy, is_own
+    def __init__(
+        self, search: "_Search", roots: dict[Key, _Node], policy: Strategy, *, first: int | None, is_own: bool
+    ) -> None:
+        self._search, self._branch, self._policy = search, roots, policy
+        self._first, self._is_own = first, is_own
         self._action: int | None = None  # that it did last; None: it is at the root
         self._has_left = False  # whether it is behind its tree
         self.visits: list[tuple[int, _Node, int, float]] = []  # turn, node, action and how probable that was
@@ -396,12 +423,14 @@ class _Walker:
             if self._has_left:
                 return None
         if node.actions is None:
-            node.offer(self._policy_first(state))
+            node.offer(self._options(state))
         if not node.actions:
             self._has_left = True
             return None
         chance = 1.0
-        if settings.is_uct:
+        if self._action is None and self._first is not None:
+            action = self._first
+        elif settings.is_uct:
             action = node.by_uct(self._search.known, state["draw"])
         else:
             chances = node.chances()
@@ -411,18 +440,21 @@ class _Walker:
         self._branch, self._action = node.children, action
         return node.actions[action]
 
-    def _policy_first(self, state: State) -> list[Action]:
-        """Return the actions to search, first what the policy says: it is done where nothing speaks for another."""
-        actions = list(self._search.settings.actions(state))
-        if self._action is None and self._is_own:
-            first = self._search.preferred[state["name"]]
-        else:
-            self._policy(state)
-            first = state.pop("action", None)
-        if first in actions:
-            actions.remove(first)
-            actions.insert(0, first)
-        return actions
+    def _options(self, state: State) -> list[Action]:
+        """Return the actions to search, first what the policy says, and the others by lot."""
+        rest, draw = list(self._search.settings.actions(state)), state["draw"]
+        actions = [rest.pop(draw.below(len(rest))) for _ in range(len(rest))]
+        self._policy(state)
+        return _policy_first(actions, state.pop("action", None))
+
+
+def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Action]:
+    """Return the actions to search, first what the policy says."""
+    ordered = list(actions)
+    if first in ordered:
+        ordered.remove(first)
+        ordered.insert(0, first)
+    return ordered
 
 
 def _seen(state: State) -> Key:
@@ -444,7 +476,6 @@ class _Search:
         settings: as given.
         known: the gains so far.
         turn: of the iteration under way, from 0.
-        preferred: agent -> what the rollout policy does now.
     """
 
     def __init__(self, settings: _Settings, pace: _Pace, timer: _Timer, states: Mapping[str, State]) -> None:
@@ -456,15 +487,16 @@ class _Search:
         pace.note(self._model, timer.elapsed())
         self._own: dict[str, dict[Key, _Node]] = {name: {} for name in self._model.states}
         self.preferred: dict[str, Action | None] = {}
+        preferred = self._model.decide()
         for name, state in self._model.states.items():
-            # Of the state that the game gave, so that a policy remembers there what it wants.
-            self._model.policies[name](state)
-            self.preferred[name] = state.get("action")
-            if not settings.actions(state):
+            actions = list(settings.actions(state))
+            if not actions:
                 raise BadValue(
                     f"mcts has no action to choose for agent {name!r}: it searches state['legal'], which agents that "
                     "fly do not have. Give actions=, a function of the state."
                 )
+            self._own[name][()] = root = _Node()
+            root.offer(_policy_first(actions, preferred[name]))
         agents = self._model.ctx.agent.agents.items()
         rivals = [name for name, one in agents if name not in self._own and one.team in (None, *self._rivals())]
         self._others: dict[str, dict[Key, _Node]] = {name: {} for name in rivals if settings.are_searched}
@@ -474,45 +506,95 @@ class _Search:
 
     def decide(self) -> None:
         """Set the actions of all agents."""
-        for number in count():
-            if number >= self.settings.iterations or not self._iterate(number):
-                break
+        found = self._one_by_one() if self.settings.is_uct else self._at_once()
         self._timer.end()
-        for name, state in self._model.states.items():
-            node = self._own[name].get(())
-            if (
-                node is None or node.actions is None or not any(node.counts)
-            ):  # there was no time, or it died at once wherever it was
-                continue
-            if self.settings.is_uct:
-                action = node.best(self.settings.confidence)
-            else:
-                key = kernels.purpose_key(self.settings.seed, "mcts", state["turn"])
-                action = node.mixed(kernels.fraction(kernels.draw_bits(key, kernels.name_key(name), 0)))
-            state["action"] = node.actions[action]
+        for name, action in found.items():
+            self._model.states[name]["action"] = self._own[name][()].actions[action]
 
-    def _iterate(self, number: int) -> bool:
-        """Play ahead once, and note what came of it; return False, and note nothing, if there is no time for it."""
+    def _at_once(self) -> dict[str, int]:
+        """Return the actions of all agents, who try theirs at once and as often as they will do them."""
+        for number in count():
+            if number >= self.settings.iterations or self._iterate(number, {}) is None:
+                break
+        found = {}
+        for name, state in self._model.states.items():
+            key = kernels.purpose_key(self.settings.seed, "mcts", state["turn"])
+            chance = kernels.fraction(kernels.draw_bits(key, kernels.name_key(name), 0))
+            root = self._own[name][()]
+            found[name] = root.mixed(chance) if any(root.counts) else 0
+        return found
+
+    def _one_by_one(self) -> dict[str, int]:
+        """Return the actions of all agents: one after another tries its own, as the others will do what they do.
+
+        In each world all first do what was found so far, for an agent that has not tried anything what its policy
+        says; then the agent does something else, twice. What counts is the difference.
+        """
+        names, found = list(self._model.states), dict.fromkeys(self._model.states, 0)
+        begin = next(iter(self._model.states.values()))["turn"] % len(names)
+        known: dict[Key, float | None] = {}
+        spent = 0
+
+        def gain(world: int, actions: Mapping[str, int]) -> float | None:
+            nonlocal spent
+            key = (world, *actions.values())
+            if key not in known:
+                spent += 1
+                known[key] = self._iterate(world, actions)
+            return known[key]
+
+        for number, name in enumerate(names[begin:] + names[:begin], 1):
+            trials = _Trials(len(self._own[name][()].actions))
+            if len(trials.counts) == 1:
+                continue
+            for world in count():
+                if spent >= self.settings.iterations * number / len(names) or self._timer.is_past(number / len(names)):
+                    break
+                base = gain(world, found)
+                for _ in range(_TRIED):
+                    action = trials.next()
+                    other = gain(world, {**found, name: action})
+                    if base is None or other is None:
+                        break
+                    trials.note(action, other - base)
+                if base is None or other is None:
+                    break
+            found[name] = trials.best(self.settings.confidence)
+        return found
+
+    def _iterate(self, number: int, first: Mapping[str, int]) -> float | None:
+        """Play ahead once, and note and return what came of it; None, and note nothing, if there is no time for it.
+
+        Args:
+            number: of the world.
+            first: agent -> which of its actions it begins with; an agent that is not in it chooses.
+        """
         model, rewards, timer = self._model, list[float](), self._timer
         if not timer.has_time():
-            return False
+            return None
         model.sample(number)
         policies = model.policies
-        walkers = {name: _Walker(self, roots, policies[name], is_own=True) for name, roots in self._own.items()}
-        walkers |= {name: _Walker(self, roots, policies[name], is_own=False) for name, roots in self._others.items()}
+        walkers = {
+            name: _Walker(self, roots, policies[name], first=first.get(name), is_own=True)
+            for name, roots in self._own.items()
+        }
+        walkers |= {
+            name: _Walker(self, roots, policies[name], first=None, is_own=False)
+            for name, roots in self._others.items()
+        }
         lead = model.lead()
         with model.game.internals.lending():
             for turn in range(self.settings.depth):
                 self.turn = turn
                 if not timer.has_time():
-                    return False
+                    return None
                 model.play(1, walkers)
                 before, lead = lead, model.lead()
                 rewards.append(lead - before)
                 if model.is_over:
                     break
         if not timer.has_time():
-            return False
+            return None
         value = self.settings.value
         gains = [0.0 if value is None or model.is_over else as_float(value(model), "What value(model) returns")]
         for reward in reversed(rewards):
@@ -525,6 +607,5 @@ class _Search:
                 share = self.known.share(gains[turn])
                 node.counts[action] += 1
                 node.totals[action] += gains[turn]
-                node.squares[action] += gains[turn] ** 2
                 node.weights[action] += (share if name in self._own else 1.0 - share) / chance
-        return True
+        return gains[0]

@@ -11,12 +11,14 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
-from gamms.planning.hidden import Hidden
+from gamms.game.snapshots import copied
+from gamms.planning.hidden import IN_AIR, ON_GROUND, Hidden
 from gamms.scenario.code import first_of, offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown
 from gamms.typing.game import Action, State, Strategy
 
+_SHOW_AGENTS = {*IN_AIR, *ON_GROUND}
 Policy = str | Callable[..., Any]
 """What agents do in a model: a strategy, what makes one from the context, or the name of one, such as
 "gamms.strategies:chase"."""
@@ -147,6 +149,23 @@ class Model:
                 if not self.game.step():
                     return
 
+    def decide(self) -> dict[str, Action | None]:
+        """Return what the policies of the agents that decide say in the game, and note in the model what they remember.
+
+        They are asked with the states of the game, where they remember the same. The model goes to world 0.
+        """
+        self.sample(0)
+        for name, state in self.states.items():
+            self.policies[name](state)
+        if any(self.game.memories.get(name, {}) != state["memory"] for name, state in self.states.items()):
+            self.game.restore(self._now)
+            for name, state in self.states.items():
+                self.game.memories[name].clear()
+                self.game.memories[name].update(copied(state["memory"]))
+            self._now = self.game.snapshot()
+            self.sample(0)
+        return {name: state.get("action") for name, state in self.states.items()}
+
     def lead(self) -> float:
         """Return by how many points the own team leads, before the team that has most besides; an end counts 1.
 
@@ -222,22 +241,27 @@ def as_policy(policy: object, argument: str) -> Callable[..., Any]:
 
 
 def closeness(model: Model) -> float:
-    """Say how near a team of a model is to its opponents: a `value` for those that pursue.
+    """Say how near a team of a model is to its opponents, by road: a `value` for those that pursue.
 
-    Each living opponent counts from 0 to -1 point: its distance to the nearest living agent of the team, in a straight
-    line, as a share of the diagonal of the map.
+    Each living opponent counts from 0, where it is, to -1, where no way leads to it: metres / (metres + the diagonal of
+    the map), from the nearest living agent of the team. One that no sensor of the team shows in the last turn counts
+    -1: it has yet to be found. Where the team has no sensor that shows agents, all are known.
     """
-    block, graph = model.ctx.agent.block, model.ctx.graph
-    living = [row for row in range(len(block.names)) if block.alive[row]]
-    own = [block.node[row] for row in living if block.teams[row] == model.team]
-    others = [block.node[row] for row in living if block.teams[row] != model.team]
-    if not own or not others:
-        return 0.0
-    corners = graph.columns().xy.min(axis=0), graph.columns().xy.max(axis=0)
-    places = [graph.graph.get_node(node) for node in own]
-    ends = [graph.graph.get_node(node) for node in others]
-    far = [min(hypot(end.x - place.x, end.y - place.y) for place in places) for end in ends]
-    return -sum(far) / float(max(hypot(*(corners[1] - corners[0])), 1e-9))
+    agents, graph = model.ctx.agent, model.ctx.graph
+    living = [one for one in agents.create_iter() if one.alive]
+    own = [one for one in living if one.team == model.team]
+    others = [one for one in living if one.team != model.team]
+    sensors = [sensor for one in own for sensor in one.sensors.values() if sensor.type in _SHOW_AGENTS]
+    seen = {name for sensor in sensors for name in sensor.data} if sensors else {one.name for one in others}
+    xy = graph.columns().xy
+    diagonal = max(hypot(*(xy.max(axis=0) - xy.min(axis=0))), 1e-9)
+    value = -float(len(others))
+    for other in others:
+        if own and other.name in seen:
+            ends = other.current_node_id
+            far = min(graph.graph.distance(one.current_node_id, ends) for one in own)
+            value += diagonal / (far + diagonal)
+    return value
 
 
 def states_of(given: States) -> dict[str, State]:
