@@ -3,8 +3,8 @@
 import gc
 import subprocess
 import sys
+from itertools import count
 from pathlib import Path
-from time import process_time
 
 import pytest
 
@@ -143,33 +143,86 @@ def _in_the_middle(ctx, _):
     ctx.agent.get_agent("bob").current_node_id = 1
 
 
-@pytest.mark.parametrize(("turn_s", "value_s"), [(0.0, 0.0), (0.0, 0.015), (0.03, 0.01)])
-def test_a_budget_of_time_is_kept_also_where_it_is_enough_for_few_turns(tag, monkeypatch, turn_s, value_s):
-    """By the CPU time of this process, so that others on the machine do not count."""
-    monkeypatch.setattr(sys.modules["gamms.planning.mcts"], "perf_counter", process_time)
+class Clock:
+    """A clock that shows the time that the parts of a search say they took."""
 
-    def work(seconds):
-        end = process_time() + seconds
-        while process_time() < end:
-            pass
+    def __init__(self, monkeypatch):
+        self.now, self.took = 0.0, []
+        monkeypatch.setattr(sys.modules["gamms.planning.pace"], "perf_counter", lambda: self.now)
 
-    def slow(state):
-        work(turn_s)
-        gamms.strategies.random_walk(state)
+    def spend(self, what, seconds):
+        self.now += seconds
+        self.took.append(what)
 
-    def value(model):
-        work(value_s)
-        return 0.0
+    def searching(self, seconds, turn=lambda: 0.0, value=0.0, world=0.0, **options):
+        """A search in which others take so long in a turn; what else it takes is for a value, and for a world."""
 
-    spent = []
-    with tag.build() as ctx:
-        ctx.game.command("red", mcts(seconds=0.05, depth=4, rollout="chase", opponents=slow, value=value))
-        for _ in range(3):
-            began = process_time()
-            ctx.game.step()
-            spent.append(process_time() - began)
-    assert sorted(spent)[1] <= 1.1 * 0.05
-    assert turn_s + value_s > 0.02 or sorted(spent)[1] > 0.03
+        def slow(state):
+            if state["name"] == "bob":
+                self.spend("turn", turn())
+            state["action"] = state["curr_pos"]
+
+        def worth(model):
+            self.spend("value", value)
+            return 0.0
+
+        return mcts(
+            seconds=seconds,
+            rollout="stay",
+            opponents=slow,
+            value=worth,
+            sample=lambda ctx, rng: self.spend("world", world),
+            **options,
+        )
+
+    def decisions(self, scenario, search, turns):
+        """Play, and return how long each decision took, and what was done in it."""
+        found = []
+        with scenario.build(strategies={"blue": gamms.strategies.stay}) as ctx:
+
+            def decide(states):
+                began, before = self.now, len(self.took)
+                search(states)
+                found.append((self.now - began, self.took[before:]))
+
+            ctx.game.command("red", search)
+            search.prepare(ctx)
+            ctx.game.command("red", decide)
+            ctx.game.run(turns)
+        return found
+
+
+@pytest.mark.parametrize(("turn_s", "value_s", "world_s"), [(0.1, 0.0, 0.0), (0.1, 0.7, 0.2), (1.5, 1.0, 0.01)])
+def test_nothing_is_begun_that_would_end_late(tag, monkeypatch, turn_s, value_s, world_s):
+    clock = Clock(monkeypatch)
+    steps = count()
+    search = clock.searching(5.0, lambda: turn_s * (1.0 + 0.2 * (next(steps) % 3)), value_s, world_s, depth=3)
+    found = clock.decisions(tag, search, 6)
+    assert max(seconds for seconds, _ in found) <= 5.0
+    assert min(seconds for seconds, _ in found) > 1.0
+
+
+def test_another_iteration_is_begun_only_if_a_whole_one_fits(tag, monkeypatch):
+    clock = Clock(monkeypatch)
+    found = clock.decisions(tag, clock.searching(11.0, lambda: 1.0, depth=4), 4)
+    assert [what.count("turn") for _, what in found] == [8] * 4
+
+
+def test_where_one_step_took_long_the_next_decisions_leave_more_time_for_a_while(tag, monkeypatch):
+    clock = Clock(monkeypatch)
+    steps = count()
+    search = clock.searching(20.0, lambda: 5.0 if next(steps) == 30 else 0.5, depth=4)
+    found = [seconds for seconds, _ in clock.decisions(tag, search, 12)]
+    late = max(range(12), key=found.__getitem__)
+    assert found[late + 1] < found[late]
+    assert max(found) <= 1.1 * 20.0
+    assert found[-1] >= 16.0
+
+
+def test_where_a_model_takes_longer_than_the_budget_not_even_the_first_decision_makes_one(tag, monkeypatch):
+    clock = Clock(monkeypatch)
+    found = clock.decisions(tag, clock.searching(0.5, world=1.0), 3)
+    assert found == [(0.0, [])] * 3
 
 
 @pytest.mark.parametrize("options", [{"seconds": 60.0, "iterations": 2}, {"iterations": 2}])
@@ -180,22 +233,6 @@ def test_garbage_is_not_collected_while_a_decision_has_a_limit(tag, options):
         ctx.game.run(1)
     assert seen[-1] is ("seconds" not in options)
     assert gc.isenabled()
-
-
-def test_where_a_budget_is_too_short_for_a_model_the_policy_decides(tag, monkeypatch):
-    monkeypatch.setattr(sys.modules["gamms.planning.mcts"], "perf_counter", process_time)
-    seen = []
-
-    def east(state):
-        seen.append(state["name"])
-        state["action"] = state["curr_pos"] + 1
-
-    with tag.build(strategies={"ann": mcts(seconds=1e-5, rollout=east)}) as ctx:
-        ctx.game.run(3)
-        assert ctx.agent.get_agent("ann").current_node_id == 3
-        began = process_time()
-        ctx.game.step()
-        assert process_time() - began < 0.02, "no model is made, which takes several milliseconds"
 
 
 def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):

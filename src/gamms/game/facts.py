@@ -106,6 +106,10 @@ class PrivateForks:
         fork: PrivateFork = game.fork_for_deciders(seed, as_choice(information, "information", INFORMATION))
         return fork
 
+    def is_of(self, ctx: object) -> bool:
+        """Return whether it is of the game of a context."""
+        return self._ctx is ctx
+
     def __deepcopy__(self, memo: dict[int, Any]) -> "PrivateForks":
         """Belong to the copy of the context if that is copied, too."""
         return PrivateForks(memo.get(id(self._ctx), self._ctx))

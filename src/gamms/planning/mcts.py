@@ -4,7 +4,6 @@ import gc
 from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from math import exp, inf, isqrt, log, sqrt
-from time import perf_counter
 from typing import Any, Literal, NamedTuple, Unpack, cast
 
 from gamms import kernels
@@ -12,7 +11,8 @@ from gamms.arguments import as_choice, as_count, as_float, as_int, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
-from gamms.scenario.code import offered_function
+from gamms.planning.pace import Pace, Timer
+from gamms.scenario.code import first_of, offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown, shown_as_called
 from gamms.typing import IAgent, SensorType
@@ -24,7 +24,6 @@ Key = tuple[Any, ...]
 _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _ITERATIONS = 200
 _EXPLORATION = 0.7  # how much UCT is for actions that it does not know yet; gains are from 0 to 1
-_RESERVE = 1.05  # by how much longer than predicted all of a decision may take
 _TRIED = 2  # how often an agent does something else than its policy, in each world
 _EXPLORED = 0.2  # the share of moves that Exp3 makes at random
 
@@ -151,7 +150,7 @@ def mcts(
 
 def _searching(settings: _Settings) -> Callable[[States], None]:
     """Return the strategy, or plan, of checked settings."""
-    pace, limit = _Pace(), settings.seconds
+    pace, limit = Pace(), settings.seconds
 
     def mcts(states: States) -> None:
         # NOTE: a collection of garbage takes 50 to 80 ms on the map of a suburb: with a limit it waits until the
@@ -160,7 +159,7 @@ def _searching(settings: _Settings) -> Callable[[States], None]:
         if is_paused:
             gc.disable()
         try:
-            given, timer = states_of(states), _Timer(limit, pace)
+            given, timer = states_of(states), Timer(limit, pace)
             if not pace.has_followed(given, limit):
                 _Search(settings, pace, timer, given).decide()
         finally:
@@ -170,8 +169,11 @@ def _searching(settings: _Settings) -> Callable[[States], None]:
     def prepare(ctx: Context) -> None:
         teams = [team for team, plan in ctx.game.plans.items() if getattr(plan.function, "prepare", None) is prepare]
         own = [one for one in ctx.agent.create_iter() if one.team in teams or _prepares(one) is prepare]
-        if own and pace.model_s == inf:
-            _warm_up(ctx, own[0].name, settings, pace)
+        if not own:
+            return
+        if pace.costs["model"].least == inf:
+            _warm_up(ctx, own[0], settings, pace, is_plan=own[0].team in teams)
+        pace.follow(ctx, {one.name: _policy_in(ctx, settings.rollout, one) for one in own})
 
     if limit < inf:
         mcts.__dict__["prepare"] = prepare
@@ -182,88 +184,32 @@ def _prepares(agent: IAgent) -> object:
     return getattr(agent.strategy, "prepare", None)
 
 
-def _warm_up(ctx: Context, name: str, settings: _Settings, pace: "_Pace") -> None:
+def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAgent) -> Strategy:
+    """Return what an agent does in the game itself where there is no time for a search."""
+    function = as_policy(rollout[agent.team] if isinstance(rollout, Mapping) else rollout, "rollout")
+    return cast("Strategy", function(ctx) if first_of(function) == "ctx" else function)
+
+
+def _warm_up(ctx: Context, first: IAgent, settings: _Settings, pace: Pace, *, is_plan: bool) -> None:
     """Search twice in a fork before the first decision: its time is not for loading libraries and making tables."""
     game = ctx.game.fork(0)
     game.configure({"plans": {}, "max_turns": None, "deadline_s": None, "time_budget": None})
-    once = settings._replace(iterations=1)
+    once = settings._replace(iterations=1, seconds=inf)
 
-    def look(state: State) -> None:
-        timer = _Timer(inf, pace)
-        _Search(once, pace, timer, states_of(state)).decide()
+    def look(states: States) -> None:
+        _Search(once, pace, Timer(inf, pace), states_of(states)).decide()
 
     for agent in game.ctx.agent.create_iter():
-        agent.register_strategy(look if agent.name == name else random_walk)
+        agent.register_strategy(random_walk)
+    if is_plan:
+        game.command(first.team, look)
+    else:
+        game.ctx.agent.get_agent(first.name).register_strategy(look)
     game.run(2)
 
 
 def _legal(state: State) -> Sequence[Action]:
     return state["legal"]
-
-
-class _Pace:
-    """How long the parts of a search take, from one decision to the next.
-
-    Attributes:
-        model_s: how long it took to make a model, at least.
-        usual_s: the mean time of a step of the last decision.
-    """
-
-    def __init__(self) -> None:
-        self.model_s, self.usual_s = inf, 0.0
-        self._fork: object = None
-        self._policies: Mapping[str, Strategy] = {}
-
-    def note(self, model: Model, seconds: float) -> None:
-        """Note how long a model took."""
-        self.model_s = min(self.model_s, seconds)
-        self._fork, self._policies = next(iter(model.states.values()))["fork"], model.policies
-
-    def has_followed(self, states: Mapping[str, State], limit: float) -> bool:
-        """Let agents follow their policies if there is no time for a model; return whether that is so."""
-        is_of_it = self._fork is next(iter(states.values()))["fork"]
-        if not is_of_it or _RESERVE * self.model_s <= limit:
-            return False
-        for name, state in states.items():
-            self._policies[name](state)
-        return True
-
-
-class _Timer:
-    """Says whether there is time for another step of a search: a world, a turn or a value.
-
-    Args:
-        seconds: that the decision may take from now on.
-        pace: of the decisions before.
-    """
-
-    def __init__(self, seconds: float, pace: _Pace) -> None:
-        self._began = self._last = perf_counter()
-        self._end, self._pace = self._began + seconds / _RESERVE, pace
-        self._longest, self._steps, self._spent = 2.0 * pace.usual_s, 0, 0.0
-
-    def elapsed(self) -> float:
-        """Return how many seconds it has been going."""
-        return perf_counter() - self._began
-
-    def has_time(self) -> bool:
-        """Return whether a step that begins now ends in time, by the longest so far."""
-        now = perf_counter()
-        if self._steps:
-            self._longest = max(self._longest, now - self._last)
-            self._spent += now - self._last
-        self._steps += 1
-        self._last = now
-        return now + self._longest <= self._end
-
-    def is_past(self, share: float) -> bool:
-        """Return whether more than a share of the time is over."""
-        return perf_counter() > self._began + share * (self._end - self._began)
-
-    def end(self) -> None:
-        """Note how long steps were."""
-        if self._steps > 1:
-            self._pace.usual_s = self._spent / (self._steps - 1)
 
 
 class _Range:
@@ -478,15 +424,15 @@ class _Search:
         turn: of the iteration under way, from 0.
     """
 
-    def __init__(self, settings: _Settings, pace: _Pace, timer: _Timer, states: Mapping[str, State]) -> None:
+    def __init__(self, settings: _Settings, pace: Pace, timer: Timer, states: Mapping[str, State]) -> None:
         self.settings, self.known, self.turn = settings, _Range(), 0
         self._timer = timer
         self._model = Model(
             states, seed=settings.seed, rollout=settings.rollout, opponents=settings.opponents, **settings.options
         )
-        pace.note(self._model, timer.elapsed())
         self._own: dict[str, dict[Key, _Node]] = {name: {} for name in self._model.states}
         self.preferred: dict[str, Action | None] = {}
+        self._actions: dict[str, list[Action]] = {}
         preferred = self._model.decide()
         for name, state in self._model.states.items():
             actions = list(settings.actions(state))
@@ -495,8 +441,11 @@ class _Search:
                     f"mcts has no action to choose for agent {name!r}: it searches state['legal'], which agents that "
                     "fly do not have. Give actions=, a function of the state."
                 )
+            self._actions[name] = _policy_first(actions, preferred[name])
             self._own[name][()] = root = _Node()
-            root.offer(_policy_first(actions, preferred[name]))
+            root.offer(self._actions[name])
+        if not pace.knows(states := self._model.states):
+            pace.follow(next(iter(states.values()))["fork"], self._model.policies)
         agents = self._model.ctx.agent.agents.items()
         rivals = [name for name, one in agents if name not in self._own and one.team in (None, *self._rivals())]
         self._others: dict[str, dict[Key, _Node]] = {name: {} for name in rivals if settings.are_searched}
@@ -507,9 +456,8 @@ class _Search:
     def decide(self) -> None:
         """Set the actions of all agents."""
         found = self._one_by_one() if self.settings.is_uct else self._at_once()
-        self._timer.end()
         for name, action in found.items():
-            self._model.states[name]["action"] = self._own[name][()].actions[action]
+            self._model.states[name]["action"] = self._actions[name][action]
 
     def _at_once(self) -> dict[str, int]:
         """Return the actions of all agents, who try theirs at once and as often as they will do them."""
@@ -544,7 +492,7 @@ class _Search:
             return known[key]
 
         for number, name in enumerate(names[begin:] + names[:begin], 1):
-            trials = _Trials(len(self._own[name][()].actions))
+            trials = _Trials(len(self._actions[name]))
             if len(trials.counts) == 1:
                 continue
             for world in count():
@@ -570,7 +518,7 @@ class _Search:
             first: agent -> which of its actions it begins with; an agent that is not in it chooses.
         """
         model, rewards, timer = self._model, list[float](), self._timer
-        if not timer.has_time():
+        if not timer.fits("world"):
             return None
         model.sample(number)
         policies = model.policies
@@ -579,21 +527,20 @@ class _Search:
             for name, roots in self._own.items()
         }
         walkers |= {
-            name: _Walker(self, roots, policies[name], first=None, is_own=False)
-            for name, roots in self._others.items()
+            name: _Walker(self, roots, policies[name], first=None, is_own=False) for name, roots in self._others.items()
         }
         lead = model.lead()
         with model.game.internals.lending():
             for turn in range(self.settings.depth):
                 self.turn = turn
-                if not timer.has_time():
+                if not timer.fits("turn", then="value"):
                     return None
                 model.play(1, walkers)
                 before, lead = lead, model.lead()
                 rewards.append(lead - before)
                 if model.is_over:
                     break
-        if not timer.has_time():
+        if not timer.fits("value"):
             return None
         value = self.settings.value
         gains = [0.0 if value is None or model.is_over else as_float(value(model), "What value(model) returns")]
@@ -608,4 +555,5 @@ class _Search:
                 node.counts[action] += 1
                 node.totals[action] += gains[turn]
                 node.weights[action] += (share if name in self._own else 1.0 - share) / chance
+        timer.end_iteration()
         return gains[0]

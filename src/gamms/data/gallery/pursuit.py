@@ -10,7 +10,9 @@ def pursue(ctx):
     def strategy(state):
         here = state["curr_pos"]
         _, seen = state["sensor"]["eyes"]  # what the sensor is, and what it tells: name -> node of every agent in sight
-        evaders = [node for name, node in seen.items() if ctx.agent.get_agent(name).team != state["team"]]
+        evaders = [
+            node for name, node in seen.items() if ctx.agent.get_agent(name).team != state["team"] and node != here
+        ]
         if evaders:
             nearest = min(evaders, key=lambda node: graph.distance(here, node))
             state["action"] = graph.shortest_path(here, nearest)[1]
