@@ -115,6 +115,50 @@ def test_agents_that_are_searched_in_batches_play_as_in_games(tag):
         assert [games.result(number) for number in range(2)] == alone
 
 
+def test_what_another_action_brings_is_compared_in_the_same_world(line):
+    """A noise of ten points, which is that of the world, does not hide what a step brings."""
+    line.game.remove("tag")
+    line.agent.get_agent("bob").register_strategy(gamms.strategies.stay)
+
+    def worth(model):
+        return model.ctx.agent.get_agent("ann").current_node_id + 10.0 * model.ctx.stream("noise").random()
+
+    search = mcts(6, depth=1, rollout="stay", opponents="stay", value=worth)
+    line.agent.get_agent("ann").register_strategy(search)
+    line.game.run(4)
+    assert line.agent.get_agent("ann").current_node_id == 4
+
+
+def test_agents_try_their_actions_one_after_another(tag):
+    """Whatever ann and amy do at once is worse than to stay, but one may go: they do not both."""
+
+    def worth(model):
+        gone = [model.ctx.agent.get_agent(name).current_node_id not in (0, 5) for name in ("ann", "amy")]
+        return (0.0, 1.0, -5.0)[sum(gone)]
+
+    search = mcts(24, depth=1, rollout="stay", opponents="stay", value=worth)
+    with tag.build(strategies={"blue": gamms.strategies.stay}) as ctx:
+        ctx.game.command("red", search)
+        ctx.game.step()
+        assert sum(ctx.agent.get_agent(name).current_node_id in (0, 5) for name in ("ann", "amy")) == 1
+
+
+def test_what_the_policy_remembers_when_it_is_asked_first_is_known_in_the_search(line):
+    """A policy draws in which direction it goes, once: the search goes on in the same direction."""
+    drawn = []
+
+    def stubborn(state):
+        way = state["memory"].setdefault("way", state["draw"].choice([-1, 1]))
+        drawn.append(way)
+        state["action"] = min(4, max(0, state["curr_pos"] + way))
+
+    line.agent.get_agent("ann").current_node_id = 2
+    line.agent.get_agent("ann").register_strategy(mcts(12, depth=3, rollout=stubborn, opponents="stay"))
+    line.game.step()
+    assert len(drawn) > 10
+    assert len(set(drawn)) == 1
+
+
 def test_opponents_that_search_make_no_action_certain():
     """Bob wins where he goes to the other side than ann: she has to be on each as often."""
     sides = []

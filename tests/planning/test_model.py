@@ -3,11 +3,12 @@
 from collections import Counter
 from random import random
 
+import networkx as nx
 import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
-from gamms.planning import Model
+from gamms.planning import Model, closeness
 
 
 def walk(state):
@@ -344,6 +345,45 @@ def test_the_end_of_the_game_counts_a_point(tag):
         return before - model.lead()
 
     assert play(tag, look, 1) == [1.0]
+
+
+def test_closeness_counts_the_way_by_road():
+    """Across the block bob is ten metres away, and each step along the street leads away from him first."""
+    found = []
+    places = [(0, 0), (0, 10), (0, 20), (10, 20), (10, 10), (10, 0)]
+    street = nx.path_graph(len(places))
+    for node, (x, y) in enumerate(places):
+        street.nodes[node].update(x=float(x), y=float(y))
+
+    def look(state):
+        model = Model(state, rollout="stay", opponents="stay")
+        for node in (0, 1):
+            model.sample(0)
+            model.play(1, {"ann": node})
+            found.append(closeness(model))
+        state["action"] = 0
+
+    with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.attach_networkx_graph(street)
+        for name, team, node, strategy in (("ann", "red", 0, look), ("bob", "blue", 5, gamms.strategies.stay)):
+            eyes = {"eyes": ctx.sensor.create_sensor(f"eyes of {name}", "agent")}
+            ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=eyes, strategy=strategy)
+        ctx.game.step()
+    stayed, gone = found
+    assert -1.0 < stayed < gone < 0.0
+
+
+def test_closeness_of_an_opponent_that_is_not_seen_is_the_least(tag):
+    def look(state):
+        model = Model(state, rollout="stay", opponents="stay")
+        model.play(1)
+        return closeness(model)
+
+    assert play(tag, look, 1) == [-2.0]
+    near = tag.replace(**{"teams.blue.agents.cat.node": 1})
+    assert -2.0 < play(near, look, 1)[0] < -1.0
+    blind = tag.replace(**{"sensors": {}, "teams.red.sensors": [], "teams.blue.sensors": []})
+    assert play(blind, look, 1)[0] > -2.0
 
 
 # -- what is refused -------------------------------------------------------------------------------------------------

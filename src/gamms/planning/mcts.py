@@ -32,8 +32,8 @@ class SearchOptions(ModelOptions, total=False):
     """Further keywords of `mcts`; and those of a `Model`."""
 
     selection: Literal["uct", "exp3"]
-    """How actions are chosen. Default: "uct", and at the end the one that was tried most often. "exp3" draws one by how
-    often each was tried, for games in which opponents must not foresee it."""
+    """How actions are chosen. Default: "uct", and at the end the one that was better than the policy by most. "exp3"
+    draws one by how often each was tried, for games in which opponents must not foresee it."""
     actions: Callable[[State], Sequence[Action]]
     """The actions that are searched: a function of the state. Default: `state["legal"]`, nodes."""
     confidence: float
@@ -81,8 +81,14 @@ def mcts(
     own gains: decoupled search for simultaneous moves (Tak, Lanctot, Winands: Monte Carlo tree search variants for
     simultaneous move games, CIG 2014; Lanctot, Lisy, Winands: Monte Carlo tree search in simultaneous move games with
     applications to Goofspiel, 2014), with trees of information sets (Cowling, Powley, Whitehouse: Information set Monte
-    Carlo tree search, 2012). Behind its tree an agent follows the rollout policy,
-    which is also what it tries first at each node, and does where nothing speaks for another action.
+    Carlo tree search, 2012). Behind its tree an agent follows the rollout policy. At a node that was visited n times it
+    chooses among sqrt(n) actions, first that of the policy (progressive widening; Coulom: Computing Elo ratings of move
+    patterns in the game of Go, 2007).
+
+    What agents do now they try one after another, in turn with the policy and in the same worlds, so that draws and
+    hidden places are equal where two actions are compared (Tesauro, Galperin: On-line policy improvement using Monte
+    Carlo search, NIPS 1996), while the others do what was found for them so far (Bertsekas: Multiagent reinforcement
+    learning: rollout and policy iteration, 2021). With Exp3 all try at once.
 
     The gain of an iteration is by how much the lead of the team grows (`Model.lead`), later points for less, and what
     `value` says at its end.
