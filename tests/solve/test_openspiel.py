@@ -98,6 +98,50 @@ def test_the_game_passes_openspiels_own_simulations():
     assert state.rewards() == state.returns() == [-state.returns()[1], state.returns()[1]]
 
 
+def in_turns(*order):
+    return PENNIES.replace(settings={"order": [[team] for team in order]})
+
+
+def by_brute_force(state):
+    """The value for the first player where both know everything."""
+    if state.is_terminal():
+        return state.returns()[0]
+    best = (max, min)[state.current_player()]
+    return best(by_brute_force(state.child(action)) for action in state.legal_actions())
+
+
+@pytest.mark.parametrize("order", [("red", "blue"), ("blue", "red")])
+def test_teams_that_move_in_turn_make_a_game_of_sequential_moves(order):
+    game = openspiel(in_turns(*order))
+    assert game.get_type().dynamics == pyspiel.GameType.Dynamics.SEQUENTIAL
+    pyspiel.random_sim_test(game, num_sims=5, serialize=False, verbose=False)
+    solution = solve(in_turns(*order))
+    assert solution.is_exact
+    assert by_brute_force(game.new_initial_state()) == pytest.approx(solution.value, abs=1e-9)
+    solver = cfr.CFRPlusSolver(game)
+    for _ in range(30):
+        solver.evaluate_and_update_policy()
+    gain = exploitability.nash_conv(game, solver.average_policy())
+    value = expected_game_score.policy_value(game.new_initial_state(), [solver.average_policy()] * 2)[0]
+    assert value == pytest.approx(solution.value, abs=gain + 1e-9)
+
+
+def test_who_moves_second_sees_what_the_first_has_done_if_its_sensors_show_it():
+    for sensors, differs in ((["eyes"], True), ([], False)):
+        game = openspiel(in_turns("red", "blue").replace(**{"teams.blue.sensors": sensors}))
+        texts = {game.new_initial_state().child(action).information_state_string(1) for action in (0, 1)}
+        assert (len(texts) == 2) is differs
+
+
+def test_a_game_that_nobody_wins_is_worth_nothing_to_both():
+    chase = pursuit("path", [0], [2], turns=1)
+    assert solve(chase, reward="win").value == 0.0
+    state = openspiel(chase, reward="win").new_initial_state()
+    state.apply_actions([0, 0])
+    assert state.is_terminal()
+    assert state.returns() == [0.0, 0.0]
+
+
 def test_players_know_what_their_sensors_show_and_no_more():
     blind = openspiel(PENNIES.replace(**{"teams.red.sensors": []}))
     seeing = openspiel(PENNIES)
@@ -116,8 +160,9 @@ def test_players_know_what_their_sensors_show_and_no_more():
 def test_games_that_openspiel_cannot_have_are_refused(monkeypatch):
     with pytest.raises(BadValue, match="turns="):
         openspiel(scene("pair", TEAMS, ["solved_games:pennies"], sensors=EYES))
-    with pytest.raises(BadValue, match="order"):
-        openspiel(PENNIES.replace(settings={"order": [["red"], ["blue"]]}))
+    narrow = in_turns("red", "blue").replace(conflicts={"capacity": 1, "resolve": {"by_priority": ["blue", "red"]}})
+    with pytest.raises(BadValue, match="unset conflicts"):
+        openspiel(narrow)
     monkeypatch.setitem(sys.modules, "gamms.solve.teams_game", None)
     with pytest.raises(MissingExtra, match=r"extra .solve.*pip install"):
         openspiel(PENNIES)

@@ -9,8 +9,9 @@
         ...
 
 `model.py` has the game that is played ahead; read it first. `hidden.py` draws where agents are that are out of sight,
-`mcts.py` searches. A client of the game, beliefs and scenarios: May import: `scenario`, `strategies`, `belief` and
-below. To add a planner write a strategy, or a plan of a team, that makes a `Model` of what it gets.
+`mcts.py` searches, `pace.py` says for how long. A client of the game, beliefs and scenarios: May import: `scenario`,
+`strategies`, `belief` and below. To add a planner write a strategy, or a plan of a team, that makes a `Model` of what
+it gets.
 """
 
 from gamms.planning.mcts import SearchOptions, mcts

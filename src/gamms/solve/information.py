@@ -1,6 +1,6 @@
 """What agents are shown by their sensors in the states of a solved game."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 from gamms.context import Context
@@ -20,19 +20,27 @@ class Observer:
 
     Attributes:
         is_full: whether the game lets agents look at all there is.
+        may_stop_moves: whether agents may end elsewhere than where they go to.
     """
 
     def __init__(self, ctx: Context, table: Table) -> None:
         self._table = table
         self._agents = [ctx.agent.get_agent(name) for name in table.roster.names]
         self._seen: dict[tuple[int, ...], tuple[str, ...]] = {}
-        self.is_full: bool = ctx.game.settings()["information"] == "full"
+        settings = ctx.game.settings()
+        self.is_full: bool = settings["information"] == "full"
+        self.may_stop_moves = settings["conflicts"] is not None or any(one.phase == "deeds" for one in ctx.game.rules)
 
-    def observe(self, state: int) -> tuple[str, ...]:
-        """Return what each agent knows of a state: where it is and what its sensors show; "" if it is out."""
-        table = self._table
-        nodes, alive = table.nodes[state].tolist(), table.alive[state].tolist()
-        places = tuple(node if is_alive else -1 for node, is_alive in zip(nodes, alive, strict=True))
+    def observe(self, state: int, moved: Mapping[str, int] | None = None) -> tuple[str, ...]:
+        """Return what each agent knows of a state: where it is and what its sensors show; "" if it is out.
+
+        Args:
+            state: its number.
+            moved: agents that have moved since -> the node where they are now.
+        """
+        table, since = self._table, moved or {}
+        who = zip(table.roster.names, table.nodes[state].tolist(), table.alive[state].tolist(), strict=True)
+        places = tuple(since.get(name, node) if is_alive else -1 for name, node, is_alive in who)
         if places not in self._seen:
             for agent, node in zip(self._agents, places, strict=True):
                 agent.alive = node >= 0

@@ -275,10 +275,11 @@ def openspiel(
     seed: int | None = None,
     max_states: int = MAX_STATES,
 ) -> "TeamsGame":
-    """Return a game of two teams that move at once as a simultaneous-move `pyspiel.Game`.
+    """Return a game of two teams as a `pyspiel.Game`: of simultaneous moves, with an order of play of sequential ones.
 
-    The first player is the team whose reward it is. Each knows what the sensors of its agents together show, and
-    remembers it. The game is not registered: use it as it is, or by `pyspiel.convert_to_turn_based`.
+    The first player is the team whose reward it is. Each knows what the sensors of its agents together show when it
+    moves, and remembers it; a game that nobody wins is worth 0 to both. The game is not registered: use it as it is, or
+    one of simultaneous moves by `pyspiel.convert_to_turn_based`.
 
     Args:
         scenario: see `solve`.
@@ -290,7 +291,8 @@ def openspiel(
         max_states: see `solve`.
 
     Raises:
-        BadType, BadValue, TooLarge: see `solve`; the game has no last turn, or teams take turns in it.
+        BadType, BadValue, TooLarge: see `solve`; the game has no last turn, or it has an order of play and
+            conflicts.
         MissingExtra (ImportError): OpenSpiel is not installed.
     """
     try:

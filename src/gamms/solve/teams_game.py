@@ -1,5 +1,9 @@
-"""A game of two teams as a simultaneous-move game of OpenSpiel, made of the same states and turns as its values."""
+"""A game of two teams as a game of OpenSpiel, made of the same states and turns as its values.
 
+Teams that move at once make it one of simultaneous moves; with an order of play it is one of sequential moves.
+"""
+
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -15,22 +19,45 @@ _MOST_ENTRIES = 1 << 20  # of a tensor
 
 
 class _Model:
-    """What all states of a game share."""
+    """What all states of a game share.
+
+    Attributes:
+        table, rewards: as given.
+        first: the player that moves first in each turn; None: both move at once.
+        observed: (states, players) the number of what a team observes when a turn begins.
+    """
 
     def __init__(self, table: Table, rewards: Rewards) -> None:
         self.table, self.rewards = table, rewards
         self.turns: int = table.last_turn or 0
         self.players = len(table.setup.teams)
+        self.first = None if table.order == 0 else int(table.order > 0)
         self.num_actions = int(table.sizes.max())
-        self.observed = np.zeros((len(table), self.players), np.int64)  # the number of what a team observes of a state
+        self.observed = np.zeros((len(table), self.players), np.int64)
+        self._within: list[list[int]] = []  # of a state and an action of the first player: what the second observes
         numbers: list[dict[tuple[str, ...], int]] = [{} for _ in range(self.players)]
+
+        def number(player: int, seen: Sequence[str]) -> int:
+            own = tuple(seen[agent] for agent in table.members(player).tolist())
+            return numbers[player].setdefault(own, len(numbers[player]))
+
         with observing(table) as observer:
+            if self.first is not None and observer.may_stop_moves:
+                raise BadValue(
+                    "Where conflicts or rules may stop moves, it is not known what the team that moves second sees: "
+                    "unset conflicts and rules of the phase 'deeds', or the order of play."
+                )
             for state in range(len(table)):
                 seen = observer.observe(state)
-                for side, known in enumerate(numbers):
-                    own = tuple(seen[agent] for agent in table.members(side).tolist())
-                    self.observed[state, side] = known.setdefault(own, len(known))
+                self.observed[state] = [number(player, seen) for player in range(self.players)]
+                if (first := self.first) is not None:
+                    moves = [table.actions_of(state, first, one) for one in range(table.sizes[state, first])]
+                    self._within.append([number(1 - first, observer.observe(state, moved)) for moved in moves])
         self.num_observations = max(map(len, numbers))
+
+    def observed_within(self, state: int, action: int) -> int:
+        """Return the number of what the second player observes once the first has moved."""
+        return self._within[state][action]
 
     def __deepcopy__(self, _: dict[int, Any]) -> "_Model":
         """Return itself: OpenSpiel copies states."""
@@ -54,17 +81,13 @@ class TeamsGame(pyspiel.Game):  # type: ignore[misc] # OpenSpiel has no types
     def __init__(self, table: Table, rewards: Rewards) -> None:
         if table.last_turn is None:
             raise BadValue("A game of OpenSpiel needs a last turn: give turns=, or the scenario max_turns.")
-        if table.order:
-            raise BadValue(
-                "Teams take turns in this game, and OpenSpiel gets those that move at once: unset its order."
-            )
         self.model = model = _Model(table, rewards)
         most = sum(float(abs(one).max()) for one in (rewards.usual, rewards.last) if one is not None) * model.turns
         has_tensor = model.turns * (model.num_observations + model.num_actions) <= _MOST_ENTRIES
         kind = pyspiel.GameType(
             short_name="python_gamms",
             long_name="A GAMMS scenario",
-            dynamics=pyspiel.GameType.Dynamics.SIMULTANEOUS,
+            dynamics=getattr(pyspiel.GameType.Dynamics, "SIMULTANEOUS" if model.first is None else "SEQUENTIAL"),
             chance_mode=pyspiel.GameType.ChanceMode.DETERMINISTIC,
             information=pyspiel.GameType.Information.IMPERFECT_INFORMATION,
             utility=pyspiel.GameType.Utility.ZERO_SUM,
@@ -84,7 +107,7 @@ class TeamsGame(pyspiel.Game):  # type: ignore[misc] # OpenSpiel has no types
             min_utility=-most,
             max_utility=most,
             utility_sum=0.0,
-            max_game_length=model.turns,
+            max_game_length=model.turns * (1 if model.first is None else 2),
         )
         super().__init__(kind, info, {})
 
@@ -105,11 +128,17 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
         self.model, self.number, self.turn = model, 0, 0
         self.seen = [[int(one)] for one in model.observed[0]]  # by player
         self.done: list[list[int]] = [[] for _ in range(model.players)]  # by player
+        self._moved: int | None = None  # what the first player has done in this turn, where the second moves after it
         self._last, self._sum = 0.0, 0.0
 
     def current_player(self) -> Any:
-        """Return that all players move."""
-        return pyspiel.PlayerId.TERMINAL if self.is_terminal() else pyspiel.PlayerId.SIMULTANEOUS
+        """Return who moves."""
+        if self.is_terminal():
+            return pyspiel.PlayerId.TERMINAL
+        first = self.model.first
+        if first is None:
+            return pyspiel.PlayerId.SIMULTANEOUS
+        return first if self._moved is None else 1 - first
 
     def is_terminal(self) -> bool:
         """Return whether the game is over."""
@@ -119,15 +148,32 @@ class TeamsState(pyspiel.State):  # type: ignore[misc] # OpenSpiel has no types
     def _legal_actions(self, player: int) -> list[int]:
         return list(range(int(self.model.table.sizes[self.number, player])))
 
+    def _apply_action(self, action: int) -> None:
+        player, first = self.current_player(), self.model.first or 0
+        if player == first:
+            self._moved, self._last = action, 0.0
+            self.done[first].append(action)
+            self.seen[1 - first].append(self.model.observed_within(self.number, action))
+            return
+        self.done[player].append(action)
+        actions = [action, action]
+        actions[first], self._moved = self._moved or 0, None
+        self._play(actions)
+        self.seen[first].append(int(self.model.observed[self.number, first]))
+
     def _apply_actions(self, actions: list[int]) -> None:
+        self._play(actions)
+        for player, action in enumerate(actions):
+            self.done[player].append(int(action))
+            self.seen[player].append(int(self.model.observed[self.number, player]))
+
+    def _play(self, actions: list[int]) -> None:
+        """Play a turn in which the players do something."""
         table = self.model.table
         row = table.row_of(self.number, actions)
         self._last = self.model.reward(row, self.turn)
         self._sum += self._last
         self.number, self.turn = int(table.usual.after[row]), self.turn + 1
-        for player, action in enumerate(actions):
-            self.done[player].append(int(action))
-            self.seen[player].append(int(self.model.observed[self.number, player]))
 
     def _action_to_string(self, player: int, action: int) -> str:
         nodes = self.model.table.actions_of(self.number, player, action)
