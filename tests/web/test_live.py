@@ -3,7 +3,9 @@
 import io
 import json
 import random
+import socket
 import sys
+from contextlib import suppress
 
 import httpx
 import pytest
@@ -14,7 +16,7 @@ from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
 from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.blocks import HEAD_SIZE, head_of
 from gamms.typing import OpCodes
-from gamms.web import streams
+from gamms.web import server, streams
 from gamms.web.pages import drawn_log
 
 HUNT = scenario.Scenario(
@@ -349,6 +351,94 @@ def test_nothing_of_others_is_on_the_wire_of_a_team(join):
     assert "blue_0" in texts[0]
     assert "secret" not in texts[1]
     assert "blue_0" not in texts[1].replace("'tagged': 'blue_0'", "")
+
+
+@pytest.fixture
+def many_connections():
+    """What opens many connections to a served game, each of which sends the same bytes and then nothing."""
+    opened = []
+
+    def many(live, count, data=b""):
+        port = int(live.url.partition("#")[0].rstrip("/").rpartition(":")[2])
+        for _ in range(count):
+            opened.append(socket.create_connection(("127.0.0.1", port)))
+            opened[-1].sendall(data)
+        return opened
+
+    yield many
+    for one in opened:
+        one.close()
+
+
+HALF = [b"", b"GET / HTTP/1.1\r\nHost: ", b"POST /live HTTP/1.1\r\nContent-Length: 9\r\n"]
+PAGE = b"GET / HTTP/1.1\r\nHost: 127.0.0.1:%d\r\n\r\n"
+
+
+@pytest.mark.parametrize("data", [*HALF, PAGE], ids=["nothing", "half a line", "half a head", "a page"])
+def test_connections_that_ask_for_nothing_more_make_room_for_spectators(data, many_connections, join, monkeypatch):
+    for name, value in {"_MOST_CONNECTIONS": 4, "_MOST_SPECTATORS": 4, "_MOST_STRANGERS": 4, "_MOST_QUIET": 8}.items():
+        monkeypatch.setattr(server, name, value)
+    with web.serve(HUNT, is_paused=True) as live:
+        port = int(live.url.partition("#")[0].rstrip("/").rpartition(":")[2])
+        many_connections(live, 60, data % port if b"%d" in data else data)  # three times as many as there may be
+        spectator = join(live.url)
+        spectator.read(lambda client: client.bytes)
+        with httpx.Client(trust_env=False) as client:
+            assert client.get(live.url.partition("#")[0]).status_code == 200
+
+
+def test_connections_that_ask_for_nothing_end_after_some_time(many_connections, monkeypatch):
+    monkeypatch.setattr(server, "_QUIET_S", 0.1)
+    with web.serve(HUNT, is_paused=True) as live:
+        connections = many_connections(live, 20, HALF[1])
+        for one in connections:
+            one.settimeout(5.0)
+            with suppress(ConnectionError):
+                assert one.recv(1) == b""
+
+
+def test_spectators_who_do_not_say_their_token_make_room_for_others(join, monkeypatch):
+    from websockets.exceptions import ConnectionClosed
+    from websockets.sync.client import connect
+
+    monkeypatch.setattr(server, "_MOST_STRANGERS", 3)
+    with web.serve(HUNT, is_paused=True) as live:
+        address = live.url.partition("#")[0].replace("http", "ws") + "live"
+        silent = [connect(address, proxy=None, close_timeout=1, legacy=True) for _ in range(5)]
+        spectator = join(live.url)
+        spectator.read(lambda client: client.bytes)
+        with pytest.raises(ConnectionClosed) as closed:
+            silent[0].recv(timeout=5.0)
+        assert closed.value.rcvd.code == 1013  # after which a page tries again
+        for one in silent:
+            one.socket.close()
+
+
+def test_players_and_admins_come_in_where_all_places_of_spectators_are_taken(join, monkeypatch):
+    from websockets.exceptions import ConnectionClosed
+
+    monkeypatch.setattr(server, "_MOST_SPECTATORS", 2)
+    with web.serve(HUNT, is_paused=True) as live:
+        for _ in range(2):
+            join(live.url).read(lambda client: client.bytes)
+        with pytest.raises(ConnectionClosed) as closed:
+            join(live.url).read(lambda client: client.bytes)
+        assert closed.value.rcvd.code == 1013
+        admin = join(live.links["admin"])
+        admin.read(lambda client: client.told)
+        assert admin.told[0]["control"]
+
+
+def test_a_call_whose_body_does_not_come_is_ended(tmp_path, monkeypatch):
+    monkeypatch.setattr(server, "_BODY_S", 0.05)
+    with web.study(HUNT, people="red", consent="Do you agree?", out=tmp_path) as study:
+        address, _, token = study.link("P1").partition("#")
+        port = int(address.rpartition("/")[0].rpartition(":")[2])
+        head = f"POST /participant HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nAuthorization: Bearer {token}\r\n"
+        with socket.create_connection(("127.0.0.1", port)) as client:
+            client.settimeout(5.0)
+            client.sendall(f"{head}Content-Length: 99\r\n\r\n{{".encode())
+            assert b" 408 " in client.recv(100)
 
 
 def test_addresses_and_options_that_cannot_be_are_refused(paused, monkeypatch):

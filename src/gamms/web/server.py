@@ -14,8 +14,8 @@ Three clients build on it: a live game (`live.py`), people who play in one, and 
 
 What every request goes through, before any of these: the host must be the one that is served (else another site could
 be renamed to it), the origin of calls and WebSockets must be the page of this server, and sizes, rates and numbers of
-connections are limited. An address other than loopback needs `allow_network=True`. Tokens are compared in constant time
-and never logged.
+connections are limited; those that ask for nothing are ended (`idle.py`). An address other than loopback needs
+`allow_network=True`. Tokens are compared in constant time and never logged.
 """
 
 import asyncio
@@ -35,6 +35,7 @@ from gamms.arguments import as_int
 from gamms.errors import BadType, BadValue, GammsError, MissingExtra, NetworkError
 from gamms.plain import Plain
 from gamms.text import shown
+from gamms.web.idle import Client, Idle, Watched
 from gamms.web.links import Grant, Links, Refused
 
 if TYPE_CHECKING:
@@ -47,8 +48,12 @@ MOST_MESSAGE = 4096  # bytes of a message of a client
 MOST_CALL = 1 << 18  # bytes of a call
 MOST_INBOX = 64  # messages of a client that wait for the game
 _MOST_CONNECTIONS = 256
+_MOST_SPECTATORS = 224  # of these, for those who only look on
 _MOST_STRANGERS = 32  # connections that have not said their token yet
 _JOIN_S = 5.0  # in which they have to
+_MOST_QUIET = 128  # connections that have asked for nothing yet, or not again
+_QUIET_S = 5.0  # that they may
+_BODY_S = 10.0  # in which a call has to come
 _MOST_A_SECOND, _MOST_AT_ONCE = 20.0, 40.0  # messages of a client
 _MOST_BAD = 20  # messages of a client, until it is disconnected
 _MOST_BACKLOG = 64
@@ -207,6 +212,7 @@ class Server:
             import starlette  # noqa: F401 - to say it now if it is missing; so does the last one
             import uvicorn
             import websockets  # noqa: F401
+            from uvicorn.protocols.http.h11_impl import H11Protocol
         except ImportError:
             raise MissingExtra("A live view in the browser", "web") from None
         is_local = _is_loopback(host)
@@ -219,12 +225,16 @@ class Server:
         port = listener.getsockname()[1]
         name = f"[{host}]" if ":" in host else host
         self.address, self.links = f"http://{name}:{port}", site.links
-        self._hub = _Hub(site)
-        guard = _Guard(self._hub.application(), _own_names(port) if is_local else None)
+        self._hub, idle = _Hub(site), Idle(_MOST_QUIET, _QUIET_S)
+        guard = _Guard(self._hub.application(), _own_names(port) if is_local else None, idle)
+
+        def protocol(**keywords: Any) -> Watched:  # what uvicorn hands over
+            return Watched(H11Protocol(**keywords), idle)
+
         config = uvicorn.Config(
             guard,
             loop="asyncio",
-            http="h11",
+            http=protocol,  # type: ignore[arg-type] # it makes one
             ws="websockets-sansio",
             ws_max_size=MOST_MESSAGE,
             ws_per_message_deflate=False,  # blocks are deflated already
@@ -235,7 +245,7 @@ class Server:
             access_log=False,
             proxy_headers=False,
             server_header=False,
-            limit_concurrency=2 * _MOST_CONNECTIONS + _MOST_STRANGERS,
+            limit_concurrency=2 * _MOST_CONNECTIONS + _MOST_STRANGERS + _MOST_QUIET,
             backlog=_MOST_BACKLOG,
             h11_max_incomplete_event_size=1 << 14,
             timeout_graceful_shutdown=1,
@@ -313,12 +323,25 @@ class _Guard:
     Args:
         application: what answers.
         names: the hosts that it is asked by; None: any.
+        idle: hears which connections ask for something.
     """
 
-    def __init__(self, application: "ASGIApp", names: frozenset[str] | None) -> None:
-        self._application, self._names = application, names
+    def __init__(self, application: "ASGIApp", names: frozenset[str] | None, idle: Idle) -> None:
+        self._application, self._names, self._idle = application, names, idle
 
     async def __call__(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
+        client = _client_of(scope)
+        if scope["type"] == "websocket":  # it has limits of its own
+            self._idle.gone(client)
+            await self._answer(scope, receive, send)
+            return
+        self._idle.asks(client)
+        try:
+            await self._answer(scope, receive, send)
+        finally:
+            self._idle.answered(client)
+
+    async def _answer(self, scope: "Scope", receive: "Receive", send: "Send") -> None:
         if not self._is_own(scope):
             await _refuse(scope, receive, send)
             return
@@ -349,6 +372,10 @@ _HEADERS = [
 ]
 
 
+def _client_of(scope: "Scope") -> Client:
+    return tuple(scope["client"] or ("", 0))
+
+
 async def _refuse(scope: "Scope", receive: "Receive", send: "Send") -> None:
     if scope["type"] == "websocket":
         await receive()
@@ -364,7 +391,7 @@ class _Hub:
     def __init__(self, site: Site) -> None:
         self._site = site
         self.open: dict[Connection, None] = {}
-        self._strangers = 0
+        self._strangers = Idle(_MOST_STRANGERS, _JOIN_S)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._news: asyncio.Event
         self._pump: asyncio.Task[None]
@@ -394,10 +421,14 @@ class _Hub:
             if grant is None:
                 return JSONResponse({"error": "This link is not known here, or not any more."}, 401)
             body = bytearray()
-            async for part in request.stream():
-                body += part
-                if len(body) > MOST_CALL:
-                    return JSONResponse({"error": f"More than {MOST_CALL} bytes."}, 413)
+            try:
+                async with asyncio.timeout(_BODY_S):
+                    async for part in request.stream():
+                        body += part
+                        if len(body) > MOST_CALL:
+                            return JSONResponse({"error": f"More than {MOST_CALL} bytes."}, 413)
+            except TimeoutError:
+                return JSONResponse({"error": f"The call has not come within {_BODY_S:g} s."}, 408)
             try:
                 return JSONResponse({"value": await run_in_threadpool(call, grant, _as_message(bytes(body)))})
             except (GammsError, OSError) as error:
@@ -415,17 +446,20 @@ class _Hub:
 
     async def _talk(self, websocket: "WebSocket") -> None:
         self._begin()
-        if self._strangers >= _MOST_STRANGERS or len(self.open) >= _MOST_CONNECTIONS:
-            await websocket.close(_TOO_MANY)
-            return
-        self._strangers += 1
+        client = _client_of(websocket.scope)
         try:
-            await websocket.accept()
-            grant = await self._grant_of(websocket)
+            grant = await self._grant_of(websocket, client)
+        except TimeoutError:
+            await websocket.close(_TOO_MANY, "No token has come in time.")
+            return
         finally:
-            self._strangers -= 1
+            self._strangers.gone(client)
         if grant is None:
             await websocket.close(_BAD_TOKEN, "This link is not known here, or not any more.")
+            return
+        looks_on = not (grant.may_control or grant.may_play)
+        if len(self.open) >= (_MOST_SPECTATORS if looks_on else _MOST_CONNECTIONS):
+            await websocket.close(_TOO_MANY, "Too many look on.")
             return
         await self._serve(websocket, Connection(grant))
 
@@ -435,10 +469,18 @@ class _Hub:
             self._loop = asyncio.get_running_loop()
             self._pump = self._loop.create_task(self._send_in_rounds())
 
-    async def _grant_of(self, websocket: "WebSocket") -> Grant | None:
-        """Wait for the first message of a client, which has the token of its link."""
-        with suppress(TimeoutError, Refused):
-            first = await asyncio.wait_for(websocket.receive(), _JOIN_S)
+    async def _grant_of(self, websocket: "WebSocket", client: Client) -> Grant | None:
+        """Wait for the first message of a client, which has the token of its link.
+
+        Raises:
+            TimeoutError: it has not come in time, or too many are waited for.
+        """
+        loop = asyncio.get_running_loop()
+        async with asyncio.timeout(None) as limit:
+            self._strangers.opened(client, lambda: limit.reschedule(loop.time()))
+            await websocket.accept()
+            first = await websocket.receive()
+        with suppress(Refused):
             return self._site.links.find(_as_message(first.get("text")).get("token"))
         return None
 
