@@ -4,14 +4,14 @@ import { ByteReader, unpackedValue, valueOf } from "./values.js";
 const HEAD_SIZE = 36;
 const HEADER = 0x48, KEYFRAME = 0x4b, TURNS = 0x54, END = 0x45; // H, K, T, E
 const MOST_TURNS = 1 << 16, MOST_MOVES = 1 << 22, MOST_EVENTS = 1 << 20; // of a block
-const MOST_DECODED = 16; // blocks of turns that are kept decoded
+const MOST_DECODED = 1 << 26; // bytes of blocks of turns that are kept decoded
 export const FLIGHT = 0x01100020;
 export const TURN_IN_SPACE = 0x01100021;
 const FORMS = new Map([[FLIGHT, { nodes: 1, floats: 3 }], [TURN_IN_SPACE, { nodes: 0, floats: 4 }]]);
 
 /**
  * @typedef {{type: number, first: number, turns: number, moves: number, events: number, body: Uint8Array}} Block
- * @typedef {{first: number, turns: number, moveEnds: Float64Array, eventEnds: Float64Array, rows: Float64Array,
+ * @typedef {{first: number, turns: number, bytes: number, moveEnds: Float64Array, eventEnds: Float64Array, rows: Float64Array,
  *   nodes: Float64Array, after: Float64Array, kinds: Float64Array, data: (event: number) => any}} Chunk
  *   The turns of a block. Turn i has the moves from moveEnds[i] to moveEnds[i + 1], and so for events.
  */
@@ -28,7 +28,8 @@ export class Recording {
     this.hasBegun = false;
     this.key = 0;
     this.rest = new Uint8Array(0);
-    /** @type {Map<number, Chunk>} */ this.decoded = new Map();
+    /** @type {Map<number, Chunk>} */ this.decoded = new Map(); // the one decoded first is the first
+    this.bytesDecoded = 0;
   }
 
   /**
@@ -82,8 +83,13 @@ export class Recording {
     const known = this.decoded.get(number);
     if (known !== undefined) return known;
     const chunk = chunkOf(this.chunks[number]);
+    this.bytesDecoded += chunk.bytes;
+    for (const [other, { bytes }] of this.decoded) {
+      if (this.bytesDecoded <= MOST_DECODED) break;
+      this.bytesDecoded -= bytes;
+      this.decoded.delete(other);
+    }
     this.decoded.set(number, chunk);
-    if (this.decoded.size > MOST_DECODED) this.decoded.delete(this.decoded.keys().next().value);
     return chunk;
   }
 
@@ -169,7 +175,8 @@ function chunkOf({ first, turns, moves, events, body }) {
     const row = numbers.places.get(event);
     return [numbers.rows[row], ...numbers.columns.map((/** @type {ArrayLike<number>} */ column) => column[row])];
   };
-  return { first, turns, moveEnds, eventEnds, rows, nodes, after, kinds, data };
+  const bytes = values.length + 16 * (turns + moves + events); // and what is decoded of floats
+  return { first, turns, bytes, moveEnds, eventEnds, rows, nodes, after, kinds, data };
 }
 
 /** Return where each part ends that has such a size, after a 0. @param {Float64Array} sizes @param {number} total */
