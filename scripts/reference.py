@@ -377,6 +377,10 @@ def _signatures(found: Found, name: str, scope: list[ast.stmt]) -> str:
     return "\n".join(_signature(one, name, found.module) for one in several or [found.node])
 
 
+def _offers(package: str | None, name: str, found: Found) -> bool:
+    return package is not None and name in names_of(package) and found_as(package, name) == found
+
+
 class _Qualifier(ast.NodeTransformer):
     """Names types of GAMMS by the package that has their entry, so that the site links to them."""
 
@@ -388,8 +392,14 @@ class _Qualifier(ast.NodeTransformer):
 
     def visit_Name(self, node: ast.Name) -> ast.Name:
         with contextlib.suppress(LookupError):
-            home = owner_of(find(self.module, node.id), node.id)
-            return ast.Name(f"{home}.{node.id}") if home and node.id in names_of(home) else node
+            found = find(self.module, node.id)
+            name = _name_of(found.node) or node.id
+            offering = [one for one in packages() if name in names_of(one)]
+            home = next((one for one in (owner_of(found, name), *offering) if _offers(one, name, found)), None)
+            if isinstance(found.node, ast.Module):
+                return ast.Name(found.module)
+            if home or offering:  # without its module, the site would link to another class of this name
+                return ast.Name(f"{home or found.module}.{name}")
         return node
 
 

@@ -41,6 +41,11 @@ def test_an_entry_of_a_class_names_its_public_bases():
     assert "Bases: {py:class}`~gamms.errors.GammsError`, `KeyError`." in entry.partition("{py:class} UnknownType")[0]
 
 
+def test_a_type_that_is_not_public_has_its_module_where_another_one_has_its_name():
+    assert "turns: Mapping[int, gamms.belief.evidence.Turn]" in reference.page_of("gamms.belief")
+    assert "agent_engine: gamms.typing.IAgentEngine | None" in reference.page_of("gamms.context")
+
+
 def test_a_field_is_described_by_all_lines_of_the_text_below_it():
     _, _, entry = reference.page_of("gamms.osm").partition("{py:class} PlaceOptions")
     assert "a node of the map with one of them\nis a node of the graph; ()." in entry
