@@ -5,7 +5,18 @@ from pathlib import Path
 
 import pytest
 
+from gamms.game.batch import scalar_strategies
+
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
+
+
+@pytest.fixture(autouse=True, scope="session")
+def agents_are_asked_in_few_games():
+    """Ask strategies agent by agent in array turns of few games, too, which are faster one by one."""
+    with pytest.MonkeyPatch.context() as patch:
+        for name in ("FEWEST", "FEWEST_IN_CONTEXT"):
+            patch.setattr(scalar_strategies, name, 1)
+        yield
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import pytest
 from batch_scenes import plain, scene
 
 from gamms.errors import BadValue
+from gamms.game.batch import scalar_strategies
 from gamms.strategies import chase
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -126,3 +127,11 @@ def test_agents_that_actions_are_given_to_are_not_asked():
             for batch in (games, slow):
                 batch.step({"red": batch.observe("red").counts - 1} if turn % 3 else {})
         assert [plain(games.result(i)) for i in range(4)] == [plain(slow.result(i)) for i in range(4)]
+
+
+def test_few_games_with_scalar_strategies_are_played_one_by_one(monkeypatch):
+    monkeypatch.setattr(scalar_strategies, "FEWEST", 3)
+    for number, slow in {2: "the strategy explore, with fewer than 3 games", 3: None}.items():
+        with scene([TAG]).batch(number, strategies={"red": explore, "blue": explore}) as games:
+            assert games.is_in_arrays is (slow is None)
+            assert slow in (None, games.slow)

@@ -79,7 +79,7 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["guard"], "blue": MADE["flee"]})
     same_as_one_by_one(scenario, [1, 2], {"red": MADE["intercept"], "blue": MADE["intercept goals"]})
     with scenario.batch(1, strategies={"red": MADE["unblock"]}) as games:
-        assert games.slow == "unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges"
+        assert games.slow.startswith("unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges")
 
 
 @pytest.mark.parametrize("settings", [{}, {"team_memory": False}, {"order": [["red"], ["blue"]]}])
@@ -150,7 +150,7 @@ def test_strategies_are_blind_or_need_sensors_with_array_forms():
             assert games.slow is None
         agent.register_strategy(mix(0.5, stay, chase(ctx)))
         with ctx.game.batch(2) as games:
-            assert games.slow == "the sensor 'mine' of agent 'red_1', which is of a class of its own"
+            assert games.slow.startswith("the sensor 'mine' of agent 'red_1', which is of a class of its own")
             games.run()
 
 

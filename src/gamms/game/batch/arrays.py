@@ -477,8 +477,8 @@ class ArrayEngine:
         )
 
 
-def why_not_in_arrays(game: PlayedGame) -> str | None:
-    """Return the first part of a game that has no array form, in words; None: it can be played in arrays."""
+def why_not_in_arrays(game: PlayedGame, num_games: int) -> str | None:
+    """Return what keeps so many games of a kind from being played in arrays, in words; None: nothing."""
     settings = game.settings()
     motion = why_not_moved(game)
     reasons = [
@@ -493,8 +493,8 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
     asked = teams_asked(game)
-    why = why_not_asked(game, [agent for agent in game.agents if agent.team in asked]) if asked else None
-    reasons += [(why is not None, next(iter(asked.values()), ""))]
+    why = why_not_asked(game, [agent for agent in game.agents if agent.team in asked], num_games)
+    reasons += [(why is not None, f"{of_team}, with {why}") for of_team in asked.values()]
     scalar = called_one_by_one(game)
     reasons.append(
         (bool(scalar) and why_not_called(game) is not None, f"{scalar[:1] and scalar[0]}, with {why_not_called(game)}")

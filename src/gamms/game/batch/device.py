@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.game.batch.arrays import ArrayEngine
+from gamms.game.batch.arrays import ArrayEngine, teams_asked
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
 from gamms.game.batch.forms import form_of
@@ -392,6 +392,7 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
         (bool(settings["plans"]), "plans of teams"),
         (any(map(reports_elsewhere, game.agents)), "sensors with position noise, false alarms or delays"),
         (any(map(turns_with_its_agent, game.agents)), "sensors that turn with their agents"),
+        *[(True, why) for why in teams_asked(game).values()],
         (any(one.phase not in {"before", "after"} for one in game.rules), "rules of other phases"),
         (any(form_of(one.rule) is None for one in game.rules), "rules without an array form"),
         (any(agent.type is AgentType.AERIAL or agent.speed is not None for agent in game.agents), "flights or speeds"),

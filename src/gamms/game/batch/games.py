@@ -75,9 +75,7 @@ class Batch:
         most_agents: MostAgents | None = None,
     ) -> None:
         self._source, self.seeds, self.library = source, seeds, library
-        self.slow, asked = source.follows_seed or why_not_in_arrays(source.game), teams_asked(source.game)
-        if self.slow is None and library is not None and asked:
-            self.slow = next(iter(asked.values()))
+        self.slow, asked = source.follows_seed or why_not_in_arrays(source.game, len(seeds)), teams_asked(source.game)
         self._roster = Roster.of(source.game.agents)
         if most_agents is not None:
             self._roster = Roster.of(source.game.agents, _reserved(self._roster, most_agents))

@@ -102,6 +102,7 @@ class RuleFork:
         number: agent -> its number in the roster.
         rows: (agents,) of each row of the block, the number of its agent in the roster.
         came: the names of the agents that have come, of the cast that it has.
+        casting: how often it got another cast.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, admit: Admit) -> None:
@@ -111,9 +112,13 @@ class RuleFork:
         self._values: GameState = self._parts.state
         self.functions = {one.name: one.rule for one in fork.rules}
         self.number = {name: i for i, name in enumerate(state.roster.names)}
+        named = zip(state.roster.names, state.roster.is_first.tolist(), strict=True)
+        # those that come later began where they are
+        self._first_names = [(i, name) for i, (name, is_one) in enumerate(named) if is_one]
         self._could_draw = game.ctx.rng_state() is None
         self._phase, self._notes = phase_of(self._ctx), list[str]()
         self._begin(game)
+        self.casting = 0
         self._gather(())
         self._first_attributes = [copied(own) for own in self._attributes]
         self._casts: dict[tuple[str, ...], _Cast] = {(): self._cast()}
@@ -145,10 +150,11 @@ class RuleFork:
         if values.agent_facts:
             values.agent_facts = _OfSome(self._notes, "what is published to agents")
         self._looks = self.unknown("what agents have sensed")
+        self._last_moves = self.unknown("ctx.game.moves while agents decide")
 
     def _gather(self, came: tuple[str, ...]) -> None:
         """Take the agents that there are."""
-        self.came, self._block = came, self._ctx.agent.block
+        self.came, self._block, self.casting = came, self._ctx.agent.block, self.casting + 1
         self._agents = [self._ctx.agent.agents[name] for name in self._block.names]
         self.rows = np.array([self.number[name] for name in self._block.names], np.int64)
         self._attributes = [vars(agent) for agent in self._agents]
@@ -184,12 +190,6 @@ class RuleFork:
         return not self._notes and known == (self._fixed, self._sensors, self._heading)
 
     # -- agents that are asked in it --------------------------------------------------------------------------------
-
-    @property
-    def structure_version(self) -> int:
-        """Changes when agents come or go."""
-        version: int = self._block.structure_version
-        return version
 
     @property
     def rank(self) -> IntArray:
@@ -282,20 +282,19 @@ class RuleFork:
         turns.is_moving, turns.refusals = phase not in ("before", "after"), None
         values.turn = columns.turns[at]
         self._ctx.reseed(state.seeds[game], own.rng)
-        self._set_alive(columns.took_part[at])
-        is_first = phase in ("before", "decide") and not values.turn
-        values.moves = None if is_first else self._moves(at, columns)
-        if phase == "decide" and values.turn:
-            values.moves = self.unknown("ctx.game.moves while agents decide")
+        if phase == "decide":
+            values.moves = self._last_moves if values.turn else None
+        else:
+            self._set_alive(columns.took_part[at])
+            values.moves = None if phase == "before" and not values.turn else self._moves(at, columns)
         self._set_alive(columns.alive[at])
         block.move_all(self._all, columns.previous[at])
         block.move_all(self._all, columns.node[at])
         progress = columns.progress[at]
         for row in {*progress, *[row for row, one in enumerate(block.progress) if one is not None]}:
             block.set_progress(row, progress.get(row))
-        is_first = state.roster.is_first.tolist()  # those that came later began where they are
-        began = zip(state.roster.names, columns.began[at], is_first, strict=True)
-        values.began = {name: node for name, node, is_one in began if is_one}
+        began = columns.began[at]
+        values.began = {name: began[number] for number, name in self._first_names}
         values.events, values.errors = state.events.of(game), state.errors[game]
         values.deeds = state.deeds.of(game)
         values.messages = [] if state.radio is None else state.radio.of(game)

@@ -1,7 +1,7 @@
 """Strategies and plans without an array form in games that are played in arrays: asked as the turn engine asks them."""
 
 from collections.abc import Callable, Mapping, Sequence
-from itertools import pairwise, repeat
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -17,16 +17,15 @@ from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView
 from gamms.game.facts import PrivateForks
 from gamms.game.order import Part
-from gamms.game.settings import Plan
 from gamms.game.slots import AgentSlot
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook
-from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.sensor_engine import ISensor
 
+FEWEST, FEWEST_IN_CONTEXT = 16, 64  # games that are faster in arrays, also where strategies may need their context
 _FAILURES = ("illegal", "errors", "overruns")  # counts of what goes wrong when agents decide
 
 
@@ -38,7 +37,7 @@ class Players:
         slots: number in the roster -> what the turn engine holds of each.
         living: the numbers of those that were asked last.
         part: the slots of these, and what is needed to ask them.
-        fork, structure_version: for which the slots were made.
+        made_for: the context and the number of its cast that the slots were made for.
     """
 
     def __init__(self, errors: list[dict[str, Any]]) -> None:
@@ -46,8 +45,7 @@ class Players:
         self.slots: dict[int, AgentSlot] = {}
         self.living: list[int] = []
         self.part: tuple[list[AgentSlot], Part] = [], Part([], None, [], {})
-        self.fork: RuleFork | None = None
-        self.structure_version = -1
+        self.made_for: tuple[RuleFork | None, int] = None, 0
 
     def show_blocked(self, name: str) -> None:
         """Let the next state of an agent say why its last action was not done."""
@@ -194,13 +192,8 @@ class ScalarStrategies:
 
     def _part(self, players: Players, fork: RuleFork, game: int, living: list[int]) -> tuple[list[AgentSlot], Part]:
         """Return what is needed to ask these agents."""
-        if players.fork is not fork or players.structure_version != fork.structure_version:
-            players.fork, players.structure_version, players.slots, players.living = (
-                fork,
-                fork.structure_version,
-                {},
-                [-1],
-            )
+        if players.made_for != (fork, fork.casting):
+            players.made_for, players.slots, players.living = (fork, fork.casting), {}, [-1]
             self._know_facts(players.state, fork)
             forks = _NoForks(fork)
             for number in self.agents.tolist():
@@ -276,25 +269,21 @@ def _draws_elsewhere(sensor: ISensor, agent: IAgent) -> bool:
     return not _is_in_arrays(sensor, agent) and hasattr(sensor, "notice") and bool(sensor.notice.needs_look)
 
 
-def why_not_asked(game: PlayedGame, agents: Sequence[IAgent]) -> str | None:
-    """Return why agents cannot be asked one by one in games that are played in arrays, in words; None: they can."""
+def why_not_asked(game: PlayedGame, agents: Sequence[IAgent], num_games: int) -> str | None:
+    """Return why agents cannot be asked one by one in so many games in arrays, in words; None: they can."""
     settings = game.settings()
-    for agent in agents:
-        is_plain = agent.type is not AgentType.AERIAL and agent.speed is None and settings["legal"] == "edges"
-        plan: Plan | None = settings["plans"].get(agent.team)
-        sensors = [*getattr(agent, "sensors", {}).values()]
-        reasons = [
-            (not is_plain or settings["speed_unit"] != "edges", f"agent {shown(agent.name)}, which may go further"),
-            (plan is not None, "a plan"),
-            (not all(getattr(one, "sees_world_only", False) for one in sensors), "sensors that may see more"),
-            (any(map(_draws_elsewhere, sensors, repeat(agent))), "sensors that err or report late"),
-        ]
-        for is_so, why in reasons:
-            if is_so:
-                return why
-    general = [
+    sensors = [(agent, sensor) for agent in agents for sensor in getattr(agent, "sensors", {}).values()]
+    is_plain = all(agent.type is not AgentType.AERIAL and agent.speed is None for agent in agents)
+    closes = any(getattr(agent.strategy, "__closure__", agent.strategy) is not None for agent in agents)
+    fewest = FEWEST_IN_CONTEXT if closes else FEWEST
+    reasons = [
+        (not is_plain or settings["speed_unit"] != "edges" or settings["legal"] != "edges", "moves of several edges"),
+        (any(agent.team in settings["plans"] for agent in agents), "a plan"),
+        (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
+        (any(_draws_elsewhere(sensor, agent) for agent, sensor in sensors), "sensors that err or report late"),
         (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),
         (not settings["team_memory"], "team_memory=False"),
         (bool(settings["channels"]), "channels"),
+        (num_games < fewest, f"fewer than {fewest} games"),
     ]
-    return next((why for is_so, why in general if is_so), None)
+    return next((why for is_so, why in reasons if is_so), None)
