@@ -106,7 +106,7 @@ def climb(state: gamms.typing.AerialState) -> None:
 
 
 kite.register_strategy(gamms.strategies.first(climb, gamms.strategies.random_walk))
-ctx.agent.create_agent("kite2", agent_type=gamms.agent.AgentType.AERIAL, start_node_id=0, speed=5.0, strategy=climb)
+ctx.agent.create_agent("kite2", type="AERIAL", start_node_id=0, speed=5.0, strategy=climb)
 
 
 def cautious(state: gamms.typing.State) -> None:

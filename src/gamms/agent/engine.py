@@ -100,7 +100,7 @@ class AgentEngine(Guarded, IAgentEngine):
         self,
         name: str,
         *,
-        type: Literal[AgentType.AERIAL],
+        type: Literal[AgentType.AERIAL, "AERIAL"],
         start_node_id: NodeId,
         speed: float,
         position: Sequence[float] | FloatArray | None = None,
@@ -116,7 +116,7 @@ class AgentEngine(Guarded, IAgentEngine):
         self,
         name: str,
         *,
-        agent_type: Literal[AgentType.AERIAL],
+        agent_type: Literal[AgentType.AERIAL, "AERIAL"],
         start_node_id: NodeId,
         speed: float,
         position: Sequence[float] | FloatArray | None = None,
@@ -138,8 +138,8 @@ class AgentEngine(Guarded, IAgentEngine):
         strategy: Strategy | AsyncStrategy | None = None,
         orientation: tuple[float, float] | None = None,
         speed: float | None = None,
-        type: Literal[AgentType.BASIC] = AgentType.BASIC,
-        agent_type: Literal[AgentType.BASIC] = AgentType.BASIC,
+        type: Literal[AgentType.BASIC, "BASIC"] = AgentType.BASIC,
+        agent_type: Literal[AgentType.BASIC, "BASIC"] = AgentType.BASIC,
         **attributes: object,
     ) -> Agent: ...
     @refused_while_deciding
