@@ -1,10 +1,11 @@
 """`gamms study FILE`: what it serves, writes, and says of files that are wrong."""
 
-import os
+import io
+import queue
 import re
 import signal
-import subprocess
 import sys
+import threading
 
 import httpx
 import pytest
@@ -43,22 +44,52 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
-def test_a_study_is_served_until_ctrl_c_and_goes_on(folder):
-    program = [sys.executable, "-m", "gamms", "study", "visit.yaml"]
-    running = subprocess.Popen(program, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=dict(os.environ))
-    address, code, token = re.search(
-        r"(http://127\S+/)\?code=(\w+)#(\S+)", next(running.stdout) + next(running.stdout)
-    ).groups()
-    with httpx.Client(trust_env=False, headers={"Authorization": f"Bearer {token}"}) as page:
-        asked = page.post(f"{address}participant", json={"code": "P1"}).json()
-        agreed = page.post(f"{address}participant", json={"code": "P1", "secret": "x" * 32, "agree": True}).json()
-    running.send_signal(signal.SIGINT)
-    said, errors = running.communicate(timeout=30)
-    assert (code, running.returncode, errors) == ("CODE", 0, "")
-    assert asked["value"] == {"stage": "consent", "text": "Do you agree?"}
-    assert agreed["value"]["stage"] == "ready"
-    assert "visit-results says how many have agreed: 1. The same command goes on." in said
+def test_a_study_is_served_until_ctrl_c_and_goes_on(folder, monkeypatch):
+    answers = []
+
+    def take_part():
+        try:
+            agree()
+        finally:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    def agree():
+        said = ""
+        while "#" not in said:  # the link
+            said += lines.get(timeout=20.0)
+        address, token = re.search(r"(http://127\S+/)\?code=CODE#(\S+)", said).groups()
+        with httpx.Client(trust_env=False, headers={"Authorization": f"Bearer {token}"}) as page:
+            given = ({"code": "P1"}, {"code": "P1", "secret": "x" * 32, "agree": True})
+            answers.extend(page.post(f"{address}participant", json=one).json()["value"] for one in given)
+
+    lines = Lines()
+    monkeypatch.setattr(sys, "stdout", lines)
+    participant = threading.Thread(target=take_part)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it for what runs behind them
+    participant.start()
+    cli.app(["study", "visit.yaml"], standalone_mode=False)
+    participant.join()
+    signal.signal(signal.SIGINT, before)
+    assert answers[0] == {"stage": "consent", "text": "Do you agree?"}
+    assert answers[1]["stage"] == "ready"
+    assert "visit-results says how many have agreed: 1. The same command goes on." in lines.text
     assert {file.name for file in (folder / "visit-results").iterdir()} == {"study.jsonl", "participants.jsonl"}
+
+
+class Lines(io.StringIO):
+    """A stream whose parts another thread waits for."""
+
+    def __init__(self):
+        super().__init__()
+        self._parts, self.text = queue.SimpleQueue(), ""
+
+    def write(self, text):
+        self.text += text
+        self._parts.put(text)
+        return len(text)
+
+    def get(self, timeout):
+        return self._parts.get(timeout=timeout)
 
 
 @pytest.mark.parametrize(

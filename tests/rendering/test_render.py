@@ -230,6 +230,20 @@ def test_the_fog_shows_what_living_members_of_the_team_see_and_no_more(duel):
         assert told == [{"sensor_blue_0_eyes", "sensor_blue_1_eyes"}, *[{"sensor_blue_1_eyes"}] * 2]
 
 
+@pytest.mark.parametrize("kind", ["aerial_agent", "occluded_aerial_agent"])
+def test_the_fog_below_a_flyer_is_where_it_would_see_no_agent(kind):
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))
+        ctx.graph.add_obstacles([[(75, -9, 4), (75, 9, 4), (75, -9, 0), (75, 9, 0)]])
+        ctx.sensor.create_sensor("eyes", kind, sensor_range=60.0, fov=1.4)  # which looks ahead, 40 degrees downwards
+        place = {"type": "AERIAL", "position": (42.0, 0.0, 10.0), "start_node_id": 4, "speed": 1.0}
+        ctx.agent.create_agent("drone", team="air", sensors=["eyes"], **place)
+        fog = Fog(ctx, "air")
+        fog.look()
+        behind_the_wall = {8, 9} if kind == "aerial_agent" else set()  # over which it sees node 10
+        assert fog._now == {4, 6, 7, 10} | behind_the_wall
+
+
 def test_who_was_declared_looks_as_before_when_it_comes_out_of_the_fog():
     with gamms.create_context(logger_config=QUIET) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(1, LENGTH))

@@ -33,6 +33,7 @@ from gamms.visual.shown_turn import Sight
 
 _OPEN = (render_base_map, render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
+_FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
 
 
@@ -111,8 +112,11 @@ class Fog:
         columns = self._ctx.graph.columns()
         own = [agent.current_node_id for agent in self._own() if agent.alive]
         is_seen = np.isin(columns.node_ids, own)
-        for view in views:
-            is_seen |= _at(columns.xy, view.nodes) if len(view.nodes) else _inside(columns.xy, view.outline)
+        for sight, view in zip(sights, views, strict=True):
+            if sight.sensor.type in _FROM_THE_AIR:  # the outline is a shadow, and none past walls
+                is_seen |= np.isin(columns.node_ids, sight.sensor.coverage(None, sight.carrier).node_ids)
+            else:
+                is_seen |= _at(columns.xy, view.nodes) if len(view.nodes) else _inside(columns.xy, view.outline)
         self._now = set(columns.node_ids[is_seen].tolist())
         game = self._ctx.current_game
         turn = 0 if game is None else game.turn
