@@ -496,6 +496,17 @@ def test_the_page_follows_the_game_and_shows_a_team_no_more_than_it_knows(chromi
         assert page.messages == []
 
 
+def test_a_team_that_is_sent_several_turns_at_once_sees_who_was_in_sight_before_them(chromium):
+    near = HUNT.replace(rules=[], max_turns=8, **{"teams.blue.near": 9})
+    with web.serve(near, speed=None, is_paused=True) as live:
+        page = chromium.open(live.links["red"])
+        assert page.value("gamms.turns") == 0  # before any agent has sensed
+        live.pace.pause(is_paused=False)
+        page.wait("gamms.turn === 8")
+        assert page.value("gamms.views[0].replay.state.agents.size") > 2
+        assert page.messages == []
+
+
 def test_a_link_that_is_not_known_says_so(chromium, paused):
     chromium.call("Page.navigate", url="about:blank")
     chromium.call("Page.navigate", url=paused.url.partition("#")[0] + "#nonsense")

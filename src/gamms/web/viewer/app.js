@@ -130,7 +130,8 @@ export class App {
       this.settings.renew();
     }
     scene.sightKey = "";
-    if (replay.turns === replay.recording.first) replay.refresh(); // by a better keyframe
+    scene.caches.clear();
+    if (replay.beginnings !== replay.recording.beginnings) replay.refresh();
     else if (replay.state.turn >= replay.turns - 1) replay.learn();
     this.controls.renew();
     this.panel.renew();

@@ -24,6 +24,7 @@ export class Recording {
     /** @type {Block[]} */ this.chunks = [];
     this.first = 0; // turns that come before it, and are not in it
     this.turns = 0;
+    this.beginnings = 0; // keyframes before its first turn, of which the last counts
     this.isComplete = false;
     this.hasBegun = false;
     this.key = 0;
@@ -64,6 +65,7 @@ export class Recording {
     } else if (block.type === KEYFRAME) {
       if (this.chunks.length === 0) this.first = this.turns = block.first;
       this.keyframes.push(block);
+      if (block.first === this.first) this.beginnings++;
     } else if (block.type === TURNS) {
       if (block.first !== this.turns) throw new Error("Some turns of this recording are missing.");
       this.chunks.push(block);

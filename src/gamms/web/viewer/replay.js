@@ -90,6 +90,7 @@ export class Replay {
     this.world = new World(world);
     this.knowledge = new Knowledge(recording, this.world);
     /** @type {State} */ this.state = stateAt(recording, recording.first);
+    this.beginnings = recording.beginnings; // that are known
     this.first = [...this.state.agents.values()].map(sideOf);
     /** @type {Map<number, import("./state.js").Agent>} */ this.before = new Map();
     /** @type {import("./motion.js").Way[]} */ this.ways = [];
@@ -125,8 +126,10 @@ export class Replay {
 
   /** Show the same turn again, of which more has become known. */
   refresh() {
-    const { first } = this.recording;
+    const { first, beginnings } = this.recording;
     const { turn } = this.state;
+    this.beginnings = beginnings;
+    this.knowledge.known.clear();
     this.state = stateAt(this.recording, Math.max(turn - 1, first));
     this.before = copyOf(this.state);
     if (turn > first) this.state.advance(this.recording);
