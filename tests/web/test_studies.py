@@ -110,6 +110,17 @@ def test_a_study_goes_on_where_each_participant_was(tmp_path):
         begun(tmp_path, rounds=5)
 
 
+def test_codes_that_are_not_listed_take_no_part(tmp_path):
+    with begun(tmp_path, codes=["P1", "P7", "P1"]) as study:
+        assert study.codes == ("P1", "P7")
+        assert ask(study, "P7", agree=True)["stage"] == "ready"
+        with pytest.raises(HTTPError, match="400"):
+            ask(study, "P2", agree=True)
+        assert sum(study.assigned.values()) == 1
+    with pytest.raises(ValueError, match=r"A code is 1 to 64 letters.* not 'P 8'"):
+        begun(tmp_path, codes=["P 8"])
+
+
 def test_conditions_are_balanced_in_each_block(tmp_path):
     with begun(tmp_path, conditions={name: {} for name in "abc"}) as study:
         given = [study.condition_of(number) for number in range(30)]
@@ -280,6 +291,9 @@ def test_neither_of_a_pair_may_choose_for_the_other(tmp_path):
 
 
 def test_impossible_studies_are_refused_before_they_begin(tmp_path):
+    for wrong in ({"codes": 3}, {"codes": "P1"}, {"people": 3}, {"people": [3]}):
+        with pytest.raises(TypeError, match=next(iter(wrong))):
+            begun(tmp_path, **wrong)
     with pytest.raises(KeyError, match="gren"):
         begun(tmp_path, people="gren")
     with pytest.raises(ValueError, match="give 'bob' another strategy than human"):

@@ -16,7 +16,18 @@ if TYPE_CHECKING:
     from gamms.web import Study
 
 _REQUIRED = ("scenario", "consent")
-_KEYS = (*_REQUIRED, "people", "conditions", "rounds", "practice", "seconds", "partner_within", "seed", "title")
+_KEYS = (
+    *_REQUIRED,
+    "people",
+    "conditions",
+    "rounds",
+    "practice",
+    "seconds",
+    "codes",
+    "partner_within",
+    "seed",
+    "title",
+)
 _MOST_CONSENT = 1 << 16  # bytes
 
 
@@ -63,8 +74,12 @@ def study(
     out = out or Path(f"{file.stem}-results")
     values |= {"port": port, "host": host, "allow_network": allow_network}
     with web.study(game, consent=_consent(paths["consent"]), out=out, **values) as running, suppress(KeyboardInterrupt):
-        echo("The study is served until Ctrl-C. The link of a participant, with a code of theirs in place of CODE:")
-        echo(f"  {running.url}")
+        if running.codes is None:
+            echo("The study is served until Ctrl-C. The link of a participant, with a code of theirs in place of CODE:")
+            echo(f"  {running.url}")
+        else:
+            echo("The study is served until Ctrl-C. The links of the participants:")
+            echo("\n".join(f"  {running.link(code)}" for code in running.codes))
         running.stay_open()
     echo(f"\n{_summary(running)} The same command goes on.")
 

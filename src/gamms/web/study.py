@@ -24,7 +24,7 @@ from time import monotonic
 from types import TracebackType
 from typing import Any, Self, TypedDict, Unpack
 
-from gamms.arguments import as_count, as_float, as_int, as_mapping, as_path, as_text
+from gamms.arguments import as_count, as_float, as_int, as_items, as_mapping, as_path, as_text
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.result import Result
 from gamms.plain import Plain, as_json
@@ -56,6 +56,8 @@ class StudyOptions(TypedDict, total=False):
     """Rounds before these, which are marked in the table; 1."""
     seconds: float
     """How long a participant may take for a choice; 60."""
+    codes: Iterable[str] | None
+    """Of those who may take part; None: all who have the link, by any code."""
     partner_within: float
     """Of several who play together: how long a participant waits for the others, in seconds; 300."""
     otherwise: Callable[[Any], None]
@@ -102,7 +104,9 @@ def study(
         ScenarioError: the game cannot be built under one of the conditions.
         UnknownName (KeyError): there is no such team or agent.
     """
-    given = people if people is None or isinstance(people, str) else [as_text(one, "people") for one in people]
+    given = people
+    if not (people is None or isinstance(people, str)):
+        given = [as_text(one, "people") for one in as_items(people, "people", "teams and agents")]
     return Study(scenario, given, as_text(consent, "consent"), as_path(out, "out"), options)
 
 
@@ -111,10 +115,11 @@ class Study:
 
     Attributes:
         folder: of the results.
+        codes: of those who may take part; None: any.
     """
 
     def __init__(
-        self, scenario: Scenario, people: str | list[str] | None, consent: str, folder: Path, options: StudyOptions
+        self, scenario: Scenario, people: str | Sequence[str] | None, consent: str, folder: Path, options: StudyOptions
     ) -> None:
         if not isinstance(scenario, Scenario):
             raise BadType(f"study takes a scenario, not {shown(scenario)}.")
@@ -134,6 +139,9 @@ class Study:
         self._variants = {
             as_text(name, "a condition"): _changed(scenario, name, changes) for name, changes in given.items()
         }
+        codes = options.get("codes")
+        given_codes = () if codes is None else as_items(codes, "codes", "codes of participants")
+        self.codes = None if codes is None else tuple(dict.fromkeys(map(_checked_code, given_codes)))
         self._people = self._people_of(scenario, people)
         for variant in self._variants.values():
             self._check(variant)
@@ -152,7 +160,7 @@ class Study:
         self._server = Server(site, **keywords)
         self._token = self._links.add(Grant("participants"))
 
-    def _people_of(self, scenario: Scenario, people: str | list[str] | None) -> tuple[str, ...]:
+    def _people_of(self, scenario: Scenario, people: str | Sequence[str] | None) -> tuple[str, ...]:
         """Return the teams and agents that participants play.
 
         Raises:
@@ -193,9 +201,7 @@ class Study:
         Raises:
             BadValue: it is no code.
         """
-        if not _CODE.fullmatch(code):
-            raise BadValue(f"A code is 1 to 64 letters, digits, dots, dashes and _, not {shown(code)}.")
-        return self._server.link(self._token, f"/?code={code}")
+        return self._server.link(self._token, f"/?code={_checked_code(code)}")
 
     @property
     def rows(self) -> list[Row]:
@@ -272,11 +278,16 @@ class Study:
     def _answer(self, grant: Grant, message: Json) -> Plain:
         """Return what comes next for a participant: consent, waiting, a round that may begin, the round, or the end."""
         code = message.get("code")
-        if grant.name != "participants" or not isinstance(code, str) or not _CODE.fullmatch(code):
+        if not isinstance(code, str) or not self._is_known(grant, code):
             raise Refused("This link has no code of a participant. Ask who gave it to you.")
         with self._lock:
             one = self._known.known(code, message)
             return {"stage": "consent", "text": self._consent} if one is None else self._stage(one, message)
+
+    def _is_known(self, grant: Grant, code: str) -> bool:
+        """Whether a link is one of this study, with the code of one who may take part."""
+        is_listed = self.codes is None or code in self.codes
+        return grant.name == "participants" and _CODE.fullmatch(code) is not None and is_listed
 
     def _stage(self, one: Participant, message: Json) -> Json:
         """Return what comes next for who has agreed."""
@@ -466,6 +477,17 @@ class Study:
         """Return what a participant has not been sent yet, in pieces (called by the server)."""
         live = self._live_of(connection)
         return () if live is None else live.news(connection)
+
+
+def _checked_code(code: object) -> str:
+    """Return the code of a participant.
+
+    Raises:
+        BadValue: it is none.
+    """
+    if not isinstance(code, str) or not _CODE.fullmatch(code):
+        raise BadValue(f"A code is 1 to 64 letters, digits, dots, dashes and _, not {shown(code)}.")
+    return code
 
 
 def _changed(scenario: Scenario, condition: str, changes: object) -> Scenario:
