@@ -129,6 +129,14 @@ def test_agents_that_actions_are_given_to_are_not_asked():
         assert [plain(games.result(i)) for i in range(4)] == [plain(slow.result(i)) for i in range(4)]
 
 
+def test_strategies_that_prepare_games_are_played_one_by_one():
+    def strategy(state):
+        explore(state)
+
+    strategy.prepare = lambda ctx: ctx.game.data.update(prepared=True)
+    assert not same({"red": strategy}).is_in_arrays
+
+
 def test_few_games_with_scalar_strategies_are_played_one_by_one(monkeypatch):
     monkeypatch.setattr(scalar_strategies, "FEWEST", 3)
     for number, slow in {2: "the strategy explore, with fewer than 3 games", 3: None}.items():

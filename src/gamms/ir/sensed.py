@@ -86,6 +86,11 @@ class AgentLook(NamedTuple):
     delay: int = 0
 
     @property
+    def errs(self) -> bool:
+        """Whether agents may be reported where they are not."""
+        return bool(self.noise or self.false_alarms or self.delay)
+
+    @property
     def what(self) -> "AgentLook":
         """The same without what is others for each sensor though they look alike."""
         return self._replace(hides=None, draws=None, nearest=None, covers=None)

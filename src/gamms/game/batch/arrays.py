@@ -479,12 +479,9 @@ class ArrayEngine:
 
 def why_not_in_arrays(game: PlayedGame, num_games: int) -> str | None:
     """Return what keeps so many games of a kind from being played in arrays, in words; None: nothing."""
-    settings = game.settings()
-    motion = why_not_moved(game)
+    settings, asked, scalar = game.settings(), teams_asked(game), called_one_by_one(game)
     reasons = [
-        (motion is not None, motion or ""),
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
-        (why_not_sent(settings["channels"]) is not None, why_not_sent(settings["channels"]) or ""),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
         (bool(game.internals.parts.collectors.tables()), "what is collected"),
@@ -492,16 +489,13 @@ def why_not_in_arrays(game: PlayedGame, num_games: int) -> str | None:
         (game.turn > 0 or bool(game.scores), "a game that has begun"),
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
-    asked = teams_asked(game)
-    why = why_not_asked(game, [agent for agent in game.agents if agent.team in asked], num_games)
-    reasons += [(why is not None, f"{of_team}, with {why}") for of_team in asked.values()]
-    scalar = called_one_by_one(game)
-    reasons.append(
-        (bool(scalar) and why_not_called(game) is not None, f"{scalar[:1] and scalar[0]}, with {why_not_called(game)}")
-    )
-    needs = [one.rule.why_not_in_arrays(game.agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
-    reasons += [(why is not None, why or "") for why in needs]
-    return next((reason for is_there, reason in reasons if is_there), None)
+    not_asked = why_not_asked(game, [agent for agent in game.agents if agent.team in asked], num_games)
+    not_called = why_not_called(game)
+    found = [why_not_moved(game), why_not_sent(settings["channels"]), *(why for is_so, why in reasons if is_so)]
+    found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
+    found += [f"{one}, with {not_called}" for one in scalar if not_called is not None]
+    found += [one.rule.why_not_in_arrays(game.agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
+    return next((why for why in found if why is not None), None)
 
 
 def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]:

@@ -15,7 +15,7 @@ from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
 from gamms.game.batch.given import Acting, Given, as_given
-from gamms.game.batch.libraries import ArrayLibrary, Tensor
+from gamms.game.batch.libraries import ArrayLibrary
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.state import Columns
@@ -150,9 +150,7 @@ class Batch:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         is_there = isinstance(self._engine, DeviceEngine)
         with self._watched():
-            self._engine.step(
-                {team: one if is_there else one._replace(moves=self._get(one.moves)) for team, one in given.items()}
-            )
+            self._engine.step(given if is_there else self._on_host(given))
         if given and self._log is None:
             self._was_given = True
         if self._log is not None:
@@ -172,8 +170,7 @@ class Batch:
         for number in [number for number in state.apart if apart.over(number) is None]:
             for given in log[int(self._begun[number]) + turns[number] :]:
                 if apart.over(number) is None:
-                    moves = {team: one._replace(moves=self._get(one.moves)) for team, one in given.items()}
-                    apart.step_game(number, moves)
+                    apart.step_game(number, self._on_host(given))
             if to_the_end and apart.over(number) is None:
                 apart.run(number)
             apart.copy_to(state, number)
@@ -409,8 +406,7 @@ class Batch:
             acting = Acting(ctx.game, self._roster)
             for turn in range(turns):
                 given = {} if self._log is None else self._log[self._begun[number] + turn]
-                given = {team: one._replace(moves=self._get(one.moves)) for team, one in given.items()}
-                acting.take(given, number)
+                acting.take(self._on_host(given), number)
                 ctx.game.step()
             acting.end()
 
@@ -445,9 +441,12 @@ class Batch:
         there: T = array if self.library is None else self.library.put(array)
         return there
 
-    def _get(self, moves: Tensor) -> Any:
-        """Return moves as an array of the host."""
-        return moves if self.library is None else self.library.get(moves)
+    def _on_host(self, given: Mapping[Hashable, Given]) -> dict[Hashable, Given]:
+        """Return actions with moves as arrays of the host."""
+        library = self.library
+        if library is None:
+            return dict(given)
+        return {team: one._replace(moves=library.get(one.moves)) for team, one in given.items()}
 
     # -- inside -------------------------------------------------------------------------------------------------
 

@@ -10,7 +10,7 @@ from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.rule_fork import NeedsTurnEngine, RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
-from gamms.game.batch.sight import SHOWING_AGENTS
+from gamms.game.batch.sight import look_of
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
@@ -21,7 +21,6 @@ from gamms.game.slots import AgentSlot
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.sensed import AgentLook
 from gamms.typing import AgentType, IAgent
 from gamms.typing.sensor_engine import ISensor
 
@@ -89,10 +88,9 @@ class ScalarStrategies:
         self._facts: list[Callable[[GameArrays, int], Mapping[str, Any]]] = []
 
     def functions(self) -> list[Callable[..., object]]:
-        """Return the strategies and plans."""
-        game = self._context.start()
-        plans, agents = game.settings()["plans"], [self._state.roster.agents[number] for number in self.agents.tolist()]
-        return [plans[agent.team].function if agent.team in plans else agent.strategy for agent in agents]
+        """Return the strategies."""
+        agents = [self._state.roster.agents[number] for number in self.agents.tolist()]
+        return [agent.strategy for agent in agents if agent.strategy is not None]
 
     def _of(self, game: int) -> Players:
         found = self._players[game]
@@ -254,8 +252,8 @@ def _see_nothing(_: int) -> None:
 
 def _is_in_arrays(sensor: ISensor, agent: IAgent) -> bool:
     """Whether arrays say what a sensor that shows agents has in its `data`."""
-    look = sensor.in_arrays(agent.name) if sensor.type in SHOWING_AGENTS and hasattr(sensor, "in_arrays") else None
-    return isinstance(look, AgentLook) and not (look.noise or look.false_alarms or look.delay)
+    look = look_of(sensor, agent)
+    return look is not None and not look.errs
 
 
 def _sees_from_node(sensor: ISensor) -> bool:
@@ -279,6 +277,7 @@ def why_not_asked(game: PlayedGame, agents: Sequence[IAgent], num_games: int) ->
     reasons = [
         (not is_plain or settings["speed_unit"] != "edges" or settings["legal"] != "edges", "moves of several edges"),
         (any(agent.team in settings["plans"] for agent in agents), "a plan"),
+        (any(hasattr(agent.strategy, "prepare") for agent in agents), "what it prepares in a game"),
         (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
         (any(_draws_elsewhere(sensor, agent) for agent, sensor in sensors), "sensors that err or report late"),
         (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),

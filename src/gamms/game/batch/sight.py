@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from gamms.ir.sensed import AgentLook, NodeLook
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
-from gamms.typing.sensor_engine import SensorType
+from gamms.typing.sensor_engine import ISensor, SensorType
 
 DELAYS = "delayed looks"  # the key under which a batch shares what sensors are still to report
 SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
@@ -137,19 +137,27 @@ def looks_of(
     return found
 
 
+def look_of(sensor: ISensor, agent: IAgent) -> AgentLook | None:
+    """Return how a sensor shows other agents to one, to be computed for many games; None: that has no array form."""
+    look = sensor.in_arrays(agent.name) if sensor.type in SHOWING_AGENTS and hasattr(sensor, "in_arrays") else None
+    return look if isinstance(look, AgentLook) else None
+
+
+def _all_looks(agent: IAgent) -> list[AgentLook]:
+    looks = [look_of(sensor, agent) for sensor in getattr(agent, "sensors", {}).values()]
+    return [look for look in looks if look is not None]
+
+
 def reports_elsewhere(agent: IAgent) -> bool:
     """Whether sensors of an agent may show others on nodes where these are not."""
-    sensors = [one for one in getattr(agent, "sensors", {}).values() if one.type in SHOWING_AGENTS]
-    looks = [sensor.in_arrays(agent.name) for sensor in sensors if hasattr(sensor, "in_arrays")]
-    return any(isinstance(look, AgentLook) and (look.noise or look.false_alarms or look.delay) for look in looks)
+    return any(look.errs for look in _all_looks(agent))
 
 
 def turns_with_its_agent(agent: IAgent) -> bool:
     """Whether a sensor of an agent has a field of view that turns with it."""
     sensors = getattr(agent, "sensors", {}).values()
-    looks = [one.in_arrays(agent.name) for one in sensors if hasattr(one, "in_arrays")]
-    looks += [one.nodes_in_arrays() for one in sensors if hasattr(one, "nodes_in_arrays")]
-    return any(not isinstance(look, str) and look.turns for look in looks)
+    looks = [one.nodes_in_arrays() for one in sensors if hasattr(one, "nodes_in_arrays")]
+    return any(not isinstance(look, str) and look.turns for look in (*looks, *_all_looks(agent)))
 
 
 def why_not_seen(agent: IAgent, name: str) -> str | None:
@@ -162,14 +170,12 @@ def why_not_seen(agent: IAgent, name: str) -> str | None:
     return f"the sensor {shown(name)} of agent {shown(agent.name)}, which {look}" if isinstance(look, str) else None
 
 
-def sees_from_edges(sensor: Any, agent: IAgent) -> bool:
+def sees_from_edges(sensor: ISensor, agent: IAgent) -> bool:
     """Whether what a sensor shows has an array form where agents are on edges, too."""
-    if sensor.type not in SHOWING_AGENTS:
-        return True
-    look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else None
-    return isinstance(look, AgentLook) and not (
-        look.noise or look.false_alarms or look.delay or look.hides is not None or (look.cone and look.turns)
-    )
+    look = look_of(sensor, agent)
+    if look is None:
+        return sensor.type not in SHOWING_AGENTS
+    return not (look.errs or look.hides is not None or (look.cone and look.turns))
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
@@ -185,8 +191,8 @@ def noted_sensors(agent: IAgent) -> list[str]:
     """
     found = []
     for name, sensor in getattr(agent, "sensors", {}).items():
-        look = sensor.in_arrays(agent.name) if hasattr(sensor, "in_arrays") else "is of a class of its own"
-        is_odd = not isinstance(look, AgentLook) or look.turns or look.delay
+        look = look_of(sensor, agent)
+        is_odd = look is None or look.turns or look.delay
         if sensor.type in FROM_THE_AIR or (sensor.type in SHOWING_AGENTS and is_odd):
             found.append(name)
     return found
