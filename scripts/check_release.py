@@ -69,7 +69,8 @@ PROBES = {  # what an extra is for; without it, each raises MissingExtra
     "except gamms.errors.NetworkError: pass",
     "solve": "import gamms; walk = {'count': 1, 'strategy': 'gamms.strategies:random_walk'}\n"
     "field = {'grid': {'width': 2, 'height': 1}}\n"
-    "gamms.solve.openspiel(gamms.scenario.Scenario(map=field, max_turns=2, teams={'a': walk, 'b': walk}))",
+    "sides = {'a': walk, 'b': walk}\n"
+    "gamms.solve.openspiel(gamms.scenario.Scenario(map=field, max_turns=2, teams=sides), reward='turns')",
     "tournament": "import gamms; gamms.tournament.Table([], ['a', 'b']).ratings()",
     "torch": _HUNT + "try: import torch\nexcept ImportError: raise gamms.errors.MissingExtra('', 'torch') from None\n"
     "with hunt.batch(2, xp=torch) as games: games.run()",
