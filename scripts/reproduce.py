@@ -5,7 +5,8 @@
     python scripts/reproduce.py --peer OTHER/python      # and against the gamms 1.0.0 that another Python has
 
 Each part is a file of JSON with the command, how long it took, its exit status, and what it printed: records where the
-program writes JSON, else lines. `machine.json` says on what, `summary.json` which ratios are out of their tolerance.
+program writes JSON, else lines; `results.md` is a page of them. `machine.json` says on what, `summary.json` which parts
+have failed, and which ratios are out of their tolerance.
 Ratios of CPU time are compared with those in `benchmarks/results`; times of single machines are not. `--expect` puts
 the data of this run there, and writes the page of it.
 """
@@ -20,12 +21,14 @@ import sys
 import time
 from importlib.metadata import distributions
 from pathlib import Path
+from typing import Any
 
 import results_page
 
 ROOT = Path(__file__).resolve().parents[1]
 TOLERANCE = 1.5  # a ratio may be so many times the expected one: a busy machine adds as much
 TOTAL_S = 28 * 60
+PART_S = 8 * 60  # so that no part takes the time of the others; the cases, which are last, take what is left
 PARTS = {  # what is run -> its command
     "laws": [
         "-m",
@@ -59,14 +62,19 @@ def main() -> int:
     began, summary = time.monotonic(), {}
     for part in options.only:
         command = [one.format(rounds=options.rounds) for one in PARTS[part]]
-        summary[part] = _run(command, options.out / f"{part}.json", TOTAL_S - (time.monotonic() - began))
+        left_s = TOTAL_S - (time.monotonic() - began)
+        summary[part] = _run(command, options.out / f"{part}.json", left_s if part == "cases" else min(left_s, PART_S))
         print(f"{part:12} {summary[part]}", flush=True)
+        _write(options.out / "summary.json", summary)
     if options.peer:
         command = ["benchmarks/run.py", "--rounds", "1", "--peer", options.peer, "paper's loop", "sense"]
         summary["peer"] = _run(command, options.out / "peer.json", TOTAL_S - (time.monotonic() - began))
     if "cases" in options.only:
         summary["ratios"] = _ratios(options.out / "cases.json")
         print(f"{'ratios':12} {summary['ratios']}")
+        page = options.out / "results.md"
+        page.write_text(results_page.page(options.out), encoding="utf-8")
+        print(f"{'page':12} {page}")
     _write(options.out / "summary.json", summary)
     if options.expect:
         _expect(options.out)
@@ -100,6 +108,7 @@ def _run(command: list[str], file: Path, left_s: float) -> str:
                 cwd=ROOT,
                 env=environment,
                 stdout=printed,
+                stderr=subprocess.STDOUT,
                 timeout=max(1.0, left_s),
                 check=False,
             ).returncode
@@ -114,29 +123,44 @@ def _run(command: list[str], file: Path, left_s: float) -> str:
             "command": " ".join(["python", *command]),
             "seconds": round(time.monotonic() - began, 1),
             "status": status,
-            "output": [json.loads(line) if line.startswith("{") else line for line in lines],
+            "output": [_record(line) for line in lines],
         },
     )
     if status is None:
-        return "out of time: the rest was not measured"
+        return f"out of time: the rest was not measured; see {file.name}"
     return "done" if status == 0 else f"failed with status {status}: see {file.name}"
 
 
+def _record(line: str) -> object:
+    """Return the record of a line of JSON, else the line."""
+    try:
+        return json.loads(line) if line.startswith("{") else line
+    except ValueError:
+        return line
+
+
 def _ratios(file: Path) -> str:
-    """Compare the ratios of a run with those to be expected."""
+    """Compare the ratios of a run with those to be expected, and name the cases that have none."""
     found = _ratios_of(file)
     expected = _ratios_of(results_page.RESULTS / file.name)
-    worse = [
+    worse = [f"{name}: {error}" for name, error in _ratios_of(file, "error").items()]
+    worse += [f"{name}: not measured" for name in expected.keys() - found.keys()] if found else []
+    worse += [
         f"{name}: {ratio:.3g} instead of {expected[name]:.3g}"
         for name, ratio in found.items()
         if name in expected and ratio > TOLERANCE * expected[name]
     ]
-    return "; ".join(worse) or ("done" if found else "no cases were measured")
+    if not found:
+        worse.append("no cases were measured")
+    elif not expected:
+        print(f"{'ratios':12} none are expected yet, so that none can be worse: --expect makes these so")
+    return "; ".join(worse) or "done"
 
 
-def _ratios_of(file: Path) -> dict[str, float]:
+def _ratios_of(file: Path, field: str = "ratio") -> dict[str, Any]:
+    """Return a field of all records that have it, by name."""
     records = json.loads(file.read_text(encoding="utf-8"))["output"] if file.exists() else []
-    return {one["name"]: one["ratio"] for one in records if "ratio" in one}
+    return {one["name"]: one[field] for one in records if isinstance(one, dict) and "name" in one and field in one}
 
 
 def _expect(out: Path) -> None:
