@@ -5,6 +5,7 @@ import json
 import random
 import socket
 import sys
+import time
 from contextlib import suppress
 
 import httpx
@@ -284,6 +285,16 @@ def test_another_origin_or_host_is_refused(paused):
         assert client.get(address, headers={"host": "evil.example"}).status_code == 403
         assert client.get(address + "live").status_code == 404
         assert client.get(address + "../../etc/passwd").status_code == 404
+
+
+def test_answers_are_sent_without_waiting_for_more(paused):
+    times = []
+    with httpx.Client(trust_env=False) as client:
+        for _ in range(12):
+            begun = time.monotonic()
+            client.get(paused.url.partition("#")[0])
+            times.append(time.monotonic() - begun)
+    assert sorted(times)[5] < 0.035  # Nagle's algorithm waits 0.04 s
 
 
 def hostile(draw):

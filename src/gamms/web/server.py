@@ -303,7 +303,9 @@ def _listener(host: str, port: int) -> socket.socket:
     """
     if not 0 <= port < 1 << 16:
         raise BadValue(f"port must be 0 to 65535, not {port}; 0 takes a free one.")
-    listener = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET)
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    # asyncio sends small messages at once where a socket says that it is TCP, and else waits 40 ms for more.
+    listener = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     try:
         listener.bind((host, port))
