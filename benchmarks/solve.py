@@ -1,23 +1,32 @@
-"""Values of small games: by value iteration and the double oracle of GAMMS, beside algorithms of OpenSpiel.
+"""Values of games: by value iteration and the double oracle of GAMMS, beside brute force and algorithms of OpenSpiel.
 
-    python benchmarks/solve.py
+    python benchmarks/solve.py            # small games, by all; OpenSpiel where it is installed
+    python benchmarks/solve.py large      # up to as many states as memory allows
+    python benchmarks/solve.py large --sides 10 20
 
 One pursuer and one evader on a square grid, who move at once; a point for a catch. Each scenario is solved by
 `gamms.solve.solve` and `double_oracle`; small ones, as games of OpenSpiel, also by its CFR+, and by the matrix that
-OpenSpiel makes of them with a linear program of SciPy. Times are those of the CPU.
+OpenSpiel makes of them with a linear program of SciPy. Large ones are solved once; brute force, a program of its own
+without GAMMS, solves small ones of the same kind. Times are those of the CPU.
 """
 
+import argparse
+import functools
+import resource
 import time
 
 import numpy as np
-import pyspiel
-from open_spiel.python.algorithms import cfr, expected_game_score, exploitability
 from scipy.optimize import linprog
 
 from gamms.scenario import Scenario
 from gamms.solve import double_oracle, openspiel, solve
+from gamms.solve.solution import rewards_of, setup_of
+from gamms.solve.stages import Stages
+from gamms.solve.table import explore
 
 CASES = ((2, 1), (2, 2), (2, 4), (3, 4), (5, 10))  # side of the grid, turns
+SIDES = (6, 10, 14, 20, 28)  # of large grids
+_BRUTE = ((2, 2), (2, 4), (3, 4), (4, 5))
 _ORACLES = CASES[:3]
 _CFR = CASES[:2]  # OpenSpiel plays all histories, of which there are 100 times as many with each further turn
 _MATRICES = CASES[:1]
@@ -51,6 +60,8 @@ def timed(what):
 
 def of_cfr(game):
     """Return the value of the average strategies of CFR+, and what they can be exploited by."""
+    from open_spiel.python.algorithms import cfr, expected_game_score, exploitability
+
     solver = cfr.CFRPlusSolver(game)
     for _ in range(_ITERATIONS):
         solver.evaluate_and_update_policy()
@@ -59,13 +70,12 @@ def of_cfr(game):
     return values[0], exploitability.exploitability(game, average)
 
 
-def of_matrix(game):
-    """Return the value of the matrix that OpenSpiel makes of a game, by a linear program."""
-    payoffs = np.array(pyspiel.extensive_to_matrix_game(game).row_utilities())
-    rows, columns = payoffs.shape
+def value_of(payoffs):
+    """Return the value of a matrix game by a linear program."""
+    rows, columns = np.shape(payoffs)
     answer = linprog(
         np.r_[np.zeros(rows), -1.0],
-        A_ub=np.c_[-payoffs.T, np.ones(columns)],
+        A_ub=np.c_[-np.transpose(payoffs), np.ones(columns)],
         b_ub=np.zeros(columns),
         A_eq=[np.r_[np.ones(rows), 0.0]],
         b_eq=[1.0],
@@ -74,7 +84,34 @@ def of_matrix(game):
     return -answer.fun
 
 
-if __name__ == "__main__":
+def by_brute_force(side, turns):
+    """Return how probably a pursuer catches an evader in so many turns: recursion over all that both may do."""
+
+    def ways(node):
+        y, x = divmod(node, side)
+        near = [(y, x), (y - 1, x), (y + 1, x), (y, x - 1), (y, x + 1)]
+        return [row * side + column for row, column in near if 0 <= row < side and 0 <= column < side]
+
+    @functools.cache
+    def value(cop, robber, left):
+        if not left:
+            return 0.0
+
+        def gain(to, fled):
+            return 1.0 if fled in ways(to) else value(to, fled, left - 1)
+
+        return value_of([[gain(to, fled) for fled in ways(robber)] for to in ways(cop)])
+
+    return value(side * side - 1, 0, turns)
+
+
+def small():
+    """Solve small games by all."""
+    try:
+        import pyspiel
+    except ImportError:
+        pyspiel = None
+        print("OpenSpiel is not installed: without it.")
     for side, turns in CASES:
         scenario, case = chased(side, turns), (side, turns)
         solution, seconds = timed(lambda one=scenario: solve(one))
@@ -82,11 +119,44 @@ if __name__ == "__main__":
         if case in _ORACLES:
             oracle, seconds = timed(lambda one=scenario: double_oracle(one))
             line += f"; double_oracle {oracle.value:.9f} in {seconds:.2f} s"
-        game = pyspiel.convert_to_turn_based(openspiel(scenario)) if case in _CFR else None
-        if case in _CFR:
+        game = pyspiel.convert_to_turn_based(openspiel(scenario)) if pyspiel and case in _CFR else None
+        if game:
             (value, gain), seconds = timed(lambda one=game: of_cfr(one))
             line += f"; CFR+ {value:.4f}, exploitability {gain:.4f}, in {seconds:.1f} s"
-        if case in _MATRICES:
-            exact, seconds = timed(lambda one=game: of_matrix(one))
+        if game and case in _MATRICES:
+            payoffs = pyspiel.extensive_to_matrix_game(game).row_utilities()
+            exact, seconds = timed(lambda one=payoffs: value_of(one))
             line += f"; matrix of OpenSpiel {exact:.9f} in {seconds:.2f} s"
         print(line, flush=True)
+
+
+def large(sides):
+    """Solve games on larger grids, after small ones that brute force solves, too."""
+    for side, turns in _BRUTE:
+        found, exact = solve(chased(side, turns)).value, by_brute_force(side, turns)
+        print(f"{side} x {side}, {turns} turns: {found:.9f}, {abs(found - exact):.1e} from brute force", flush=True)
+    for side in sides:
+        setup = setup_of(chased(side, 2 * side), ("cops", "robbers"), {}, turns=None, seed=None, max_states=2 * side**4)
+        table, exploring = timed(lambda one=setup: explore(one, by_winner=False))
+        rewards = rewards_of(table, "score", 1.0, "cops")
+        stages, solving = timed(lambda one=table, gains=rewards: Stages(one, gains, 1e-9))
+        sweeps = len(stages.values) - 1
+        actions, memory = len(table.usual.after), resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        print(
+            f"{side} x {side}, {2 * side} turns: {len(table)} states, {actions} joint actions; explored in "
+            f"{exploring:.1f} s, {1e6 * exploring / actions:.1f} us each; {sweeps} sweeps of "
+            f"{1e3 * solving / sweeps:.0f} ms, {len(table) * sweeps / solving:.0f} states a second; value "
+            f"{stages.values[-1][0]:.6f}; {memory / 1024:.0f} MB at most",
+            flush=True,
+        )
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("case", choices=["small", "large"], nargs="?", default="small")
+    parser.add_argument("--sides", type=int, nargs="+", default=SIDES, help="of large grids")
+    given = parser.parse_args()
+    if given.case == "small":
+        small()
+    else:
+        large(given.sides)
