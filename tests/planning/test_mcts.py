@@ -337,6 +337,15 @@ def test_a_value_that_is_no_number_is_refused(tag):
         tag.play(strategies={"ann": mcts(3, depth=2, value=lambda model: None)})
 
 
+@pytest.mark.parametrize(
+    ("actions", "error", "words"),
+    [([], BadValue, "no action for agent 'ann'"), (5, BadType, "What actions\\(state\\) returns must be a list")],
+)
+def test_a_function_of_actions_has_to_return_some(tag, actions, error, words):
+    with pytest.raises(error, match=words):
+        tag.play(strategies={"ann": mcts(3, depth=2, actions=lambda state: actions)})
+
+
 def test_agents_that_fly_need_actions():
     with gamms.create_context(seed=1, logger_config={"level": "ERROR"}) as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))

@@ -197,7 +197,7 @@ def test_a_value_says_what_it_is_to_that_of_agents_that_see_less(cops, robbers, 
         ({"settings": {"deeds": {"shout": None}}}, "shout"),
         ({"settings": {"speed_unit": "metres"}}, "edges"),
         ({"teams": {"red": {"count": 1}}}, "1 teams"),
-        ({"rules": ["last_team"]}, "no rule gives points"),
+        ({"rules": ["last_team"]}, "no turn gives points"),
     ],
 )
 def test_what_cannot_be_solved_is_refused_by_name(changes, message):

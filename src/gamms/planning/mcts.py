@@ -7,9 +7,9 @@ from math import exp, inf, isqrt, log, sqrt
 from typing import Any, Literal, NamedTuple, Unpack, cast
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_float, as_int, as_range
+from gamms.arguments import as_choice, as_count, as_float, as_int, as_items, as_range
 from gamms.context import Context
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.planning.model import Model, ModelOptions, Policy, States, as_policy, checked_options, states_of
 from gamms.planning.pace import Pace, Timer
 from gamms.scenario.code import first_of, offered_function
@@ -192,6 +192,8 @@ def _prepares(agent: IAgent) -> object:
 
 def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAgent) -> Strategy:
     """Return what an agent does in the game itself where there is no time for a search."""
+    if isinstance(rollout, Mapping) and agent.team not in rollout:
+        raise UnknownName("team in rollout=", agent.team, rollout)
     function = as_policy(rollout[agent.team] if isinstance(rollout, Mapping) else rollout, "rollout")
     return cast("Strategy", function(ctx) if first_of(function) == "ctx" else function)
 
@@ -375,7 +377,7 @@ class _Walker:
             if self._has_left:
                 return None
         if node.actions is None:
-            node.offer(self._options(state))
+            node.offer(self._in_order(state))
         if not node.actions:
             self._has_left = True
             return None
@@ -392,12 +394,30 @@ class _Walker:
         self._branch, self._action = node.children, action
         return node.actions[action]
 
-    def _options(self, state: State) -> list[Action]:
+    def _in_order(self, state: State) -> list[Action]:
         """Return the actions to search, first what the policy says, and the others by lot."""
         rest, draw = list(self._search.settings.actions(state)), state["draw"]
         actions = [rest.pop(draw.below(len(rest))) for _ in range(len(rest))]
         self._policy(state)
         return _policy_first(actions, state.pop("action", None))
+
+
+def _options(settings: _Settings, state: State) -> list[Action]:
+    """Return the actions to search, of which there has to be one.
+
+    Raises:
+        BadType, BadValue: there is none.
+    """
+    actions = as_items(settings.actions(state), "What actions(state) returns", "actions")
+    if actions:
+        return actions
+    name = shown(state.get("name"))
+    if settings.actions is _legal:
+        raise BadValue(
+            f"mcts has no action to choose for agent {name}: it searches state['legal'], which agents that fly do not "
+            "have. Give actions=, a function of the state."
+        )
+    raise BadValue(f"actions(state) returns no action for agent {name}: return at least one, such as state['legal'].")
 
 
 def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Action]:
@@ -437,16 +457,10 @@ class _Search:
             states, seed=settings.seed, rollout=settings.rollout, opponents=settings.opponents, **settings.options
         )
         self._own: dict[str, dict[Key, _Node]] = {name: {} for name in self._model.states}
-        self.preferred: dict[str, Action | None] = {}
         self._actions: dict[str, list[Action]] = {}
         preferred = self._model.decide()
         for name, state in self._model.states.items():
-            actions = list(settings.actions(state))
-            if not actions:
-                raise BadValue(
-                    f"mcts has no action to choose for agent {name!r}: it searches state['legal'], which agents that "
-                    "fly do not have. Give actions=, a function of the state."
-                )
+            actions = _options(settings, state)
             self._actions[name] = _policy_first(actions, preferred[name])
             self._own[name][()] = root = _Node()
             root.offer(self._actions[name])

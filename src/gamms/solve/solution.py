@@ -486,7 +486,7 @@ def rewards_of(table: Table, reward: Reward, discount: float, of: str) -> Reward
     usual = sign * _rewards(table, table.usual, reward, of)
     last = None if table.last is None else sign * _rewards(table, table.last, reward, of)
     if not usual.any() and (last is None or not last.any()):
-        why = {"score": "no rule gives points", "win": "no turn ends with a winner"}.get(str(reward), "it is always 0")
+        why = {"score": "no turn gives points", "win": "no turn ends with a winner"}.get(str(reward), "it is always 0")
         raise BadValue(
             f"With reward={shown(reward)} all play is worth 0, because {why}: give another of {REWARDS}, or a function."
         )
