@@ -105,7 +105,7 @@ def test_what_is_impossible_changes_nothing(ctx):
     with pytest.raises(UnknownName, match=r"Unknown sensor 'nearr'. Did you mean 'near'\?"):
         ctx.agent.create_team("blue", [0, 1], sensors=["nearr"])
     with pytest.raises(UnknownName, match="nearr"):
-        ctx.agent.create_agent("blue", start_node_id=0, sensors={"eyes": "nearr"})
+        ctx.agent.create_team("blue", [0, 1], sensors={"eyes": "nearr"})
     assert list(ctx.agent.agents) == ["red_1"]
 
 

@@ -385,7 +385,7 @@ class AgentEngine(Guarded, IAgentEngine):
                     self._ctx.sensor.get_sensor(sensor) if is_id else sensor
                 )
             except KeyError as error:
-                if is_dict or not skips_unknown:
+                if not skips_unknown:
                     raise
                 self._ctx.logger.warning(f"Agent {shown(name)} goes without a sensor: {error}")
         return found
