@@ -27,6 +27,19 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(rules, same_as_one_b
     same_as_one_by_one(scene(rules), [3, 4, 5, 6, 3])
 
 
+@pytest.mark.parametrize("name", ["grid_tag", "helsinki_pursuit"])
+def test_what_functions_of_gamms_make_of_parameters_is_the_same_in_all_games(name, same_as_one_by_one):
+    same_as_one_by_one(gamms.scenario.from_gallery(name).replace(max_turns=30), [3, 4, 5])
+
+
+def test_what_a_function_of_the_user_makes_of_parameters_is_made_for_each_game(tmp_path):
+    (tmp_path / "mine.py").write_text("def one_of(ctx):\n    return ctx.graph.place(1)\n")
+    goal = {"rule": "arrive", "with": {"team": "red", "nodes": {"function": "mine:one_of"}}}
+    made = Scenario(**{**scene([goal]).to_dict(), "folder": tmp_path})
+    with made.batch(2) as games:
+        assert games.slow == "rules.0.with.nodes, which a function makes for each game"
+
+
 def test_a_batch_of_one_is_the_same_as_that_game_in_a_large_batch():
     scenario = scene([TAG])
     with scenario.batch(30, seed=7) as many, scenario.batch(1, seed=20) as one:

@@ -29,6 +29,7 @@ from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
 
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
+_SEEDLESS = ("gamms.strategies:", "gamms.rules:", "gamms.rules.")  # what these make does not depend on the seed
 
 
 class Scenario:
@@ -304,8 +305,9 @@ class Scenario:
             TooLarge: the games would not fit into memory; the message says what they need.
         """
         chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
-        values = [code.path for code in code_in(self.spec) if code.what == "value" and code.keys[0] != "map"]
-        reason = f"{values[0]}, which a function makes for each game" if values else None
+        values = [one for one in code_in(self.spec) if one.what == "value" and one.keys[0] != "map"]
+        varying = next((one.path for one in values if not one.reference.startswith(_SEEDLESS)), None)
+        reason = None if varying is None else f"{varying}, which a function makes for each game"
         reason = "one_by_one=True" if as_bool(one_by_one, "one_by_one") or vis_engine is not None else reason
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
         ctx = self.build(chosen[0], strategies, vis_engine)
