@@ -38,9 +38,16 @@ def play(ctx, answer, turns=1):
                 if is_new:
                     found.append(answer(people, name, question))
 
-    seen, lock = set(), Lock()
-    people.changed.append(lambda: Thread(target=on_change, daemon=True).start())
-    return ctx.game.run(turns), found
+    def look():
+        answering.append(Thread(target=on_change, daemon=True))
+        answering[-1].start()
+
+    seen, lock, answering = set(), Lock(), []
+    people.changed.append(look)
+    result = ctx.game.run(turns)
+    for thread in answering:  # the game may end before the last of them has noted what it answered
+        thread.join(10.0)
+    return result, found
 
 
 def going_to(*nodes):
