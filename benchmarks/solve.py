@@ -27,7 +27,7 @@ from gamms.solve.table import explore
 CASES = ((2, 1), (2, 2), (2, 4), (3, 4), (5, 10))  # side of the grid, turns
 SIDES = (6, 10, 14, 20, 28)  # of large grids
 _BRUTE = ((2, 2), (2, 4), (3, 4), (4, 5))
-_ORACLES = CASES[:3]
+_ORACLES = CASES[:2]  # best responses search behaviour strategies of whole games: minutes with four turns
 _CFR = CASES[:2]  # OpenSpiel plays all histories, of which there are 100 times as many with each further turn
 _MATRICES = CASES[:1]
 _ITERATIONS = 200
