@@ -114,7 +114,7 @@ class ArrayEngine:
         if len(self._grounds) > 1:
             return f"agent {named} comes in a batch in which roads are closed"
         if agent.name not in self._kinds:
-            why = next(why_not_decided(game, [agent]), None)
+            why = next((why for _, why in why_not_decided(game, [agent])), None)
             if why is None and agent.team in self._teams_asked:
                 why = "a team that is asked agent by agent"
             if why is not None:
@@ -498,27 +498,27 @@ def why_not_in_arrays(game: PlayedGame, num_games: int) -> str | None:
     return next((why for why in found if why is not None), None)
 
 
-def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[str]:
-    """Yield what of the strategies and sensors of agents has no array form, in words."""
+def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tuple[IAgent, str]]:
+    """Yield agents, and what of their strategies and sensors has no array form, in words."""
     settings = game.settings()
     by_metres, plans = settings["speed_unit"] != "edges", settings["plans"]
     speeds = SPEEDS[-1] if by_metres else SPEEDS[any(agent.speed is not None for agent in game.agents)]
     deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
     for agent, one in deciders:
         if form_of(one) is None:
-            yield f"the {_kind_of(agent, plans)} {as_code(one)}"
+            yield agent, f"the {_kind_of(agent, plans)} {as_code(one)}"
         if getattr(form_of(one), MAY_SKIP, False):
-            yield f"{as_code(one)}, which may set no action"
+            yield agent, f"{as_code(one)}, which may set no action"
         if not _fits(one, speeds):
-            yield f"{as_code(one)}, with speeds in {speeds}"
+            yield agent, f"{as_code(one)}, with speeds in {speeds}"
         if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
-            yield f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
+            yield agent, f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
         for name, sensor in () if getattr(form_of(one), IS_BLIND, False) else getattr(agent, "sensors", {}).items():
             why = why_not_seen(agent, name)
             if why is not None:
-                yield why
+                yield agent, why
             if by_metres and not sees_from_edges(sensor, agent):
-                yield f"the sensor {name!r} of agent {agent.name!r}, from edges"
+                yield agent, f"the sensor {name!r} of agent {agent.name!r}, from edges"
 
 
 def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
@@ -527,10 +527,8 @@ def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
     These are all agents of a team, because they share a memory.
     """
     found: dict[Hashable, str] = {}
-    for agent in game.agents:
-        why = next(why_not_decided(game, [agent]), None)
-        if why is not None:
-            found.setdefault(agent.team, why)
+    for agent, why in why_not_decided(game, game.agents):
+        found.setdefault(agent.team, why)
     return found
 
 
