@@ -90,7 +90,7 @@ def machine() -> dict[str, object]:
         "processor": models[0].partition(":")[2].strip() if models else platform.processor(),
         "cores": os.cpu_count(),
         "load": os.getloadavg() if hasattr(os, "getloadavg") else None,
-        "system": platform.platform(),
+        "system": f"{platform.system()} {platform.machine()}",
         "python": platform.python_version(),
         "commit": commit.stdout.strip() or None,
         "libraries": {one.name: one.version for one in sorted(distributions(), key=lambda one: one.name.lower())},
