@@ -64,6 +64,30 @@ def test_a_step_of_an_agent_makes_few_calls(ctx):
     assert calls / (TURNS * AGENTS) <= 10.2  # 9.25
 
 
+def test_making_a_batch_lists_its_agents_as_often_for_many_as_for_few():
+    assert listings_of_agents(40) == listings_of_agents(10)
+
+
+def listings_of_agents(agents):
+    """Count how often the agents of a game are listed while a batch of it is made."""
+    ctx, code, listed = gamms.create_context(seed=1), gamms.game.Game.agents.fget.__code__, 0
+    ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+    ctx.agent.create_team("red", [0] * agents, strategy=gamms.strategies.random_walk)
+
+    def count(frame, event, _argument):
+        nonlocal listed
+        listed += event == "call" and frame.f_code is code
+
+    sys.setprofile(count)
+    try:
+        batch = ctx.game.batch(1)
+    finally:
+        sys.setprofile(None)
+    batch.close()
+    ctx.terminate()
+    return listed
+
+
 def test_a_turn_allocates_little_and_keeps_little(ctx):
     tracemalloc.start()
     try:
