@@ -29,7 +29,7 @@ class Idle:
         self._timer: asyncio.TimerHandle | None = None
 
     def opened(self, client: Client, end: Callable[[], object]) -> None:
-        """Hear of a new connection, and what ends it."""
+        """Note a new connection, and what ends it; end another one if there are too many."""
         self._quiet[client] = monotonic(), end
         if len(self._quiet) > self._most:
             counts = Counter(host for host, _ in self._quiet)
@@ -38,18 +38,18 @@ class Idle:
         self._look_later()
 
     def asks(self, client: Client) -> None:
-        """Hear that one asks for something."""
+        """Note that a request has begun."""
         if (known := self._quiet.pop(client, None)) is not None:
             self._busy[client] = monotonic(), known[1]
 
     def answered(self, client: Client) -> None:
-        """Hear that one has its answer."""
+        """Note that a request was answered."""
         if (known := self._busy.pop(client, None)) is not None:
             self._quiet[client] = monotonic(), known[1]
             self._look_later()
 
     def gone(self, client: Client) -> None:
-        """Hear that one is closed, or is not to be ended any more."""
+        """Forget a connection, which is closed or is not to be ended any more."""
         self._quiet.pop(client, None)
         self._busy.pop(client, None)
 
@@ -72,7 +72,7 @@ class Idle:
 
 
 class Watched(asyncio.Protocol):
-    """A connection as its protocol handles it, until that hands it to another one; `Idle` hears of it.
+    """A connection as its protocol handles it, until that hands it to another one; `Idle` notes what it does.
 
     Args:
         protocol: handles it.
