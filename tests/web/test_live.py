@@ -35,7 +35,7 @@ HUNT = scenario.Scenario(
 
 
 class Client:
-    """A client that has joined by a link: `bytes` is the recording that it was sent, `received` its messages."""
+    """A client that has joined by a link: `bytes` is the recording that it was sent, `told` its messages."""
 
     def __init__(self, link):
         from websockets.sync.client import connect
@@ -43,7 +43,7 @@ class Client:
         address, _, token = link.partition("#")
         url = address.replace("http", "ws") + "live"
         self.socket = connect(url, proxy=None, max_size=None, legacy=True, close_timeout=1)
-        self.bytes, self.received = b"", []
+        self.bytes, self.told = b"", []
         self.say(token=token)
 
     def say(self, **message):
@@ -54,7 +54,7 @@ class Client:
         while not until(self):
             found = self.socket.recv(timeout=seconds)
             if isinstance(found, str):
-                self.received.append(json.loads(found))
+                self.told.append(json.loads(found))
             else:
                 self.bytes = found if found.startswith(b"MMGR") else self.bytes + found
 
@@ -120,8 +120,8 @@ def test_only_the_admin_link_steps_and_pauses(join):
         admin, spectator = join(live.links["admin"]), join(live.url)
         for message in ({"type": "step"}, {"type": "pause", "paused": False}, {"type": "restart"}):
             spectator.say(**message)
-            spectator.read(lambda client: client.received and client.received[-1]["type"] == "refused")
-            spectator.received.clear()
+            spectator.read(lambda client: client.told and client.told[-1]["type"] == "refused")
+            spectator.told.clear()
         assert live.streams.turns == 0
         admin.say(type="step")
         assert spectator.read_turns(1).turns == 1
@@ -182,13 +182,13 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
     with web.serve(HUNT, speed=None) as live:
         first = live.wait(10)
         admin = join(live.links["admin"])
-        admin.read(lambda client: client.received)
-        known = {one["path"]: one for one in admin.received[0]["numbers"]}
+        admin.read(lambda client: client.told)
+        known = {one["path"]: one for one in admin.told[0]["numbers"]}
         assert known["teams.red.count"]["value"] == 2
         for wrong in ({"teams.red.count": 10**9}, {"teams.red.count": "7"}, {"map.grid.width": 3}, [], {"seed": 5}):
-            admin.received.clear()
+            admin.told.clear()
             admin.say(type="restart", numbers=wrong)
-            admin.read(lambda client: any(one["type"] == "refused" for one in client.received))
+            admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
         assert live.wait(0.0) is first
         admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})
         admin.read(lambda client: client.recording().turns == 12)
@@ -203,7 +203,7 @@ def test_the_game_begins_again_when_its_file_changes(join, tmp_path):
         assert live.wait(10).turns == 40
         watcher = join(live.links["admin"])
         path.write_text("{")
-        watcher.read(lambda client: client.received and client.received[-1]["error"])
+        watcher.read(lambda client: client.told and client.told[-1]["error"])
         path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 7}))
         watcher.read(lambda client: client.bytes and client.recording().turns == 7)
         assert live.wait(10).turns == 7
@@ -217,7 +217,7 @@ def test_a_program_that_opens_a_window_else_serves_its_turns(join):
         anna = ctx.agent.create_agent("anna", start_node_id=0, sensors=["next"], team="red")
         assert "red" in ctx.visual.live.links
         client, nodes = join(ctx.visual.live.url), []
-        client.read(lambda client: client.received)
+        client.read(lambda client: client.told)
         for _ in range(20):
             state = anna.get_state()
             state["action"] = state["sensor"]["next"][1][-1]
@@ -262,7 +262,7 @@ def test_a_token_that_is_not_known_opens_nothing(paused, join):
     for link in (paused.url[:-1] + "!", paused.url.partition("#")[0] + "#", paused.url + "a" * 1000):
         client = join(link)
         with pytest.raises(ConnectionClosed) as closed:
-            client.read(lambda client: client.received or client.bytes)
+            client.read(lambda client: client.told or client.bytes)
         assert closed.value.rcvd.code == 4401
 
 
@@ -436,8 +436,8 @@ def test_players_and_admins_come_in_where_all_places_of_spectators_are_taken(joi
             join(live.url).read(lambda client: client.bytes)
         assert closed.value.rcvd.code == 1013
         admin = join(live.links["admin"])
-        admin.read(lambda client: client.received)
-        assert admin.received[0]["control"]
+        admin.read(lambda client: client.told)
+        assert admin.told[0]["control"]
 
 
 def test_a_call_whose_body_does_not_come_is_ended(tmp_path, monkeypatch):

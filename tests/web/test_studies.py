@@ -290,6 +290,15 @@ def test_neither_of_a_pair_may_choose_for_the_other(tmp_path):
             player.socket.close()
 
 
+@pytest.mark.parametrize("name", ["study.jsonl", "rows.jsonl", "participants.jsonl"])
+@pytest.mark.parametrize("line", ["{", "[]", '{"odd": 1}', '{"group": 3, "played": 1, "attempt": 1}'])
+def test_a_damaged_line_of_the_folder_is_named(tmp_path, name, line):
+    begun(tmp_path).close()
+    (tmp_path / name).write_text(line + "\n")
+    with pytest.raises(ValueError, match=r"Line 1 of .* is damaged|holds another study"):
+        begun(tmp_path)
+
+
 def test_impossible_studies_are_refused_before_they_begin(tmp_path):
     for wrong in ({"codes": 3}, {"codes": "P1"}, {"people": 3}, {"people": [3]}):
         with pytest.raises(TypeError, match=next(iter(wrong))):

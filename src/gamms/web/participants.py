@@ -16,6 +16,7 @@ from typing import Any
 from gamms import kernels
 from gamms.errors import BadFile
 from gamms.plain import Plain
+from gamms.text import reason, shown
 from gamms.web.links import Refused
 from gamms.web.live import Live
 from gamms.web.server import Json
@@ -97,8 +98,11 @@ class Participants:
         self._seed, self._partner_within = seed, partner_within
         self.by_code: dict[str, Participant] = {}
         self.groups: list[Group] = []
-        for line in read_lines(file):
-            self._apply(line)
+        for place, line in enumerate(read_lines(file), 1):
+            try:
+                self._apply(line)
+            except (KeyError, IndexError, TypeError):
+                raise _damaged(file, place, shown(line)) from None
 
     def _apply(self, line: Line) -> None:
         """Take what a line of the file says."""
@@ -183,11 +187,15 @@ def _digest(secret: str) -> str:
     return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
-def read_lines(file: Path) -> list[Line]:
+def read_lines(file: Path, *keys: str) -> list[Line]:
     """Return the lines of a file; one that has no end, where the program was killed, is cut off.
 
+    Args:
+        file: of JSON lines.
+        keys: that each of them has.
+
     Raises:
-        BadFile: one of them is no JSON.
+        BadFile: one of them is no JSON object, or has not all of these keys.
     """
     if not file.exists():
         return []
@@ -196,10 +204,20 @@ def read_lines(file: Path) -> list[Line]:
     if whole < len(data):
         with file.open("r+b") as torn:
             torn.truncate(whole)
-    try:
-        return [json.loads(line) for line in data[:whole].splitlines()]
-    except ValueError as error:
-        raise BadFile(f"{str(file)!r} is damaged: {error}. Give another folder as out.") from None
+    lines: list[Line] = []
+    for number, text in enumerate(data[:whole].splitlines(), 1):
+        try:
+            line = json.loads(text)
+        except ValueError as error:
+            raise _damaged(file, number, reason(error)) from None
+        if not isinstance(line, dict) or not line.keys() >= set(keys):
+            raise _damaged(file, number, shown(line))
+        lines.append(line)
+    return lines
+
+
+def _damaged(file: Path, number: int, why: str) -> BadFile:
+    return BadFile(f"Line {number} of {str(file)!r} is damaged: {why}. Give another folder as out.")
 
 
 def add_lines(file: Path, lines: Iterable[Mapping[str, Plain]]) -> None:

@@ -426,7 +426,7 @@ class Study:
             )
         if not before:
             add_lines(self.folder / "study.jsonl", [about])
-        self._rows = read_lines(self.folder / "rows.jsonl")
+        self._rows = read_lines(self.folder / "rows.jsonl", "participant")
         counts = Counter(row["participant"] for row in self._rows)
         known = Participants(
             self.folder / "participants.jsonl",
