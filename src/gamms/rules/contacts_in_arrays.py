@@ -44,6 +44,8 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
         theirs: likewise.
         nearness: what counts as a contact.
     """
+    is_searched = _may_meet_on_paths(turn, ours, theirs, nearness)
+    games, turn = np.flatnonzero(is_searched), turn if is_searched.all() else turn.of(is_searched)
     met = _met_on_edges(turn, ours, theirs, nearness) if turn.paths is None else []
     if turn.paths is not None:
         met = _met_on_paths(turn, turn.paths, (ours, theirs), nearness)
@@ -54,7 +56,18 @@ def found_in_arrays(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness:
     order = order[(a != b)[order]]
     if turn.paths is not None and turn.paths.legs is not None:
         order = order[_are_first(at[order], a[order], b[order], times[order])]
-    return ArrayContacts(*(part[order] for part in (at, a, b, *parts[6:])))
+    return ArrayContacts(games[at[order]], *(part[order] for part in (a, b, *parts[6:])))
+
+
+def _may_meet_on_paths(turn: ArrayTurn, ours: IntArray, theirs: IntArray, nearness: Nearness) -> BoolArray:
+    """Return in which games agents may meet, (games,): where few pass nodes, those where two pass the same one."""
+    paths, pairs = turn.paths, len(ours) * len(theirs)
+    if paths is None or paths.legs is not None or nearness.unit is not None or not 0 < pairs <= _FEW:
+        return np.ones(len(turn.games), np.bool_)
+    passed = np.concatenate((paths.nodes, turn.node[..., None]), axis=-1)
+    left, right = (passed[:, side].reshape(len(passed), -1) for side in (ours, theirs))
+    found: BoolArray = (left[:, :, None] == right[:, None]).any(axis=(1, 2))
+    return found
 
 
 def may_meet(us: Hashable, them: Hashable, nearness: Nearness, turn: DeviceTurn) -> Tensor:
