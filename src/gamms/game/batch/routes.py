@@ -57,6 +57,9 @@ class RouteTable:
     def __init__(self, streets: Streets, weight: str | None) -> None:
         self._streets, self._arcs = streets.apart(), streets.ways_to(weight)
         sources = np.repeat(np.arange(len(streets.counts)), np.diff(self._arcs.offsets))
+        x, y = streets.axes
+        straight = np.hypot(x[self._arcs.ends] - x[sources], y[self._arcs.ends] - y[sources]).sum()
+        self._slope = float(self._arcs.weights.sum() / straight) if straight > 0.0 else 1.0  # of ways, on average
         self._action_of = np.append(streets.action_to(self._arcs.ends, sources), 0)  # the last one: at the target
         nodes, most = len(streets.counts), int(streets.counts.max(initial=1))
         narrow = np.dtype(np.uint16 if nodes < _SHORT else np.int32)
@@ -211,7 +214,7 @@ class RouteTable:
         for level, detour in enumerate(_DETOURS):
             wanted = np.flatnonzero(self._level[ends] < level)
             targets = np.unique(ends[wanted[self._lack(starts[wanted], ends[wanted], with_hops=with_hops)]])
-            cutoff = np.inf if detour == np.inf else detour * float(self._span[targets].max(initial=0.0))
+            cutoff = np.inf if detour == np.inf else detour * self._slope * float(self._span[targets].max(initial=0.0))
             if not self._add(targets, cutoff, level):
                 return False
         return True
