@@ -22,9 +22,9 @@ _ENDLESS = AIMS  # edges: more than any way has
 class ByEdges(Movement):
     """Agents that go along several edges in a turn, or parts of one, by their speeds in edges.
 
-    A choice is what `Legality.reachable` returns: for a speed, an entry of `streets.targets` (where an agent is, and
-    the neighbour to which it has covered part of the edge, or itself), and what that part adds. Choices are found
-    when they are first asked for.
+    A choice is what `Legality.reachable` returns: without a speed that of the node where an agent is, which has its
+    number; for a speed, an entry of `streets.targets` (where the agent is, and the neighbour to which it has covered
+    part of the edge, or itself), and what that part adds. Those are found when they are first asked for.
 
     Args:
         streets: of the map.
@@ -60,18 +60,30 @@ class ByEdges(Movement):
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the numbers of the choices of agents that are on these nodes."""
-        agents = which[1]
-        speed, begun = self._speeds[agents], self.begun[which]
-        more = np.floor(edges_within(speed + self.covered[which])) - np.floor(edges_within(speed))
+        is_paced = self._is_paced[which[1]]
+        if not is_paced.any():
+            return node
+        found, paced = node.copy(), np.nonzero(np.broadcast_to(is_paced, node.shape))
+        games, agents = (np.broadcast_to(one, node.shape)[paced] for one in which)
+        found[paced] = self._choices_by_speed(node[paced], games, agents)
+        return found
+
+    def _choices_by_speed(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
+        speed, begun = self._speeds[agents], self.begun[games, agents]
+        more = np.floor(edges_within(speed + self.covered[games, agents])) - np.floor(edges_within(speed))
         kind = self._kind_of[agents] * _REACHES + np.where(begun > 0, more, 0).astype(np.int64)
         keys = kind * len(self.streets.targets) + self.streets.offsets[node] + begun
         found: IntArray = self._number[keys]
         if (found < 0).any():
-            if self._used > _MOST_KNOWN:
+            if self._used > len(self.streets.targets) + _MOST_KNOWN:
                 self._forget()
             self._learn(np.unique(keys[self._number[keys] < 0]))
             found = self._number[keys]
         return found
+
+    def are_plain(self, agents: IntArray) -> bool:
+        """Whether none of some agents has a speed."""
+        return not self._is_paced[agents].any()
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
@@ -84,8 +96,8 @@ class ByEdges(Movement):
 
     def _forget(self) -> None:
         self._number[:] = -1
-        self._first, self._count = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self._flat, self._used = np.zeros(0, np.int64), 0
+        self._first, self._count = self.streets.offsets[:-1], self.streets.counts
+        self._flat, self._used = self.streets.targets, len(self.streets.targets)
 
     def _learn(self, keys: IntArray) -> None:
         """Find these choices."""
@@ -171,16 +183,16 @@ class ByEdges(Movement):
         choices = self.choices(node, (games[:, None], agents))
         is_aim = actions >= AIMS
         targets = np.where(is_aim, actions % AIMS, self.nodes(choices, np.where(is_aim, 0, actions)))
-        goes = np.nonzero(targets != node)
+        goes = np.nonzero((targets != node) & self._is_paced)
         by_hops = ~is_aim[goes]
         aims = np.flatnonzero(~by_hops)
         those = goes[0][aims], goes[1][aims]
         by_hops[aims] = self.action_to(choices[those], targets[those]) >= 0
         limit = np.where(by_hops, _ENDLESS, actions[goes] // AIMS - 2)
         limit[limit < 0] = _ENDLESS
-        way = _Way(node[goes], targets[goes], limit, self._is_paced[goes[1]])
-        self._set_off(way, by_hops, self.begun[games][goes], self.covered[games][goes], self._speeds[goes[1]])
-        return self._gone(node, goes, way)
+        way, those = _Way(node[goes], targets[goes], limit), (games[goes[0]], goes[1])
+        self._set_off(way, by_hops, self.begun[those], self.covered[those], self._speeds[goes[1]])
+        return self._gone(node, targets, goes, way)
 
     def _set_off(
         self, way: "_Way", by_hops: BoolArray, begun: IntArray, covered: FloatArray, speed: FloatArray
@@ -188,18 +200,18 @@ class ByEdges(Movement):
         """Follow ways for a turn: by the number of edges, or by their lengths."""
         tables = {True: self.routes(None), False: self.routes("length")}
         ahead = np.where(begun > 0, self.streets.step(way.here, begun), -1)
-        first = way.targets.copy()  # of those that go along one edge
+        first, is_next = way.targets.copy(), by_hops & (self.streets.action_to(way.here, way.targets) >= 0)
         for is_short, table in tables.items():
-            some = np.flatnonzero(way.is_paced & (by_hops == is_short))
+            some = np.flatnonzero(~is_next & (by_hops == is_short))
             first[some] = table.following(way.here[some], way.targets[some])
         other = np.flatnonzero(by_hops & (ahead >= 0) & (ahead != first))
         on = 1.0 - covered[other] + tables[True].distances(ahead[other], way.targets[other])
         on_first = other[on <= tables[True].distances(way.here[other], way.targets[other])]
         first[on_first] = ahead[on_first]
-        budget = np.where(way.is_paced, speed + np.where(first == ahead, covered, 0.0), 1.0)
+        budget = speed + np.where(first == ahead, covered, 0.0)
         most = np.minimum(np.floor(edges_within(budget)), way.limit).astype(np.int64)
-        nodes, node = [way.here], way.here.copy()
-        for edge in range(int(most.max(initial=0)) + 1):
+        nodes, node = [way.here], way.here
+        for edge in range(int(most.max(initial=1)) + 1):
             goes_on = np.flatnonzero((node != way.targets) & (edge <= most))
             ahead = node.copy() if edge else first
             for is_short, table in tables.items() if edge else ():
@@ -214,14 +226,14 @@ class ByEdges(Movement):
             way.ahead[stops] = ahead[stops]
         way.nodes = np.stack(nodes, axis=-1)
         left = budget - way.edges
-        way.share = np.where((way.edges < way.limit) & way.is_paced & (left > SLACK) & (left < 1.0), left, 0.0)
+        way.share = np.where((way.edges < way.limit) & (left > SLACK) & (left < 1.0), left, 0.0)
 
-    def _gone(self, node: IntArray, goes: tuple[IntArray, ...], way: "_Way") -> Moves:
-        """Return ways as moves of all agents."""
+    def _gone(self, node: IntArray, targets: IntArray, goes: tuple[IntArray, ...], way: "_Way") -> Moves:
+        """Return moves of all agents: ways of some, the others along one edge or none."""
         most = way.nodes.shape[-1]
-        nodes = np.repeat(node[..., None], most, axis=-1)
-        lengths, begun, covered = np.ones(node.shape, np.int64), np.zeros(node.shape, np.int64), np.zeros(node.shape)
-        nodes[goes], lengths[goes] = way.nodes, way.edges + 1
+        nodes, lengths = np.repeat(targets[..., None], most, axis=-1), np.where(targets == node, 1, 2)
+        nodes[..., 0], nodes[goes], lengths[goes] = node, way.nodes, way.edges + 1
+        begun, covered = np.zeros(node.shape, np.int64), np.zeros(node.shape)
         at_end = way.nodes[:, -1]
         on = np.flatnonzero((way.share > 0.0) & (way.ahead >= 0) & (way.ahead != at_end))
         those = goes[0][on], goes[1][on]
@@ -254,19 +266,18 @@ class ByEdges(Movement):
 
 
 class _Way:
-    """Where agents go in a turn, (agents,).
+    """Where agents with speeds go in a turn, (agents,).
 
     Attributes:
         here, targets: rows of nodes.
         limit: how many edges they go at most.
-        is_paced: which have a speed.
         edges: how many edges they go.
         nodes: (agents, most) the rows of the nodes that they pass.
         ahead: the node that comes next on the way; -1: none.
         share: how much of the edge to it they cover.
     """
 
-    def __init__(self, here: IntArray, targets: IntArray, limit: IntArray, is_paced: BoolArray) -> None:
-        self.here, self.targets, self.limit, self.is_paced = here, targets, limit, is_paced
+    def __init__(self, here: IntArray, targets: IntArray, limit: IntArray) -> None:
+        self.here, self.targets, self.limit = here, targets, limit
         self.edges, self.ahead = np.zeros(len(here), np.int64), np.full(len(here), -1)
         self.nodes, self.share = here[:, None], np.zeros(len(here))

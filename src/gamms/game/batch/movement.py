@@ -274,6 +274,10 @@ class Movement:
         """
         return node
 
+    def are_plain(self, agents: IntArray) -> bool:
+        """Whether to some agents, by their numbers in the roster, the own node and its neighbours are legal."""
+        return self.is_plain
+
     def ends(self, moves: Moves) -> tuple[IntArray | None, IntArray]:
         """Return the places where moves begin and end, as conflicts compare them; None: at the nodes of the agents."""
         return None, moves.ends

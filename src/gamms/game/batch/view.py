@@ -398,7 +398,7 @@ class ArrayView(Mapping[str, Any]):
     def encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere."""
         shared, movement = self._state.shared, self.movement
-        width, is_plain = movement.width if actions is None else actions, movement.is_plain
+        width, is_plain = movement.width if actions is None else actions, movement.are_plain(self.agents)
         key = "encoder", others, width, is_plain
         if key not in shared:
             shared[key] = Encoder(self.streets, others, width, is_plain=is_plain)
