@@ -415,10 +415,10 @@ def _signature(node: ast.FunctionDef, name: str, module: str) -> str:
 
 def _directive(kind: str, head: str, docs: str, options: list[str], inner: str = "") -> str:
     fence = ":" * (6 if kind in {"py:class", "py:module"} and inner else 4)
-    first, *others = head.splitlines()
-    heads = "\n".join([first, *(f"   {one}" for one in others)])
+    *others, last = head.splitlines()  # a directive of MyST has one signature: the last one gets the text
+    heads = [part for one in others for part in (f"::::{{{kind}}} {one}", *options, ":no-index:", "::::", "")]
     body = "\n\n".join(part for part in (markdown_of(docs), inner.strip()) if part)
-    return "\n".join([f"{fence}{{{kind}}} {heads}", *options, "", body, fence, ""])
+    return "\n".join([*heads, f"{fence}{{{kind}}} {last}", *options, "", body, fence, ""])
 
 
 def markdown_of(docs: str) -> str:
