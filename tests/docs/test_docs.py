@@ -7,6 +7,7 @@ examples' `.out` and these pictures again.
 
 import logging
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -81,6 +82,14 @@ def test_every_page_can_be_reached_from_the_index():
     shown = [page for page in PAGES if page.is_relative_to(DOCS) and page.parent != pages.EXAMPLES]
     missing = [pages.name_of(page) for page in shown if page not in reached]
     assert not missing, f"no way leads from docs/index.md to {missing}"
+
+
+def test_one_line_installs_the_extras_of_all_tutorials():
+    install = re.compile(r'pip install "\.\[([\w,-]+)\]"')
+    chapters = sorted((DOCS / "tutorials").glob("[1-9]_*.md"))
+    named = {one for page in chapters for extras in install.findall(page.read_text()) for one in extras.split(",")}
+    shown = set(install.search((DOCS / "tutorials/index.md").read_text())[1].split(","))
+    assert {"accel", "osm", "rl", "web"} <= shown == named - {"train"}, "training has an extra of its own"
 
 
 def test_every_old_import_path_is_on_the_page_about_compatibility():

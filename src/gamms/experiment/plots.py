@@ -30,7 +30,7 @@ def plot(x: str, y: str, hue: str | None, series: dict[Any, list[tuple[Any, Inte
     try:
         import matplotlib.pyplot as plt
     except ImportError:
-        raise MissingExtra("plot", "plot") from None
+        raise MissingExtra("A plot", "plot") from None
     axes: Axes = plt.subplots(layout="constrained")[1] if ax is None else ax
     places = list(dict.fromkeys(at for points in series.values() for at, _ in points))
     is_number = all(isinstance(at, (int, float)) and not isinstance(at, bool) for at in places)

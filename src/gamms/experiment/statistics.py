@@ -196,5 +196,5 @@ def _stats() -> Any:
     try:
         import scipy.stats
     except ImportError:
-        raise MissingExtra("Intervals and samples", "accel") from None
+        raise MissingExtra("An interval or a sample", "accel") from None
     return scipy.stats

@@ -124,7 +124,7 @@ class Table:
         try:
             from openskill.models import PlackettLuce
         except ImportError:
-            raise MissingExtra("Ratings", "tournament") from None
+            raise MissingExtra("A rating", "tournament") from None
         model = PlackettLuce()
         known = {name: model.rating(name=name) for name in self.entries}
         places = {seed: place for place, seed in enumerate(dict.fromkeys(row["seed"] for row in self.rows))}
