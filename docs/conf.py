@@ -8,6 +8,7 @@ made by the code of the pages that show them.
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 from pathlib import Path
@@ -42,6 +43,11 @@ toc_object_entries_show_parents = "hide"
 add_module_names = False
 python_use_unqualified_type_names = True
 
+_STILL = re.compile(r"^!\[([^\]]*)\]\((figures/gallery/(\w+)\.png)\)$", re.MULTILINE)  # of a game of the gallery
+_PLAYING = (
+    "```{image} \\2\n:alt: \\1\n:target: _replays/gallery/\\3.html\n```\n\n"
+    '```{raw} html\n<p><a href="_replays/gallery/\\3.html">Play it in this browser</a></p>\n```'
+)
 _FRAME = (
     '```{{raw}} html\n<iframe class="replay" src="{to_root}_replays/{name}" title="Replay of a game" loading="lazy">'
     "</iframe>\n```"
@@ -70,6 +76,7 @@ def complete(_: Sphinx, docname: str, source: list[str]) -> None:
         source[0] += "".join(toctree_of(page, heading, linked) for heading, linked in pages.contents_of(page))
     to_root = "../" * docname.count("/")
     source[0] = pages.LINK.sub(lambda match: _within(page, match), source[0])
+    source[0] = _STILL.sub(_PLAYING, source[0])
     source[0] = pages.REPLAY.sub(lambda match: _FRAME.format(to_root=to_root, name=f"{docname}/{match[1]}"), source[0])
 
 
@@ -91,9 +98,16 @@ def toctree_of(page: Path, heading: str, linked: list[Path]) -> str:
 
 
 def make_replays(app: Sphinx, exception: Exception | None) -> None:
-    """Run the code of the pages that show replays, and put these beside the pages that show them."""
+    """Run the code of the pages that show replays, and put these beside the pages that show them.
+
+    The games of the gallery are played once for a folder of the site: `make clean` lets them be played again.
+    """
     if exception is not None or app.builder.name != "html":
         return
+    games = Path(app.outdir, "_replays", "gallery")
+    if not (games / "index.html").exists():
+        command = [sys.executable, "-m", "gamms", "gallery", "--page", str(games)]
+        subprocess.run(command, check=True, stdout=subprocess.DEVNULL)  # noqa: S603 - our own command
     here = Path.cwd()
     for page in sorted(DOCS.rglob("*.md")):
         names = pages.REPLAY.findall(page.read_text(encoding="utf-8"))

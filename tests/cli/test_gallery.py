@@ -3,6 +3,7 @@
 import json
 import os
 import re
+import sys
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -67,6 +68,17 @@ def test_a_page_has_a_picture_that_opens_the_replay(folder):
     assert "http" not in page, "it is for reading offline"
     assert (folder / "games/people_and_machines.png").stat().st_size < 60_000
     assert (folder / "games/people_and_machines.html").stat().st_size > 100_000
+
+
+def test_a_page_leaves_out_a_game_whose_library_is_missing(folder, monkeypatch):
+    chosen = {name: file for name, file in scenario.gallery().items() if name in {"language_model", "perimeter"}}
+    monkeypatch.setattr(scenario, "gallery", lambda: chosen)
+    monkeypatch.setitem(sys.modules, "openai", None)
+    done = run("gallery", "--page", "games")
+    assert done.exit_code == 0
+    assert "Left out: language_model. Asking a language model needs an optional library (extra 'llm')" in done.stderr
+    assert {path.name for path in folder.glob("games/*")} == {"index.html", "perimeter.html", "perimeter.png"}
+    assert run("gallery", "language_model", "--page", "one").exit_code == 1
 
 
 def test_what_cannot_be_meant_is_refused():

@@ -10,6 +10,7 @@ import typer
 
 from gamms.cli.output import console, echo, recorded, rich_table
 from gamms.errors import MissingExtra
+from gamms.scenario import ScenarioError
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -50,7 +51,7 @@ class Record(NamedTuple):
     Attributes:
         games: how many were played, with the seeds from 0 on.
         wins: by team, "" for none: how many, and the ends of the 95 % interval of their share.
-        turns: of the game of middle length.
+        turns: the median length of a game.
     """
 
     games: int
@@ -63,7 +64,7 @@ class Record(NamedTuple):
             f"{team or 'no team'} {won / self.games:.0%} ({low:.0%} to {high:.0%})"
             for team, (won, low, high) in self.wins.items()
         )
-        return f"{', '.join(shares)} of {self.games} games, {self.turns} turns in the middle"
+        return f"{', '.join(shares)} of {self.games} games, median length {self.turns} turns"
 
 
 def gallery(
@@ -149,7 +150,7 @@ def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path) -> "
 
 
 def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
-    """Write `index.html`, and a replay and a still of each game."""
+    """Write `index.html`, and a replay and a still of each game; of several, those that miss a library are left out."""
     from gamms import scenario
 
     games = {name: scenario.from_gallery(name) for name in names}
@@ -157,7 +158,12 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
     known, cards = records(), []
     for name, game in games.items():
         echo(f"{name} ...")
-        cards.append(_card(name, game, seed, folder, str(known[name]) if name in known else ""))
+        try:
+            cards.append(_card(name, game, seed, folder, str(known[name]) if name in known else ""))
+        except ScenarioError as error:
+            if len(games) == 1 or not isinstance(error.__cause__, MissingExtra):
+                raise
+            echo(f"Left out: {name}. {error.__cause__}", err=True)
     index = folder / "index.html"
     index.write_text(_PAGE.format(style=_STYLE, cards="\n".join(cards)), encoding="utf-8")
     echo(f"Wrote {index}.")
