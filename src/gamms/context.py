@@ -94,6 +94,7 @@ class Context(Guarded, typing.IContext):
         self._alive = False
         self._seed = int.from_bytes(os.urandom(6), "little")
         self.is_seeded = False  # whether the caller has given the seed
+        self.seed_uses = 0  # how often the seed was asked for, or something that follows from it
         self._rng: Generator | None = None
         self._game: Game | None = None
 
@@ -200,6 +201,7 @@ class Context(Guarded, typing.IContext):
     @property
     def seed(self) -> int:
         """The seed of all random streams of this context."""
+        self.seed_uses += 1
         return self._seed
 
     @property
@@ -230,6 +232,7 @@ class Context(Guarded, typing.IContext):
         Raises:
             BadType: a name that is neither a string nor an integer, and may differ from run to run.
         """
+        self.seed_uses += 1
         plain = (str(name) if isinstance(name, str) else as_int(name, "The name of a stream") for name in names)
         return kernels.stream(self._seed, *plain)
 

@@ -32,12 +32,96 @@ def test_what_functions_of_gamms_make_of_parameters_is_the_same_in_all_games(nam
     same_as_one_by_one(gamms.scenario.from_gallery(name).replace(max_turns=30), [3, 4, 5])
 
 
-def test_what_a_function_of_the_user_makes_of_parameters_is_made_for_each_game(tmp_path):
-    (tmp_path / "mine.py").write_text("def one_of(ctx):\n    return ctx.graph.place(1)\n")
-    goal = {"rule": "arrive", "with": {"team": "red", "nodes": {"function": "mine:one_of"}}}
-    made = Scenario(**{**scene([goal]).to_dict(), "folder": tmp_path})
-    with made.batch(2) as games:
-        assert games.slow == "rules.0.with.nodes, which a function makes for each game"
+MINE = """
+import random
+
+def drawn(ctx):
+    return ctx.graph.place(1)
+
+def lucky():
+    return [random.randrange(25)]
+
+def corner(side):
+    return [side * side - 1]
+
+def same(ctx):
+    nodes = ctx.graph.columns().node_ids.tolist()
+    def strategy(state):
+        state["action"] = state["draw"].choice(state["legal"]) if nodes else state["legal"][0]
+    return strategy
+
+def by_seed(ctx, period=2):
+    k = -1 if ctx.seed % period else 0
+    def strategy(state):
+        state["action"] = state["legal"][k]
+    return strategy
+
+def by_place(ctx):
+    homes = {agent.name: agent.current_node_id for agent in ctx.agent.create_iter()}
+    def strategy(state):
+        state["action"] = state["legal"][homes[state["name"]] % len(state["legal"])]
+    return strategy
+
+def map_strategy(config):
+    def made(home):
+        def strategy(state):
+            state["action"] = state["legal"][home % len(state["legal"])]
+        return strategy
+    return {name: made(one["start_node_id"]) for name, one in config.items()}
+
+class Prepared:
+    def prepare(self, ctx):
+        ctx.game.data["lot"] = ctx.stream("lot").integers(9)
+    def __call__(self, ctx):
+        ctx.game.scores["lot"] += int(ctx.game.data["lot"])
+
+def prepared():
+    return Prepared()
+"""
+
+
+def arrive(function, **parameters):
+    nodes = {"function": function, "with": parameters}
+    return {"rules": [{"rule": "arrive", "with": {"team": "red", "nodes": nodes}}]}
+
+
+def by(strategy):
+    return {"teams": {"red": {"count": 2, "strategy": strategy}}}
+
+
+@pytest.mark.parametrize(
+    ("given", "where"),
+    [
+        (arrive("mine:corner", side=5), None),
+        (arrive("mine:drawn"), "rules.0.with.nodes"),
+        (arrive("mine:lucky"), "rules.0.with.nodes"),
+        (by("mine:same"), None),
+        (by({"function": "mine:by_seed", "with": {"period": 5}}), "teams.red.strategy"),
+        (by("mine:by_place"), "teams.red.strategy"),
+        (by("mine"), "teams.red.strategy"),
+        ({"rules": [{"rule": "mine:prepared"}]}, "rules.0"),
+    ],
+)
+def test_only_what_differs_with_the_seed_is_made_for_each_game(given, where, tmp_path):
+    (tmp_path / "mine.py").write_text(MINE)
+    scenario = Scenario(**{**scene([]).to_dict(), **given, "folder": tmp_path})
+    with scenario.batch(3, seed=1) as games:
+        assert games.is_in_arrays is (where is None)
+        assert where is None or games.slow == f"{where}, which a function makes for each game"
+        games.run()
+        for number in range(0 if where and "lucky" in str(given) else 3):
+            assert plain(games.result(number)) == plain(scenario.play(seed=1 + number))
+
+
+def test_run_says_once_why_many_games_are_played_one_by_one(caplog):
+    scenario = scene([], max_turns=1, settings={"time_budget": 60.0})
+    with scenario.batch(16) as games:
+        for _ in range(2):
+            games.run()
+            games.reset()
+    assert [record.message for record in caplog.records if "one game after the other" in record.message] == [
+        "A batch is played one game after the other, because of a time budget."
+    ]
 
 
 def test_a_batch_of_one_is_the_same_as_that_game_in_a_large_batch():

@@ -79,6 +79,17 @@ def refusing_changes(functions: Iterable[Callable[..., object]], way_out: str) -
             raise BadValue(changed)
 
 
+def image_of(made: object) -> object:
+    """Return what equals the image of a value, or of what a function can reach, that the same code makes elsewhere."""
+    if isinstance(made, Mapping):
+        return [(key, image_of(one)) for key, one in made.items()]
+    if not callable(made) or isinstance(made, type):
+        return _image(made, set())
+    found: _Variables = {}
+    _look(made, found, set())
+    return [(one.name, one.image) for one in found.values()]
+
+
 def _look(function: object, found: _Variables, seen: set[int]) -> None:
     """Add the variables of a function, and of those that are among them."""
     if id(function) in seen:

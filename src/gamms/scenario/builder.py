@@ -1,9 +1,10 @@
 """Builds the game of a scenario in a context, draws it again for another seed, and writes out its defaults."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import partial
 from hashlib import sha256
 from importlib import import_module
 from itertools import chain
@@ -14,6 +15,7 @@ from gamms.agent import BaseAgent as Agent
 from gamms.arguments import as_int
 from gamms.context import Context
 from gamms.game import Game, Plan
+from gamms.game.hidden_state import image_of
 from gamms.graph.storage import MapSnapshot
 from gamms.plain import Plain, as_json, is_same
 from gamms.scenario import spec as schema
@@ -85,6 +87,8 @@ class Builder:
         self._values = _values_of(ctx.game)
         self._placing: Placing | None = None
         self._map: MapSnapshot | None = None  # as it was before the code of the scenario changed it, if that did
+        self._called: dict[str, Any] = {}  # where functions of others than GAMMS are named -> what they gave first
+        self._by_seed: list[str] = []  # where functions are named that asked for the seed
 
     def build(self) -> None:
         """Put agents, facts, strategies, rules and conflicts into the context.
@@ -106,6 +110,8 @@ class Builder:
                 rule, full = self._rule(given, f"rules.{number}"), in_full(schema.Rule, given)
                 before = game.rules
                 game.add(rule, phase=full.phase, name=full.name)
+                if hasattr(rule, "prepare") and not _is_ours(rule):
+                    self._by_seed.append(f"rules.{number}")
             self._rules[next(one.name for one in game.rules if one not in before)] = rule
         if self.spec.conflicts is not None:
             with at("conflicts"):
@@ -154,6 +160,27 @@ class Builder:
         game.scores.update(changes["scores"])
         game.events.extend(changes["events"].values())
         self._keep()
+
+    def varies(self, others: Iterable["Builder"]) -> str | None:
+        """Return where a function is named that gives something else for other seeds; None: none does.
+
+        Args:
+            others: have built the same game with other seeds; asked for if there are functions of others than GAMMS.
+        """
+        if not self._by_seed and self._called:
+            known = {path: image_of(gave) for path, gave in self._called.items()}
+            for other in others:
+                self._by_seed += [path for path, image in known.items() if image_of(other._called.get(path)) != image]
+        return next(iter(self._by_seed), None)
+
+    def _noted(self, function: Function, path: str, call: Callable[[], Any]) -> Any:  # Any: whatever functions give
+        """Return what the call of a function gives, noted where that may be something else for other seeds."""
+        before, gave = self.ctx.seed_uses, call()
+        if not _is_ours(function) and gave is not function and getattr(gave, "func", None) is not function:
+            self._called.setdefault(path, gave)
+            if self.ctx.seed_uses != before:
+                self._by_seed.append(path)
+        return gave
 
     def _keep(self) -> None:
         """Keep what was drawn in the state of the game, so that snapshots of other seeds bring back what is theirs."""
@@ -250,7 +277,8 @@ class Builder:
         function = self.library.get(sensor.function or "", path)
         given = self._parameters(sensor.with_ or {}, f"{path}.with")
         if given or first_of(function) == "ctx":
-            function = called(function, given, (self.ctx,) if first_of(function) == "ctx" else (), path)
+            first = (self.ctx,) if first_of(function) == "ctx" else ()
+            function = self._noted(function, path, partial(called, function, given, first, path))
         return function
 
     # -- strategies ---------------------------------------------------------------------------------------------
@@ -267,7 +295,9 @@ class Builder:
     def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
         given = self.given.get(member.name, self.given.get(member.team))
         if given is not None:
-            return made(given, {}, self.ctx, f"strategies[{shown(member.team)}]", "strategy")
+            where = f"strategies[{shown(member.team)}]"
+            own: Function = self._noted(given, where, partial(made, given, {}, self.ctx, where, "strategy"))
+            return own
         is_own = member.listed is not None and member.listed.strategy is not None
         path = f"{member.path if is_own else f'teams.{member.team}'}.strategy"
         strategy = self._of(member, "strategy")
@@ -284,7 +314,9 @@ class Builder:
         """Return the strategy, plan or rule that a function is, or makes."""
         function = self.library.get(code.function, path, RULES if what == "rule" else None)
         given = located(function, code.with_, self.library.folder, path)
-        return made(function, self._parameters(given, f"{path}.with"), self.ctx, path, what)
+        parameters = self._parameters(given, f"{path}.with")
+        found: Function = self._noted(function, path, partial(made, function, parameters, self.ctx, path, what))
+        return found
 
     def _made_plans(self) -> dict[str, Plan]:
         """Make the plans: team -> its own, of those that have one and are given no strategy instead."""
@@ -305,7 +337,8 @@ class Builder:
             return dict.fromkeys([one.name for one in listed], self._made(code, path, "strategy"))
         config = {one.name: {"start_node_id": self._agents[one.name].node, **self._config(one)} for one in listed}
         function = self.library.get(code.function, path)
-        answer = called(function, self._parameters(code.with_, f"{path}.with"), (config,), path)
+        parameters = self._parameters(code.with_, f"{path}.with")
+        answer = self._noted(function, path, partial(called, function, parameters, (config,), path))
         if not isinstance(answer, Mapping):
             raise ScenarioError(path, f"map_strategy gives {shown(answer)}, not a dict of agents and strategies.")
         for one in listed:
@@ -363,8 +396,14 @@ class Builder:
         given = self._parameters(call.with_, joined(path, "with"))
         first = (self.ctx,) if first_of(function) == "ctx" else ()
         if first_of(function) == "state":
-            return made(function, given, self.ctx, path, "strategy")
-        return called(function, given, first, path) if given or not needs(function, len(first)) else function
+            return self._noted(function, path, partial(made, function, given, self.ctx, path, "strategy"))
+        if not given and needs(function, len(first)):
+            return function
+        return self._noted(function, path, partial(called, function, given, first, path))
+
+
+def _is_ours(function: object) -> bool:
+    return str(getattr(function, "__module__", "")).partition(".")[0] == "gamms"
 
 
 def _as_node(key: str | int, path: str) -> int:

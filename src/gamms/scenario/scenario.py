@@ -3,6 +3,7 @@
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import cache, partial
+from itertools import islice
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -10,7 +11,7 @@ from typing import Any
 from gamms.arguments import as_bool, as_int, as_items, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
-from gamms.game.batch.games import Batch, BatchSource, MostAgents, as_seeds
+from gamms.game.batch.games import ONE_BY_ONE, Batch, BatchSource, MostAgents, as_seeds
 from gamms.game.batch.libraries import as_library
 from gamms.game.result import Result
 from gamms.graph.storage import MapSnapshot
@@ -23,13 +24,13 @@ from gamms.scenario.code import ON_REQUEST, Found, Library, Sources, allowed
 from gamms.scenario.documents import ScenarioError, named
 from gamms.scenario.placement import Placing, members, node_at
 from gamms.scenario.spec import LatLon, Place, Spec, checked, to_plain
-from gamms.scenario.validation import check_code, check_sense, code_in, unread_data
+from gamms.scenario.validation import check_code, check_sense, unread_data
 from gamms.text import shown
 from gamms.typing.graph_engine import Engine as GraphEngine
 from gamms.visual import Engine
 
+_PROBES, _AMONG = 2, 1000  # with how many other seeds, among the first, it is looked whether functions give the same
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
-_SEEDLESS = ("gamms.strategies:", "gamms.rules:", "gamms.rules.")  # what these make does not depend on the seed
 
 
 class Scenario:
@@ -208,6 +209,22 @@ class Scenario:
             ScenarioError: something cannot be done as it is written.
             UnknownName (KeyError): a strategy is for an unknown team or agent.
         """
+        return self._built(seed, strategies, vis_engine, graph_engine)[0]
+
+    def _made_otherwise(self, seed: int, strategies: Strategies | None) -> Builder:
+        """Return what has built the game with another seed."""
+        ctx, builder = self._built(seed, strategies)
+        ctx.terminate()
+        return builder
+
+    def _built(
+        self,
+        seed: int | None,
+        strategies: Strategies | None,
+        vis_engine: Engine | None = None,
+        graph_engine: GraphEngine = GraphEngine.MEMORY,
+    ) -> tuple[Context, Builder]:
+        """Return a context with the game in it, and what has built it; see `build`."""
         given = dict(as_mapping({} if strategies is None else strategies, "strategies"))
         by_team = members(self.spec)
         known = [*by_team, *(member.name for team in by_team.values() for member in team)]
@@ -245,7 +262,7 @@ class Scenario:
                 builder.draw_again()
 
         ctx.game.internals.draw_start = draw_again
-        return ctx
+        return ctx, builder
 
     def play(
         self,
@@ -282,8 +299,8 @@ class Scenario:
     ) -> Batch:
         """Return many games of this scenario, to be played together: game i is that of `play(seed=seeds[i])`.
 
-        The code that the scenario names is imported now, and makes its strategies and rules once for all games. Close
-        the batch, or use it in a `with` statement. See docs/batches.md.
+        The code that the scenario names is imported now, and makes its strategies and rules once for all games, or,
+        if the seed changes them, for each. Close the batch, or use it in a `with` statement. See docs/batches.md.
 
         Args:
             num_games: how many.
@@ -305,14 +322,14 @@ class Scenario:
             TooLarge: the games would not fit into memory; the message says what they need.
         """
         chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)
-        values = [one for one in code_in(self.spec) if one.what == "value" and one.keys[0] != "map"]
-        varying = next((one.path for one in values if not one.reference.startswith(_SEEDLESS)), None)
-        reason = None if varying is None else f"{varying}, which a function makes for each game"
-        reason = "one_by_one=True" if as_bool(one_by_one, "one_by_one") or vis_engine is not None else reason
+        reason = ONE_BY_ONE if as_bool(one_by_one, "one_by_one") or vis_engine is not None else None
         are_drawn = any(team.count or any(one.node is None for one in team.agents) for team in self.spec.teams.values())
-        ctx = self.build(chosen[0], strategies, vis_engine)
+        ctx, builder = self._built(chosen[0], strategies, vis_engine)
         build = partial(self.build, strategies=strategies)
         try:
+            others = islice(dict.fromkeys(chosen[:_AMONG]), 1, 1 + _PROBES)
+            varying = None if reason else builder.varies(self._made_otherwise(one, strategies) for one in others)
+            reason = reason if varying is None else f"{varying}, which a function makes for each game"
             source = BatchSource(
                 ctx.game, Placing(ctx, self.spec, members(self.spec)).place if are_drawn else None, reason, build
             )

@@ -18,6 +18,7 @@ from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.libraries import ArrayLibrary
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
+from gamms.game.batch.scalar_strategies import FEWEST
 from gamms.game.batch.state import Columns
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import refusing_changes
@@ -31,6 +32,7 @@ from gamms.text import shown
 T = TypeVar("T")
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
+ONE_BY_ONE = "one_by_one=True"
 _BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
 _BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
 _BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
@@ -98,6 +100,7 @@ class Batch:
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when each game began
         self._steps = 0
+        self._is_said = False  # whether it was logged what slows it down
         self._was_given = False  # whether actions came from outside and were not kept
 
     def __len__(self) -> int:
@@ -216,7 +219,8 @@ class Batch:
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if progress else None)
                 return
-            if self.slow is not None:
+            if self.slow is not None and not self._is_said:
+                self._is_said = True
                 game.ctx.logger.info(f"A batch is slowed down by {self.slow}.")
             while not self._engine.is_over.all():
                 self.step()
@@ -226,7 +230,9 @@ class Batch:
                     show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 
     def _run_one_by_one(self, engine: OneByOneEngine, show: Callable[[str], object] | None) -> None:
-        self._source.game.ctx.logger.info(f"A batch is played one game after the other, because of {self.slow}.")
+        if not self._is_said and self.slow != ONE_BY_ONE and len(self) >= FEWEST:
+            self._is_said = True
+            self._source.game.ctx.logger.warning(f"A batch is played one game after the other, because of {self.slow}.")
         before = engine.turns()
         for game in np.flatnonzero(~engine.is_over).tolist():
             engine.run(game)
