@@ -4,8 +4,12 @@ import copy
 import pickle
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from gamms import kernels
+from gamms.game.random_streams import Draws, DrawTable
+from gamms.ir.game_state import GameState
 
 
 def test_what_is_drawn_in_a_turn_follows_from_the_turn_alone(grid):
@@ -126,3 +130,27 @@ def test_draws_are_equal_if_they_draw_the_same_from_here(grid):
         ctx.agent.create_agent("a", start_node_id=0, strategy=strategy)
         ctx.game.run(max_turns=2)
     assert pairs == [(True, False, False)] * 2
+
+
+@given(st.lists(st.dictionaries(st.sampled_from("abcd"), st.integers(1, 3)), max_size=6), st.sets(st.integers(0, 150)))
+def test_draws_in_blocks_of_turns_equal_those_one_by_one(counts, turns):
+    clock = GameState()
+    table = DrawTable(3, clock)
+    draws = {name: Draws(table, name) for name in "abcd"}
+    purpose = kernels.purpose_key(3, "agent")
+    for turn, wanted in zip(sorted(turns), counts, strict=False):
+        clock.turn = turn
+        for name, count in wanted.items():
+            alone = [kernels.draw_bits(purpose, kernels.name_key(name), turn, k) for k in range(count)]
+            assert [draws[name].bits() for _ in range(count)] == alone
+
+
+def test_as_many_agents_as_fill_a_block_draw_as_alone():
+    clock = GameState()
+    table = DrawTable(3, clock)
+    draws = [Draws(table, f"a{i}") for i in range(600)]
+    for turn in (0, 1, 2):
+        clock.turn = turn
+        assert [one.bits() for one in draws] == kernels.draw_bits_each(
+            kernels.purpose_key(3, "agent"), [f"a{i}" for i in range(600)], turn
+        )

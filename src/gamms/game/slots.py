@@ -7,7 +7,7 @@ from typing import Any
 from gamms.arguments import as_range
 from gamms.errors import GammsError
 from gamms.game.facts import FactsOf, PrivateForks
-from gamms.game.random_streams import Draws, TurnGenerator
+from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState
@@ -25,7 +25,7 @@ class AgentSlot:
         agent: the agent.
         access: to its sensors and its last state.
         state: of the game.
-        seed: of the game.
+        table: of the keyed draws of the game, by whose seed everything is drawn.
         facts: a read-only view of what was published to all.
         settings: of the game.
         fork: what it gets copies of the game from.
@@ -55,7 +55,7 @@ class AgentSlot:
         agent: IAgent,
         access: TurnAccess,
         state: GameState,
-        seed: int,
+        table: DrawTable,
         facts: Mapping[str, Any],
         settings: Settings,
         fork: PrivateForks,
@@ -67,7 +67,7 @@ class AgentSlot:
         self.speed = None if self.flies else _speed(agent)
         self.travels = not self.flies and settings.legal == "edges" and settings.speed_unit != "edges"
         self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
-        self._made_of = state, seed, facts, settings
+        self._made_of = state, table, facts, settings
         # NOTE: made when they are needed: an agent that a plan of arrays decides for has no state and draws nothing
         # (benchmarks/README.md, teams).
         self._draws: Draws | None = None
@@ -81,16 +81,15 @@ class AgentSlot:
     def draws(self) -> Draws:
         """Its keyed draws: `state["draw"]`."""
         if self._draws is None:
-            state, seed, *_ = self._made_of
-            self._draws = Draws(seed, state, self.name)
+            self._draws = Draws(self._made_of[1], self.name)
         return self._draws
 
     @property
     def rng(self) -> TurnGenerator:
         """Its generator: `state["rng"]`."""
         if self._rng is None:
-            state, seed, *_ = self._made_of
-            self._rng = TurnGenerator(seed, state, self.name)
+            state, table, *_ = self._made_of
+            self._rng = TurnGenerator(table.seed, state, self.name)
         return self._rng
 
     @property

@@ -53,16 +53,17 @@ def random_walk(state: State | AerialState) -> None:
     Raises:
         MissingKey: there is neither `state["draw"]` nor `state["rng"]`, or nothing that gives legal nodes.
     """
-    if is_aerial(state):
+    draw, legal = state.get("draw"), state.get("legal")
+    if draw is not None and legal and state.get("edge") is None:  # the usual one first: it is asked most often
+        state["action"] = legal[draw.below(len(legal))]  # type: ignore[arg-type] # a flyer has no legal nodes
+    elif is_aerial(state):
         angle = 2.0 * pi * drawn_fraction(state, "random_walk")
         state["action"] = (cos(angle), sin(angle), 0.0)
     elif (edge := state.get("edge")) is not None:
         state["action"] = edge[1]
     else:
         legal = state["legal"] if "legal" in state else legal_nodes(state, "random_walk")
-        draw = state.get("draw")
-        number = drawn_below(state, len(legal), "random_walk") if draw is None else draw.below(len(legal))
-        state["action"] = legal[number]
+        state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
 
 
 def _stay_in_arrays(view: ArrayView) -> IntArray:

@@ -21,7 +21,7 @@ import numpy as np
 from gamms.context import Context, create_context
 from gamms.errors import BadType
 from gamms.game.decisions import memory_copy, merged_memory
-from gamms.game.random_streams import Draws, TurnGenerator
+from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.ir.game_state import GameState
 from gamms.plain import as_json, to_plain
 from gamms.readonly import frozen
@@ -113,9 +113,10 @@ class _Team:
         if first_of(one) == "states":
             self._plan, kind = one, "plan"
         self._players = {}
+        table = DrawTable(start["seed"], self._clock)
         for number, name in enumerate(own):
             decide = one if number == 0 else made(function, {}, ctx, "the entry", kind)
-            draw = Draws(start["seed"], self._clock, name)
+            draw = Draws(table, name)
             rng = TurnGenerator(start["seed"], self._clock, name)
             self._players[name] = _Player(draw, rng, {}, None if self._plan else decide)
 

@@ -15,6 +15,7 @@ from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import Part, ResolvedAction, TurnOrder
+from gamms.game.random_streams import DrawTable
 from gamms.game.settings import NamedRule
 from gamms.game.slots import AgentSlot
 from gamms.game.snapshots import SnapshotTaker, Start, copied
@@ -230,11 +231,11 @@ class RuleFork:
         """Whether the strategy of an agent closes over the context, so that in a fork it is another function."""
         return self._ctx.agent.agents[agent.name].strategy is not agent.strategy
 
-    def slot(self, name: str, state: GameState, seed: int, forks: PrivateForks) -> AgentSlot:
-        """Return what the turn engine holds of an agent, for a game of such a state."""
+    def slot(self, name: str, state: GameState, table: DrawTable, forks: PrivateForks) -> AgentSlot:
+        """Return what the turn engine holds of an agent, for a game of such a state that draws by such a table."""
         agent = self._ctx.agent.agents[name]
         access, facts = self._ctx.agent.storage.turn_access(agent), ReadOnlyMapping(state.facts)
-        return AgentSlot(agent, access, state, seed, facts, self._parts.settings, forks)
+        return AgentSlot(agent, access, state, table, facts, self._parts.settings, forks)
 
     def part(self, slots: Sequence[AgentSlot]) -> Part:
         """Return what is needed to ask the agents of these slots."""

@@ -17,6 +17,7 @@ from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView
 from gamms.game.facts import PrivateForks
 from gamms.game.order import Part
+from gamms.game.random_streams import DrawTable
 from gamms.game.slots import AgentSlot
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
@@ -170,7 +171,7 @@ class ScalarStrategies:
         decisions = fork.decisions(slots, starts, state)
         try:
             fork.ask(decisions, part)
-            if decisions.are_awaited:
+            if decisions.awaited:
                 raise NeedsTurnEngine("it is awaited")
         finally:
             decisions.drop()
@@ -193,9 +194,9 @@ class ScalarStrategies:
         if players.made_for != (fork, fork.casting):
             players.made_for, players.slots, players.living = (fork, fork.casting), {}, [-1]
             self._know_facts(players.state, fork)
-            forks = _NoForks(fork)
+            forks, table = _NoForks(fork), DrawTable(self._state.seeds[game], players.state)
             for number in self.agents.tolist():
-                slot = fork.slot(self._state.roster.names[number], players.state, self._state.seeds[game], forks)
+                slot = fork.slot(self._state.roster.names[number], players.state, table, forks)
                 slot.carried = tuple(
                     (name, _see_nothing, sensor, self._cells[name][number])
                     if number in self._cells.get(name, ())
