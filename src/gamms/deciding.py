@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import wraps
+from operator import attrgetter
 from types import UnionType
 from typing import Any, ClassVar, Generic, NamedTuple, Self, TypeVar, cast, overload
 
@@ -168,6 +169,7 @@ class Protected(Generic[T]):
 
     def __set_name__(self, owner: type, name: str) -> None:
         self._name = f"_{name}" if self._part is None else name
+        self._read = attrgetter(self._name if self._part is None else f"{self._part}.{self._name}")
 
     @overload
     def __get__(self, instance: None, owner: type) -> Self: ...
@@ -176,7 +178,7 @@ class Protected(Generic[T]):
     def __get__(self, instance: Guarded | None, owner: type) -> Any:
         if instance is None:
             return self
-        value = getattr(instance if self._part is None else getattr(instance, self._part), self._name)
+        value = self._read(instance)
         return value if instance._phase.agent is None else frozen(value)
 
     def __set__(self, instance: Guarded, value: T) -> None:

@@ -196,6 +196,7 @@ class Decisions:
         starts: as given.
         ends: the node that each agent goes to, by slot.
         actions: what agents do that not only go to a node, by slot.
+        awaited: what is to be collected.
     """
 
     def __init__(
@@ -214,7 +215,7 @@ class Decisions:
         self.actions: dict[int, ResolvedAction] = {}
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
-        self._awaited: list[tuple[_Question, Any]] = []
+        self.awaited: list[tuple[_Question, Any]] = []
 
     # -- asking -------------------------------------------------------------------------------------------------
 
@@ -234,6 +235,7 @@ class Decisions:
         """
         phase, starts, ends = self._phase, self.starts, self.ends
         turn, shared = self._state.turn, self._state.team_memories
+        are_shared = bool(shared)
         for i, agent, template, carried, last in individuals:
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
@@ -248,7 +250,7 @@ class Decisions:
             last[0] = state = template.copy()
             state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
             state["legal"] = legal = near[here]
-            is_known = bool(shared) and template["team"] in shared
+            is_known = are_shared and template["team"] in shared
             noted: dict[Any, Any] = memory_copy(shared[template["team"]]) if is_known else {}
             state["team_memory"] = noted
             phase.agent = agent
@@ -306,16 +308,11 @@ class Decisions:
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
         """Collect what an agent's strategy decides later with all others that are awaited."""
-        self._awaited.append((self._question(i, state), awaitable))
-
-    @property
-    def are_awaited(self) -> bool:
-        """Whether there is something to collect."""
-        return bool(self._awaited)
+        self.awaited.append((self._question(i, state), awaitable))
 
     def collect(self, loop: "EventLoop") -> None:
         """Await what is awaited, and take the decisions in the order of the names."""
-        awaited, self._awaited = self._awaited, []
+        awaited, self.awaited = self.awaited, []
         deadline = self._settings.deadline_s
         pairs = [(question.decider, awaitable) for question, awaitable in awaited]
         outcomes = loop.collect(self._phase, pairs, deadline, strict=self._settings.on_error == "raise")
@@ -332,7 +329,7 @@ class Decisions:
 
     def drop(self) -> None:
         """Close what is awaited and will not be collected."""
-        for _, awaitable in self._awaited:
+        for _, awaitable in self.awaited:
             getattr(awaitable, "close", bool)()
 
     @property
@@ -412,7 +409,7 @@ class Decisions:
         finally:
             self._phase.agent = None
         if hasattr(type(answer), "__await__"):
-            self._awaited.append((question, answer))
+            self.awaited.append((question, answer))
         elif budget is not None and perf_counter() - began > budget:
             self._miss(question, "overrun", f"took longer than {budget} s")
             self._note(question)

@@ -66,7 +66,8 @@ class Game(RuleVerbs):
     @property
     def internals(self) -> GameInternals:
         """What engines and clients do with the game; not for strategies."""
-        self._phase.refuse("use ctx.game.internals")
+        if self._phase.agent is not None:
+            self._phase.refuse("use ctx.game.internals")
         return self._internals
 
     # -- what it is played by -----------------------------------------------------------------------------------
@@ -229,22 +230,24 @@ class Game(RuleVerbs):
         state.players.update({agent.name: agent for agent in self.ctx.agent.storage.made()})
 
     def _step(self) -> None:
-        if self._state.parts_played is None:
+        state, rules = self._state, self._ruleset
+        if "before" in rules.phases and state.parts_played is None:
             self._apply_rules("before")
-        if self.is_over:
+        if state.over is not None:
             return
-        if not self._state.has_begun:  # a rule has reset the game
+        if not state.has_begun:  # a rule has reset the game
             self._begin()
-        self._turns.play(self._internals.after_observing, self._ruleset)
-        self._state.turn += 1
-        self._state.parts_played = None
+        self._turns.play(self._internals.after_observing, rules)
+        state.turn += 1
+        state.parts_played = None
         try:
-            self._apply_rules("after")
-            self._collectors.collect(self._state.turn, self.ctx, lambda: self.agents)
+            if "after" in rules.phases:
+                self._apply_rules("after")
+            self._collectors.collect(state.turn, self.ctx, lambda: self.agents)
         finally:  # the agents have moved: the turn counts for recordings and windows, too
             began = perf_counter()
             self.ctx.visual.simulate()
-            self._state.timings["draw"] += perf_counter() - began
+            state.timings["draw"] += perf_counter() - began
 
     @refused_while_deciding
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
@@ -522,7 +525,6 @@ class Game(RuleVerbs):
         self._global_random.forget()
 
     def _apply_rules(self, phase: str) -> None:
-        if phase in self._ruleset.phases:
-            began = perf_counter()
-            self._ruleset.apply(phase, self._state)
-            self._state.timings["rules"] += perf_counter() - began
+        began = perf_counter()
+        self._ruleset.apply(phase, self._state)
+        self._state.timings["rules"] += perf_counter() - began

@@ -121,6 +121,17 @@ class TurnMoves:
                 slot.agent = twin_of(slot.agent)
         return TurnMoves(order, self.starts, self.ends, self.actions)
 
+    def may_meet(self, a: Hashable, b: Hashable, *, crossing: bool) -> bool:
+        """Return whether two agents, one of each side, may be on one node, or have passed each other on an edge.
+
+        All moves lead along one edge, or none.
+        """
+        ours, theirs = self.order.of_side(a).pick, self.order.of_side(b).pick
+        there = theirs(self.ends)
+        if not frozenset(ours(self.ends)).isdisjoint(there):
+            return True
+        return crossing and not frozenset(ours(self.starts)).isdisjoint(there)
+
     def are_single_steps(self, block: AgentBlock) -> bool:
         """Whether all living agents are on the ground, went along one edge or none, and are where that has led."""
         order = self.order

@@ -38,6 +38,14 @@ class Commanded(NamedTuple):
     are_plain: bool  # whether all move along one edge, on the ground
 
 
+class Used(NamedTuple):
+    """What the settings of a game use, which a turn has to do nothing for where it is not used."""
+
+    channels: bool
+    deeds: bool
+    is_usual: bool  # whether agents can be asked in line: no channels, no time budget, and teams share their memories
+
+
 class Part:
     """The agents that decide and move at once: all living ones, or those of some teams.
 
@@ -130,11 +138,12 @@ class TurnOrder:
     Args:
         slots: of the agents, sorted by name.
         block: of the agents.
-        plans: by team.
+        settings: of the game.
         order: the teams that move at once, in their order; None: all.
 
     Attributes:
-        slots: as given.
+        slots, block: as given.
+        used: what the settings use.
         progress: by row of the agents, on the edge that one has covered part of.
         whole: all of them.
         parts: those that move at once, in their order.
@@ -147,10 +156,14 @@ class TurnOrder:
         self,
         slots: Sequence[AgentSlot],
         block: AgentBlock,
-        plans: Mapping[Any, Plan],
+        settings: Settings,
         order: Sequence[Sequence[Any]] | None,
     ) -> None:
-        self.slots, self.progress, self.structure_version = slots, block.progress, block.structure_version
+        self.slots, self.block, self.structure_version = slots, block, block.structure_version
+        self.progress, plans = block.progress, settings.plans
+        has_channels, is_timed = bool(settings.channels), settings.time_budget is not None
+        is_usual = settings.team_memory and not (has_channels or is_timed)
+        self.used = Used(has_channels, bool(settings.deeds), is_usual)
         progress = block.progress
         self.whole = Part(slots, None, progress, plans)
         self.parts, self.unlisted = [self.whole], None

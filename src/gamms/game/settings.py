@@ -315,13 +315,21 @@ class RuleSet:
     Attributes:
         rules: the rules by their ranks, those of one rank in the order in which they were added; another tuple after
             each change.
+        phases: the phases in which a rule is called; "check" is one of them.
+        act_before_moves: whether a rule checks moves and deeds, or carries out deeds.
     """
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
-        self.rules: tuple[NamedRule, ...] = ()
-        self._looked_at: tuple[tuple[NamedRule, ...], frozenset[str]] = ((), frozenset())
         self._unchecked: list[NamedRule] = []
+        self.replace(())
+
+    def replace(self, rules: tuple[NamedRule, ...]) -> None:
+        """Replace all rules, without what they draw."""
+        self.rules = rules
+        checks = ["check" for one in rules if hasattr(one.rule, "check")]
+        self.phases = frozenset([*checks, *(one.phase for one in rules)])
+        self.act_before_moves = not self.phases.isdisjoint(("check", "deeds"))
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
@@ -336,7 +344,7 @@ class RuleSet:
         prepare = getattr(rule, "prepare", None)
         if prepare is not None:
             prepare(self._ctx)
-        self.rules = tuple(sorted((*self.rules, named), key=_rank_of))
+        self.replace(tuple(sorted((*self.rules, named), key=_rank_of)))
         self._unchecked.append(named)
         self._propose(named)
 
@@ -351,7 +359,8 @@ class RuleSet:
 
     def restore(self, rules: tuple[NamedRule, ...]) -> None:
         """Replace all rules: the artists of those that go are removed, and those that come are drawn."""
-        before, self.rules = self.rules, rules
+        before = self.rules
+        self.replace(rules)
         gone = {artist for named in before if named not in rules and (artist := _artist_of(named)) is not None}
         artists: Any = getattr(self._ctx.visual, "artists", None)  # an engine of the caller's may have none
         withdraw = self._ctx.visual.remove_artist if artists is None else artists.withdraw
@@ -380,21 +389,6 @@ class RuleSet:
             rules = tuple(one for one in self.rules if one not in seen)
             seen = (*seen, *rules)
         return was_called
-
-    @property
-    def act_before_moves(self) -> bool:
-        """Whether a rule checks moves and deeds, or carries out deeds."""
-        return not self.phases.isdisjoint(("check", "deeds"))
-
-    @property
-    def phases(self) -> frozenset[str]:
-        """The phases in which a rule is called; "check" is one of them."""
-        rules, phases = self._looked_at
-        if rules is not self.rules:
-            checks = ["check" for one in self.rules if hasattr(one.rule, "check")]
-            phases = frozenset([*checks, *(one.phase for one in self.rules)])
-            self._looked_at = self.rules, phases
-        return phases
 
     def check(self, state: GameState) -> bool:
         """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""

@@ -271,7 +271,7 @@ def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **other
             sensor.function = own(sensor.function, memo)
     settings = {**source.settings.settings(), **others}
     target.settings.configure({name: own(value, memo) for name, value in settings.items()})
-    target.rules.rules = tuple([one._replace(rule=own(one.rule, memo)) for one in source.rules.rules])
+    target.rules.replace(tuple([one._replace(rule=own(one.rule, memo)) for one in source.rules.rules]))
 
 
 def _renew_states(target: SnapshotTaker) -> None:

@@ -18,6 +18,7 @@ from gamms.game.facts import FactsOf, PrivateForks
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
 from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
+from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, made_slots
 from gamms.ir.game_state import GameState, in_conflict
@@ -87,23 +88,24 @@ class TurnEngine:
             refuse_unused(settings)
             groups = self._groups if self.is_moving else settings.order
             slots = self._slots()
-            self._order, self._order_key = TurnOrder(slots, block, settings.plans, groups), key
+            self._order, self._order_key = TurnOrder(slots, block, settings, groups), key
             if isinstance(slots, list):
                 state.players.update((slot.name, slot.agent) for slot in slots)
         return self._order
 
     def _slots(self) -> Sequence[AgentSlot]:
         """Return what the engine holds of each living agent; made when needed where there are teams in arrays."""
-        agents, state, seed, facts, settings = self._ctx.agent, self._state, self._ctx.seed, self._facts, self._settings
+        agents, state, facts, settings = self._ctx.agent, self._state, self._facts, self._settings
         access_of, all_agents, fork = agents.storage.turn_access, agents.agents, self._fork
+        table = DrawTable(self._ctx.seed, state)
         if agents.block.has_arrays:
 
             def make(name: str) -> AgentSlot:
-                return AgentSlot(all_agents[name], access_of(all_agents[name]), state, seed, facts, settings, fork)
+                return AgentSlot(all_agents[name], access_of(all_agents[name]), state, table, facts, settings, fork)
 
             return LazySlots(agents.block, settings, make, state.counts)
         living = sorted([(name, agent) for name, agent in all_agents.items() if agent.alive], key=itemgetter(0))
-        return [AgentSlot(one, access_of(one), state, seed, facts, settings, fork) for _, one in living]
+        return [AgentSlot(one, access_of(one), state, table, facts, settings, fork) for _, one in living]
 
     def legal(self) -> dict[str, tuple[int, ...]]:
         """Return what will be legal for living agents when the next turn begins, by name; see `Legality.reachable`."""
@@ -231,11 +233,12 @@ class TurnEngine:
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
         part, self.part = order.parts[number], number
         began = perf_counter()
-        is_by_arrival = self._settings.decide == "arrival" and any(order.slots[i].travels for i in part.paced)
+        is_by_arrival = bool(part.paced) and self._settings.decide == "arrival"
+        is_by_arrival = is_by_arrival and any(order.slots[i].travels for i in part.paced)
         ask = self._ask_at_arrivals if is_by_arrival else self._ask
         turn = self._state.moves = ask(order, part, observers)
         asked = decided = perf_counter()
-        if self._settings.deeds or rules.act_before_moves:
+        if order.used.deeds or rules.act_before_moves:
             turn = self._do_deeds(turn, part, rules)
             part = turn.order.parts[number]
             self._state.timings["rules"] += perf_counter() - decided
@@ -308,14 +311,14 @@ class TurnEngine:
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
-        starts, state = order.selection.of(self._ctx.agent.block.node), self._state
+        starts, state = order.selection.of(order.block.node), self._state
         decisions = self.decisions(order.slots, starts, state)
         if part.paced:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
         try:
             self._ask_part(order, part, observers, decisions)
-            if decisions.are_awaited:
+            if decisions.awaited:
                 if self._loop is None:
                     from gamms.game.awaiting import EventLoop  # which loads asyncio
 
@@ -324,7 +327,7 @@ class TurnEngine:
         finally:
             self._phase.agent, self.is_deciding = None, False
             decisions.drop()
-        unsent = self._take_outboxes(order, part, decisions.failed) if self._settings.channels else []
+        unsent = self._take_outboxes(order, part, decisions.failed) if order.used.channels else []
         if state.blocked:
             self._forget_blocked(order, part)
         for i, why in decisions.close():
@@ -339,17 +342,16 @@ class TurnEngine:
 
     def _ask_part(self, order: TurnOrder, part: Part, observers: list[Observer], decisions: Decisions) -> None:
         """Ask the strategies of the agents of a part, and the plans of its teams."""
-        settings, state = self._settings, self._state
         sees_first = observers or not part.see_world_only
         seen = self._observe_first(order, part, observers) if sees_first else None
-        if seen is not None or settings.channels or not settings.team_memory or settings.time_budget is not None:
+        if seen is None and order.used.is_usual:
+            decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
+        else:
             for i, *_ in part.individuals:
                 decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
-        else:
-            decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
         for commanded in part.commanded:
             if commanded.plan.arrays:
-                decisions.ask_arrays(commanded, self._ctx.seed, FactsOf(state, commanded.team, None))
+                decisions.ask_arrays(commanded, self._ctx.seed, FactsOf(self._state, commanded.team, None))
             else:
                 slots = [(i, order.slots[i]) for i in commanded.indices]
                 states = [self.observation(slot) if seen is None else seen[i] for i, slot in slots]
@@ -532,7 +534,7 @@ class TurnEngine:
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""
-        block = self._ctx.agent.block
+        block = turn.order.block
         block.move_all(part.ground, part.of_ground(turn.ends))
         turn.order.count_moves(turn.starts, turn.ends)
         for i in part.paced:

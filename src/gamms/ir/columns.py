@@ -56,7 +56,8 @@ class Selection:
         return np.array(self.rows, np.int64)
 
     @cached_property
-    def _pick(self) -> Callable[[Sequence[Any]], Iterable[Any]]:
+    def pick(self) -> Callable[[Sequence[Any]], Iterable[Any]]:
+        """The function that picks these rows of a list."""
         return _picker(self.rows)
 
     @cached_property
@@ -67,7 +68,7 @@ class Selection:
         """Return what the column holds in these rows: a list, or a view of an array."""
         if isinstance(column, memoryview):
             return np.asarray(column).take(self.array).data
-        return list(self._pick(column))
+        return list(self.pick(column))
 
     def copy(self, source: list[Any], target: list[Any]) -> None:
         """Set one column to the values of another in these rows."""

@@ -179,17 +179,11 @@ def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:
     moves: TurnMoves | None = ctx.game.internals.state.moves
     if moves is None or not moves.are_single_steps(ctx.agent.block):
         return False
-    ours, theirs = moves.order.of_side(a), moves.order.of_side(b)
-    here, there = ours.of(moves.ends), theirs.of(moves.ends)
     if nearness.unit is None:
-        are_near = not set(here).isdisjoint(there)
-    else:
-        are_near = bool(_MEASURES[nearness.unit](ctx.graph.graph, nearness.limit)(here, there))
-    if are_near or not nearness.crossing:
-        return not are_near
-    return set(zip(ours.of(moves.starts), here, strict=True)).isdisjoint(
-        zip(there, theirs.of(moves.starts), strict=True)
-    )
+        return not moves.may_meet(a, b, crossing=nearness.crossing)
+    here, there = (moves.order.of_side(side).of(moves.ends) for side in (a, b))
+    are_near = bool(_MEASURES[nearness.unit](ctx.graph.graph, nearness.limit)(here, there))
+    return not are_near and not (nearness.crossing and moves.may_meet(a, b, crossing=True))
 
 
 def _met_on_travels(
