@@ -27,6 +27,21 @@ def small_map(ctx, edges):
         ctx.graph.graph.add_edge({"id": number, "source": source, "target": target, "length": length})
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint64, np.int32])
+@pytest.mark.parametrize("leaves", [2, 9])  # as many neighbours for about all, and many for one alone
+def test_actions_lead_to_the_legal_nodes_one_by_one(leaves, kind):
+    with gamms.create_context(seed=1) as ctx:
+        small_map(ctx, [])
+        for leaf in range(10, 10 + leaves):
+            ctx.graph.graph.add_node({"id": leaf, "x": float(leaf), "y": 0.0})
+            ctx.graph.graph.add_edge({"id": leaf, "source": 5, "target": leaf, "length": 1.0})
+        streets, near = Streets(ctx.graph.columns(), ctx.graph.routes), ctx.graph.graph.neighborhoods
+        rows = np.arange(len(streets.counts))
+        for row, (node, count) in enumerate(zip(streets.ids(rows).tolist(), streets.counts_of(rows), strict=True)):
+            led = streets.step(np.full(count, row), np.arange(count, dtype=kind))
+            assert streets.ids(led).tolist() == list(near[node])
+
+
 @settings(max_examples=16, deadline=None)
 @given(
     edges=EDGES,

@@ -100,10 +100,8 @@ class TeamArrays:
         if numbers.dtype.kind not in "iu" or numbers.shape != self.nodes.shape:
             raise BadType(f"Actions are an array ({len(self.names)},) of integers, not {shown(actions)}.")
         is_number = numbers < legal.counts
-        if numbers.dtype.kind == "i":
-            is_number &= numbers >= 0
-        if not is_number.all():
-            bad = np.flatnonzero(~is_number)
+        if not is_number.all() or numbers.min(initial=0) < 0:
+            bad = np.flatnonzero(~is_number | (numbers < 0))
             raise BadValue(
                 f"Action {int(numbers[bad[0]])} of agent {self.names[bad[0]]!r} is not the number of one of its "
                 f"{int(legal.counts[bad[0]])} legal nodes."
@@ -194,7 +192,6 @@ class Decisions:
 
     Attributes:
         starts: as given.
-        ends: the node that each agent goes to, by slot.
         actions: what agents do that not only go to a node, by slot.
         awaited: what is to be collected.
     """
@@ -211,11 +208,15 @@ class Decisions:
     ) -> None:
         self._slots, self.starts, self._settings, self._state = slots, starts, settings, state
         self._phase, self._legality, self._observe = phase, legality, observe
-        self.ends = copied_column(starts)
         self.actions: dict[int, ResolvedAction] = {}
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
         self.awaited: list[tuple[_Question, Any]] = []
+
+    @cached_property
+    def ends(self) -> Any:
+        """The node that each agent goes to, by slot: a list, or a view of an array."""
+        return copied_column(self.starts)
 
     # -- asking -------------------------------------------------------------------------------------------------
 
@@ -437,11 +438,13 @@ class Decisions:
         self._note(question)
 
     def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
-        starts, ends, slots, indices = self.starts, self.ends, self._slots, question.indices
-        is_all, chosen = len(indices) == len(ends), arrays.take_chosen(nodes)
-        if question.are_plain and chosen is not None and is_all and isinstance(ends, memoryview):
+        starts: Any = self.starts
+        slots, indices = self._slots, question.indices
+        is_all, chosen = len(indices) == len(starts), arrays.take_chosen(nodes)
+        if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
             self.ends = chosen.data
             return
+        ends = self.ends
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
             # NOTE: all at once, for teams of many (benchmarks/README.md, teams).

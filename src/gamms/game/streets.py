@@ -60,7 +60,7 @@ class Streets:
             UnknownName (KeyError): one is not on the map.
         """
         wanted, known = np.asarray(ids, np.int64), self.columns.node_ids
-        if self._order is None and wanted.size and wanted.min() >= 0 and wanted.max() < len(known):
+        if self._order is None and wanted.size and wanted.view(np.uint64).max() < len(known):
             return wanted
         if self._order is None:
             found = np.clip(wanted, 0, max(0, len(known) - 1))
@@ -80,10 +80,19 @@ class Streets:
         return self._axes
 
     @cached_property
-    def narrow(self) -> tuple[RowArray, RowArray, RowArray]:
-        """Counts, offsets and targets in 32 bits each, for many agents at once."""
-        # NOTE: half as much memory to read from all over the map (benchmarks/README.md, teams).
-        return self.counts.astype(np.int32), self.offsets.astype(np.int32), self.targets.astype(np.int32)
+    def _narrow(self) -> tuple[RowArray, int, RowArray, RowArray]:
+        """Counts, the width of rows of targets, these targets, and their offsets where there are no rows: width 0."""
+        # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, and no
+        # offsets are read where rows of targets are about as long as each other (benchmarks/README.md, teams).
+        most = int(self.counts.max(initial=1))
+        is_even = len(self.counts) * most <= 2 * len(self.targets)
+        targets = self.legal.ravel() if is_even else self.targets
+        counts, offsets = self.counts.astype(np.min_scalar_type(most)), self.offsets.astype(np.int32)
+        return counts, most if is_even else 0, targets.astype(np.int32), offsets
+
+    def counts_of(self, rows: IntArray) -> RowArray:
+        """Return how many nodes are legal from each of some nodes, in as few bytes as that fits into."""
+        return self._narrow[0].take(rows)
 
     @property
     def legal(self) -> IntArray:
@@ -102,7 +111,10 @@ class Streets:
 
     def step(self, rows: IntArray, actions: IntArray) -> IntArray:
         """Return where actions lead, each the number of a legal node."""
-        found: IntArray = self.targets[self.offsets[rows] + actions]
+        _, width, targets, offsets = self._narrow
+        first = rows * width if width else offsets.take(rows)
+        places = np.add(first, actions, dtype=np.int64, casting="unsafe")  # numbers of 64 bits without a sign, too
+        found: IntArray = targets.take(places).astype(np.int64)
         return found
 
     def action_to(self, rows: IntArray, targets: IntArray) -> IntArray:
@@ -144,8 +156,8 @@ class LegalNodes:
     @cached_property
     def counts(self) -> RowArray:
         """How many there are for each agent, (agents,)."""
-        # NOTE: `take` is twice as fast as an index (benchmarks/README.md, teams).
-        found: RowArray = np.diff(self.ragged[0]) if self._streets is None else self._streets.narrow[0].take(self._rows)
+        found: RowArray = np.diff(self.ragged[0]) if self._streets is None else self._streets.counts_of(self._rows)
+        found = found.astype(np.int32)
         found.setflags(write=False)
         return found
 
@@ -155,5 +167,4 @@ class LegalNodes:
             ends, nodes = self.ragged
             chosen: IntArray = nodes[ends[:-1] + actions]
             return chosen
-        _, offsets, targets = self._streets.narrow
-        return self._streets.ids(targets.take(offsets.take(self._rows) + actions).astype(np.int64))
+        return self._streets.ids(self._streets.step(self._rows, actions))

@@ -344,7 +344,7 @@ class TurnEngine:
         """Ask the strategies of the agents of a part, and the plans of its teams."""
         sees_first = observers or not part.see_world_only
         seen = self._observe_first(order, part, observers) if sees_first else None
-        if seen is None and order.used.is_usual:
+        if seen is None and order.used.is_usual and part.individuals:
             decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
         else:
             for i, *_ in part.individuals:

@@ -149,7 +149,7 @@ def below(bits: int, n: int) -> int:
 
 def below_many(bits: BitArray, n: IntArray | int) -> IntArray:
     """Return what `below` returns for each: (draws,); `n` is one number or one for each draw."""
-    found: IntArray = ((bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64) >> np.uint64(32)).astype(np.int64)
+    found: IntArray = ((bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64) >> np.uint64(32)).view(np.int64)
     return found
 
 

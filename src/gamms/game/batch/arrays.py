@@ -283,15 +283,17 @@ class ArrayEngine:
                 moves = np.isin(np.arange(len(is_given)), members)
                 wanted, is_decided = np.where(moves, actions, state.movement.idle), is_given | ~moves
             part = None if members is None else TurnPart(number, len(self._parts), members)
-            those = np.zeros(state.node.shape, np.bool_)  # of the part, in the games that go on
-            those[turn.games] = turn.alive if members is None else turn.alive & moves
-            state.shared[DELAYS].note(turn.games, those[turn.games])
+            of_part = turn.alive if members is None else turn.alive & moves
+            state.shared[DELAYS].note(turn.games, of_part)
             if self._here.asked is not None and given:
                 at_once = is_given if members is None else is_given & moves
                 self._here.asked.forget_blocked(turn, np.flatnonzero(at_once).tolist())
             chosen, own_deeds = self._decided(turn, wanted, is_decided)
-            own_deeds += _deeds_of(turn, deeds, those) if deeds else []
-            self._outboxes += [box.those(those[box.at, box.senders]) for box in outboxes]
+            if given:
+                those = np.zeros(state.node.shape, np.bool_)  # of the part, in the games that go on
+                those[turn.games] = of_part
+                own_deeds += _deeds_of(turn, deeds, those)
+                self._outboxes += [box.those(those[box.at, box.senders]) for box in outboxes]
             self._play_part(turn, chosen, own_deeds, part)
         if len(turn.games):
             self._finish(turn)
@@ -397,7 +399,8 @@ class ArrayEngine:
                 view = ArrayView(self.state, turn.games, agents)
                 view.deeds, view.outboxes = [], []
                 try:
-                    actions[:, agents] = view.checked(group.form(view), group.name, may_aim=True)
+                    columns = agents if len(agents) < actions.shape[1] else np.s_[:]
+                    actions[:, columns] = view.checked(group.form(view), group.name, may_aim=True)
                     deeds += view.deeds
                     self._outboxes += view.outboxes
                 except Exception as error:

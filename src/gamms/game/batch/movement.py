@@ -288,7 +288,7 @@ class Movement:
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
-        return self.streets.counts[choices]
+        return self.streets.counts_of(choices).astype(np.int64)
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""

@@ -91,9 +91,15 @@ class MovesOfTurn:
         self._refused: dict[tuple[int, int, str], set[str]] = {}
         self._find_agents()
 
+    @property
+    def _rows(self) -> Any:
+        """What finds the games in the columns of the batch, faster where they are all."""
+        return np.s_[:] if len(self.games) == len(self._state) else self.games
+
     def _find_agents(self) -> None:
         """Take where the agents are."""
-        self._place_agents(self._state.node[self.games], self._state.alive[self.games])
+        state, games = self._state, self.games
+        self._place_agents(state.node.take(games, axis=0), state.alive.take(games, axis=0))
 
     def _place_agents(self, node: IntArray, alive: BoolArray) -> None:
         self.node, self.alive = self.starts, self.took_part = node, alive
@@ -164,7 +170,7 @@ class MovesOfTurn:
             part: of the turn, by the order of play; None: all move at once.
         """
         state, games = self._state, self.games
-        state.counts["moves"][games] += moves.ends != self.node
+        state.counts["moves"][self._rows] += moves.ends != self.node
         if state.headings is not None:
             members = np.s_[:] if part is None else part.members
             moves_now = np.zeros(self.node.shape, np.bool_)
@@ -172,7 +178,7 @@ class MovesOfTurn:
             state.headings.moved(games, self.node, moves_now)
         if part is None:
             self.starts, self.ends, self._played = self.node, moves.ends, moves.paths
-            state.blocked[games] = in_conflict
+            state.blocked[self._rows] = in_conflict
             state.movement.keep(moves, games)
         else:
             self._join(moves, part)
@@ -247,8 +253,8 @@ class MovesOfTurn:
 
     def close(self) -> None:
         """Write what has changed into the state of the batch."""
-        state, games = self._state, self.games
-        state.node[games], state.alive[games], state.turn[games] = self.node, self.alive, self.turn
+        state, rows = self._state, self._rows
+        state.node[rows], state.alive[rows], state.turn[rows] = self.node, self.alive, self.turn
         state.now.clear()
 
     @property

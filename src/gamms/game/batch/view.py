@@ -115,12 +115,11 @@ class ArrayView(Mapping[str, Any]):
     def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
         self._state, self.games, self.agents = state, games, agents
         self.streets, self.roster, self.memory_of = state.streets, state.roster, state.memory_of
-        rows = np.s_[:, agents] if len(games) == len(state) else np.ix_(games, agents)
-        self.node: IntArray = state.node[rows]
-        self.mask: BoolArray = state.alive[rows]
+        self.node: IntArray = state.chosen(state.node, games, agents)
+        self.mask: BoolArray = state.chosen(state.alive, games, agents)
         self.turn = state.turn[games]
         self.movement, self._known = state.movement, dict[str, IntArray]()
-        self.draw = ViewDraws(state.draw_keys()[rows], self.turn)
+        self.draw = ViewDraws(state.chosen(state.draw_keys(), games, agents), self.turn)
         self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
 
     def __getitem__(self, key: str) -> Any:
@@ -470,8 +469,8 @@ class ArrayView(Mapping[str, Any]):
                 f"not one of the shape {actions.shape}."
             )
         chosen = np.where(self.mask, actions, self.movement.idle)
-        leads_on = (chosen >= STOP) & (may_aim | ~self.mask)
-        if leads_on.all():
+        leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
+        if leads_on is not None and leads_on.all():
             return chosen
         is_wrong = (chosen < 0) | (chosen >= self._counts_of(leads_on))
         if is_wrong.any():
@@ -483,9 +482,9 @@ class ArrayView(Mapping[str, Any]):
             )
         return chosen
 
-    def _counts_of(self, leads_on: BoolArray) -> IntArray:
-        """Return how many numbers of actions are legal; of agents that lead on, any number."""
-        if not leads_on.any():
+    def _counts_of(self, leads_on: BoolArray | None) -> IntArray:
+        """Return how many numbers of actions are legal; of agents that lead on, any number; None: none does."""
+        if leads_on is None:
             return self.counts
         which = np.nonzero(~leads_on)
         found = np.full(self.node.shape, np.iinfo(np.int64).max)
