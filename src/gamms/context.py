@@ -201,7 +201,7 @@ class Context(Guarded, typing.IContext):
     @property
     def seed(self) -> int:
         """The seed of all random streams of this context."""
-        self.seed_uses += 1
+        vars(self)["seed_uses"] += 1  # reading is not refused while agents decide
         return self._seed
 
     @property
@@ -232,7 +232,7 @@ class Context(Guarded, typing.IContext):
         Raises:
             BadType: a name that is neither a string nor an integer, and may differ from run to run.
         """
-        self.seed_uses += 1
+        vars(self)["seed_uses"] += 1  # reading is not refused while agents decide
         plain = (str(name) if isinstance(name, str) else as_int(name, "The name of a stream") for name in names)
         return kernels.stream(self._seed, *plain)
 
