@@ -193,6 +193,21 @@ def test_a_bad_file_is_refused_by_a_sentence(town, tmp_path, name):
     assert not (tmp_path / "game.ggr").exists()
 
 
+@pytest.mark.parametrize(
+    ("rows", "words"),
+    [
+        ("t,x,y\n0,385000,6672000\n1,here,3", "'ride.csv' cannot be used .* line 3: could not convert .* 'here'"),
+        ("t,lat,lon\n0,60.17,24.94\n1,90.5,24.94", "'ride.csv' cannot be used .*: lat must lie between .* not 90.5"),
+        ("t,x,y\n0,385000,", "'ride.csv' cannot be used .* line 2"),
+    ],
+)
+def test_a_bad_value_in_a_csv_file_is_named_with_the_file(town, tmp_path, monkeypatch, rows, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "ride.csv").write_text(rows, encoding="utf-8")
+    with pytest.raises(BadFile, match=words):
+        recording_from_tracks(["ride.csv"], town, "game.ggr")
+
+
 def test_wrong_arguments_say_what_is_right(town, tmp_path):
     cases = [
         (lambda: recording_from_tracks([], town, "x"), BadValue, "There are no tracks"),

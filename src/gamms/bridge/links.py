@@ -4,6 +4,7 @@ A link never blocks a game: what cannot be sent at once is counted and dropped, 
 number. A further way is a class that calls `_take` for each line and has `_transmit`.
 """
 
+import logging
 import socket
 import subprocess
 import threading
@@ -39,6 +40,8 @@ _MOST_BUFFERED = 1 << 20  # bytes for one viewer
 _GRACE_S = 2.0
 _CLOSE_S = 0.2  # that a peer has to answer when it is disconnected
 _PORTS = 1 << 16
+_quiet = logging.getLogger("gamms.websocket")  # of the library, which would say of each connection that it is open
+_quiet.setLevel(logging.WARNING)
 
 
 class Link(ABC):
@@ -386,6 +389,7 @@ class WebSocketServer(Link):
             compression=None,  # a short message could become a very long one
             max_size=LONGEST_LINE,
             close_timeout=_CLOSE_S,
+            logger=_quiet,
             ping_interval=None,  # pings draw from the global `random`, as strategies may; dead peers fill their buffers
         )
         async with serving as server:

@@ -191,7 +191,7 @@ def _in_order(name: str, rows: FloatArray) -> _Points:
     """Return rows (time, x, y) in the order of time, the first one of each time."""
     timed = rows[np.isfinite(rows).all(axis=1)]
     if not len(timed):
-        raise BadFile(f"The track of {shown(name)} has no point with a time, and a recording needs them.")
+        raise BadFile(f"The track of {shown(name)} has no point with a time and a place, and a recording needs both.")
     _, first = np.unique(timed[:, 0], return_index=True)
     return _Points(timed[first, 0], timed[first, 1:])
 
@@ -213,25 +213,34 @@ def _read_csv(file: Path, graph: IGraph) -> Iterator[tuple[str, FloatArray]]:
         raise MissingFile("a CSV track", file)
     refuse_above(_PER_BYTE * file.stat().st_size, f"Reading {str(file)!r}")
     rows: dict[str, list[tuple[float, float, float]]] = {}
+    at_line = ""
     try:
         with file.open(newline="", encoding="utf-8-sig") as stream:
             reader = csv.reader(stream)
             at = _columns_of(next(reader, []))
             keys = ("x", "y") if "x" in at and "y" in at else ("lat", "lon")
             for row in filter(None, islice(reader, _MOST_POINTS)):
+                at_line = f"line {reader.line_num}: "
                 name = row[at["agent"]] if "agent" in at else file.stem
                 place = float(row[at[keys[0]]]), float(row[at[keys[1]]])
                 rows.setdefault(name, []).append((_time_of(row[at["time"]]), *place))
             is_too_long = next(reader, None) is not None
+        at_line = ""
+        found = {name: _in_map_units(np.array(one, np.float64), keys, graph) for name, one in rows.items()}
     except (csv.Error, ValueError, IndexError) as error:
-        raise BadFile(f"{str(file)!r} cannot be used as a CSV file of tracks: {error}.") from None
+        raise BadFile(
+            f"{str(file)!r} cannot be used as a CSV file of tracks: {at_line}{str(error).rstrip('.')}."
+        ) from None
     if is_too_long:
         raise BadFile(f"{str(file)!r} has more than {_MOST_POINTS:,} rows. Split it.")
-    for name, found in rows.items():
-        columns = np.array(found, np.float64)
-        if keys == ("lat", "lon"):
-            columns[:, 1], columns[:, 2] = graph.from_latlon(lat=columns[:, 1], lon=columns[:, 2])
-        yield name, columns
+    yield from found.items()
+
+
+def _in_map_units(points: FloatArray, keys: tuple[str, str], graph: IGraph) -> FloatArray:
+    """Return rows (time, x, y) of rows whose places are given by `keys`."""
+    if keys == ("lat", "lon"):
+        points[:, 1], points[:, 2] = graph.from_latlon(lat=points[:, 1], lon=points[:, 2])
+    return points
 
 
 def _columns_of(header: list[str]) -> dict[str, int]:
