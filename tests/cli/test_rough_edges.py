@@ -112,6 +112,48 @@ def test_an_error_names_the_file_or_option_that_it_is_about(arguments, said, fol
     assert set(folder.rglob("*")) == before
 
 
+@pytest.mark.parametrize(
+    "command",
+    [
+        ("run", "game.yaml", "--out", "new/r", "--film", "f.xyz"),
+        ("run", "game.yaml", "--out", "new/r", "--strategy", "nope=gamms.strategies:stay"),
+        ("run", "game.yaml", "--out", "new/r", "--web", "--port", "99999"),
+        (
+            "run",
+            "game.yaml",
+            "--out",
+            "new/r",
+            "--seeds",
+            "0:2",
+            "--jobs",
+            "1",
+            "--strategy",
+            "nope=gamms.strategies:stay",
+        ),
+        ("study", "visit.yaml", "--out", "new/r", "--port", "99999"),
+        ("study", "visit.yaml", "--out", "new/r", "--host", "8.8.8.8"),
+        ("tournament", "cup.yaml", "--out", "new/r"),
+        ("suite", "scripted", "--out", "new/r", "--only", "nope"),
+        ("suite", "references", "--out", "new/r", "--only", "nope"),
+        ("gallery", "grid_tag", "--page", "game.yaml"),
+        ("diff", "öut/game.ggr", "öut/game.ggr", "--html", "öut/game.ggr"),
+        ("map", "game.yaml", "--out", "game.yaml"),
+        ("render", "öut/game.ggr", "öut/game.ggr"),
+        ("convert", "öut/game.ggr", "öut/game.ggr", "--team", "red"),
+    ],
+    ids=" ".join,
+)
+def test_a_command_that_is_refused_leaves_no_folder_and_no_file_changed(folder, command):
+    (folder / "visit.yaml").write_text("scenario: game.yaml\nconsent: consent.txt\npeople: red_0\n")
+    (folder / "consent.txt").write_text("Do you agree?")
+    (folder / "cup.yaml").write_text("scenario: game.yaml\nentries: {a: game.yaml, b: game.yaml}\nseeds: 2\n")
+    before = {path: path.is_file() and path.read_bytes() for path in folder.rglob("*")}
+    done = run(*command)
+    assert done.exit_code == 1
+    assert done.stderr.startswith("gamms: ")
+    assert {path: path.is_file() and path.read_bytes() for path in folder.rglob("*")} == before
+
+
 @pytest.mark.skipif(not Path("/dev/fd").is_dir(), reason="needs names of open files")
 def test_a_device_or_a_pipe_is_written_to_and_no_file_takes_its_place():
     reading, writing = os.pipe()
@@ -133,16 +175,42 @@ def test_a_reader_that_has_enough_ends_a_command_without_a_word():
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs an output that is full")
-def test_an_output_that_is_full_is_a_failure_in_one_sentence():
-    with Path("/dev/full").open("wb") as full, gamms("--version", stdout=full) as process:
+@pytest.mark.parametrize("command", [("--version",), ("info", "öut/game.ggr")], ids=" ".join)
+def test_an_output_that_is_full_is_a_failure_in_one_sentence(command):
+    with Path("/dev/full").open("wb") as full, gamms(*command, stdout=full) as process:
         said = process.communicate()[1]
     assert process.returncode == 1
     assert said.decode().splitlines() == ["gamms: No space left on device, while something was read or written."]
 
 
+INTERRUPTED_EARLY = """
+import os, signal, sys
+
+class Interrupts:
+    def find_spec(self, name, path, target=None):
+        if name == "gamms.cli.play":
+            os.kill(os.getpid(), signal.SIGINT)
+
+sys.meta_path.insert(0, Interrupts())
+from gamms.cli import main
+main()
+"""
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is another signal there")
-@pytest.mark.parametrize("more", [(), ("--seeds", "0:4", "--jobs", "2")], ids=["one game", "many"])
-def test_ctrl_c_ends_games_with_a_word_and_leaves_a_recording_that_can_be_read(folder, more):
+def test_ctrl_c_ends_a_command_with_a_word_before_it_is_loaded():
+    words = [sys.executable, "-c", INTERRUPTED_EARLY, "--version"]
+    done = subprocess.run(words, capture_output=True, preexec_fn=hear_ctrl_c, check=False)
+    assert (done.returncode, done.stderr) == (130, b"gamms: Interrupted.\n")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is another signal there")
+@pytest.mark.parametrize(
+    ("more", "number"),
+    [((), signal.SIGINT), (("--seeds", "0:4", "--jobs", "2"), signal.SIGINT), ((), signal.SIGTERM)],
+    ids=["one game", "many", "terminated"],
+)
+def test_ctrl_c_ends_games_with_a_word_and_leaves_a_recording_that_can_be_read(folder, more, number):
     # In a background job SIGINT is ignored, and children inherit that.
     with gamms(
         "run", "endless.yaml", "--out", "long", *more, start_new_session=True, preexec_fn=hear_ctrl_c
@@ -151,7 +219,7 @@ def test_ctrl_c_ends_games_with_a_word_and_leaves_a_recording_that_can_be_read(f
         while not (waited_for.exists() and waited_for.stat().st_size):
             assert process.poll() is None
             time.sleep(0.02)
-        os.killpg(process.pid, signal.SIGINT)
+        os.killpg(process.pid, number)
         said = process.communicate(timeout=30)[1].decode()
     assert process.returncode == 130
     assert said.strip() == "gamms: Interrupted."

@@ -13,6 +13,7 @@ from small_hunts import HUNT
 from gamms import experiment
 from gamms.errors import BadFile, BadValue, WriteConflict
 from gamms.experiment import folders
+from gamms.folders import locked
 from gamms.scenario import Scenario
 
 VARY = {"teams.red.count": [1, 2]}
@@ -129,16 +130,25 @@ def test_shards_that_are_not_whole_or_not_of_one_experiment_are_refused(tmp_path
 
 
 def test_a_second_run_in_a_folder_is_refused(tmp_path):
-    with folders.locked(tmp_path), pytest.raises(WriteConflict, match="Another run is writing"):
+    with locked(tmp_path), pytest.raises(WriteConflict, match="Another run is writing"):
         experiment.run(HUNT, [1], out=tmp_path)
+    assert list(tmp_path.iterdir()) == []
     assert len(experiment.run(HUNT, [1], out=tmp_path)) == 1
+    assert "lock" not in {file.name for file in tmp_path.iterdir()}
+
+
+def test_a_run_that_is_refused_leaves_no_folder(tmp_path):
+    with pytest.raises(BadValue, match="cannot be sent"):
+        experiment.run(HUNT, [1], out=tmp_path / "a" / "b", workers=1, collect={"turns": lambda result: result.turns})
+    assert list(tmp_path.iterdir()) == []
 
 
 PROGRAM = """
 import sys, time
 from pathlib import Path
 from gamms.experiment import folders
-with folders.locked(Path(sys.argv[1])):
+from gamms.folders import locked
+with locked(Path(sys.argv[1])):
     print("locked", flush=True)
     time.sleep(60)
 """

@@ -184,6 +184,9 @@ OTHERS = []  # processes of other tests
 @pytest.fixture(scope="module")
 def launchers(tmp_path_factory):
     folder = tmp_path_factory.mktemp("entries")
+    if sys.platform == "linux":  # whose names are bytes, and need not be UTF-8
+        folder /= os.fsdecode(b"f\xfcr zwei")
+        folder.mkdir()
     (folder / "entry.py").write_text(IN_PYTHON)
     (folder / "program.py").write_text(IN_ANY_LANGUAGE)
     given = {"python": "entry.py:decide", "program": [sys.executable, "-S", "-I", "program.py"]}

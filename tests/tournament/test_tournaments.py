@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from gamms.cli import app
 from gamms.errors import BadValue, UnknownName, WriteConflict
-from gamms.scenario import Scenario
+from gamms.scenario import Scenario, ScenarioError
 from gamms.tournament import Table, run
 from gamms.tournament.page import write_page
 
@@ -69,17 +69,30 @@ def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
     assert table.standings()[-1].faults == {"error": 8}
     assert {row["details"].get("red", "") for row in table.rows} == {"", "ValueError: <object object>"}
     assert {file.name for file in folder.joinpath("out").iterdir()} == {
-        *("entries", "games", "logs", "lock", "journal.jsonl", "map.gamms", "index.html", "tournament.json"),
+        *("entries", "games", "logs", "journal.jsonl", "map.gamms", "index.html", "tournament.json"),
     }
     assert {file.stem for file in folder.glob("out/games/*.ggr")} == {row["id"] for row in table.rows}
     manifest = json.loads(folder.joinpath("out/tournament.json").read_text())
     assert sorted(manifest["entries"]) == ["fail", "hunt", "walk"]
+    before = {file: file.read_bytes() for file in folder.rglob("out/**/*") if file.is_file()}
     with pytest.raises(WriteConflict, match="another memory_mb"):
         played(memory_mb=300)
+    with pytest.raises(WriteConflict, match="another scenario"):
+        run(Scenario(**{**GAME, "map": {"grid": {"width": 5, "height": 4}}}), entries=GIVEN, seeds=[1], out="out")
+    assert {file: file.read_bytes() for file in folder.rglob("out/**/*") if file.is_file()} == before
+
+
+def test_a_tournament_that_is_refused_leaves_no_folder(folder):
+    before = set(folder.rglob("*"))
+    with pytest.raises(ScenarioError, match=r"no function 'nope' in .*entries\.py\. It has"):
+        played("new/out", entries={"hunt": "entries.py:hunt", "nope": "entries.py:nope"})
+    with pytest.raises(BadValue, match="no such program"):
+        played("new/out", entries={"hunt": "entries.py:hunt", "nope": ["entries.py", "nope"]})
+    assert set(folder.rglob("*")) == before
 
 
 KILLED = """
-from gamms.scenario import Scenario
+from gamms.scenario import Scenario, ScenarioError
 from gamms.tournament import run
 import json, sys
 if __name__ == "__main__":

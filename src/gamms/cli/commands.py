@@ -17,7 +17,7 @@ import gamms
 from gamms.cli import experiments, play, recordings, suites
 from gamms.cli.gallery import gallery
 from gamms.cli.new import new
-from gamms.cli.output import console, echo, explained, guarded, rich_table, warn
+from gamms.cli.output import console, echo, explained, guarded, rich_table, warn, write_page
 from gamms.cli.studies import study
 from gamms.cli.tournaments import tournament
 from gamms.text import printable_line
@@ -88,12 +88,10 @@ def map(
     """Choose places on a map, in the browser, for a scenario file."""
     import webbrowser
 
-    from gamms.folders import write_whole
     from gamms.web import PlaceEditor, map_page
 
     if out is not None:
-        write_whole(out, map_page(file, theme=theme))
-        echo(f"Wrote {out}.")
+        write_page(out, map_page(file, theme=theme))
         if browser:
             webbrowser.open(out.absolute().as_uri())
         return
@@ -249,8 +247,8 @@ app.add_typer(
 )
 
 
-def main() -> None:
-    """Run the command line."""
+def run() -> None:
+    """Run the command that the arguments of the process name."""
     out: object = sys.stdout  # None where it is closed
     if isinstance(out, TextIOWrapper):
         out.reconfigure(errors="backslashreplace")  # of characters that the encoding of the system lacks
@@ -262,4 +260,5 @@ def main() -> None:
                 out.flush()
     except OSError as error:  # the output is full
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # or Python would say so again at its end
-        sys.exit(explained(error))
+        before = error.__context__
+        sys.exit(before.code if isinstance(before, SystemExit) and before.code else explained(error))

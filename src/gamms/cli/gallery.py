@@ -10,6 +10,7 @@ import typer
 
 from gamms.cli.output import console, echo, recorded, rich_table
 from gamms.errors import MissingExtra
+from gamms.folders import made_folder, write_whole
 from gamms.scenario import ScenarioError
 
 if TYPE_CHECKING:
@@ -154,18 +155,18 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
     from gamms import scenario
 
     games = {name: scenario.from_gallery(name) for name in names}
-    folder.mkdir(parents=True, exist_ok=True)
     known, cards = records(), []
-    for name, game in games.items():
-        echo(f"{name} ...")
-        try:
-            cards.append(_card(name, game, seed, folder, str(known[name]) if name in known else ""))
-        except ScenarioError as error:
-            if len(games) == 1 or not isinstance(error.__cause__, MissingExtra):
-                raise
-            echo(f"Left out: {name}. {error.__cause__}", err=True)
     index = folder / "index.html"
-    index.write_text(_PAGE.format(style=_STYLE, cards="\n".join(cards)), encoding="utf-8")
+    with made_folder(folder):
+        for name, game in games.items():
+            echo(f"{name} ...")
+            try:
+                cards.append(_card(name, game, seed, folder, str(known[name]) if name in known else ""))
+            except ScenarioError as error:
+                if len(games) == 1 or not isinstance(error.__cause__, MissingExtra):
+                    raise
+                echo(f"Left out: {name}. {error.__cause__}", err=True)
+        write_whole(index, _PAGE.format(style=_STYLE, cards="\n".join(cards)).encode())
     echo(f"Wrote {index}.")
 
 

@@ -1,7 +1,6 @@
 """`gamms run --seeds`: the same scenario with many seeds, in several processes, and what came of all of them."""
 
 import csv
-import os
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
@@ -13,6 +12,7 @@ import typer
 
 from gamms.cli.output import console, echo, explained, in_words, rich_table
 from gamms.errors import BadValue, nearest
+from gamms.folders import made_folder, whole_file
 from gamms.limits import allowing, max_memory
 from gamms.progress import progress
 from gamms.text import printable_line, shown
@@ -77,15 +77,17 @@ def imported(strategies: Strategies) -> dict[str, Callable[..., Any]]:
 def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Path, jobs: int | None) -> None:
     """Play a game for each seed, write `result_<seed>.json` and `results.csv`, and print a table and a summary."""
     teams = list(game.spec.teams)
-    out.mkdir(parents=True, exist_ok=True)
+    from gamms.experiment.executors import cores
+
     played = []
-    for seed, result in _results(game, seeds, strategies, jobs or _cores()):
-        result.save(out / f"result_{seed}.json")
-        played.append(_row(result, teams))
-    with (out / "results.csv").open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(played[0]))
-        writer.writeheader()
-        writer.writerows(played)
+    with made_folder(out):
+        for seed, result in _results(game, seeds, strategies, jobs or cores()):
+            result.save(out / f"result_{seed}.json")
+            played.append(_row(result, teams))
+        with whole_file(out / "results.csv") as whole, whole.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.DictWriter(file, list(played[0]))
+            writer.writeheader()
+            writer.writerows(played)
     header = ("seed", "turns", "winner", *teams, "reason")
     rows = [_cells(row, teams) for row in played]
     console().print(rich_table(tuple(map(printable_line, header)), rows))
@@ -131,10 +133,6 @@ def _play_batch(game: "Scenario", strategies: Strategies, memory: int, seeds: Se
             return results
     except Exception as error:  # noqa: BLE001 - it is printed by the process that has asked
         return f"{explained(error)}\nWith seed {seed}; to play it alone: --seed {seed}"
-
-
-def _cores() -> int:
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def _row(result: "Result", teams: list[str]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import typer
 from gamms import demo
 from gamms.cli.output import echo
 from gamms.errors import BadValue
+from gamms.folders import made_folder, write_whole
 from gamms.scenario import Scenario, from_gallery
 
 _DEMO = "gamms.demo.strategies"  # what its scenario calls the strategies of the demo
@@ -38,10 +39,15 @@ def new(
         files[f"{copy}.py"] = file
     text = re.sub(r"^name: .*", f'name: "{name.name}"', text, count=1, flags=re.MULTILINE)
     text = text.replace(f"{source}.yaml", scenario.name)
-    name.mkdir(parents=True)
-    scenario.write_text(text, encoding="utf-8")
-    for copy, file in files.items():
-        (name / copy).write_bytes(file.read_bytes())
+    with made_folder(name):
+        try:
+            write_whole(scenario, text.encode())
+            for copy, file in files.items():
+                write_whole(name / copy, file.read_bytes())
+        except BaseException:
+            for one in name.iterdir():
+                one.unlink()
+            raise
     *most, last = [f"{scenario} (the game)", *(f"{name / copy} ({_WHAT[copy]})" for copy in files)]
     echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. Go on with\n")
     echo(f"  gamms run {scenario} --out {name / 'first'}\n  gamms run {scenario} --seeds 0:20")

@@ -2,6 +2,7 @@
 
 import errno
 import os
+import signal
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -16,7 +17,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from gamms.errors import GammsError, MissingExtra, install_command, nearest
+from gamms.errors import BadValue, GammsError, MissingExtra, install_command, nearest
+from gamms.folders import made_folder, write_whole
 from gamms.limits import allowing, parse_memory
 from gamms.scenario import Scenario, ScenarioError
 from gamms.text import printable, printable_line, reason
@@ -33,7 +35,7 @@ _MaxMemory = Annotated[
 _Traceback = Annotated[bool, typer.Option("--traceback", help="Print errors with all that Python knows of them.")]
 _GAMMS = str(Path(__file__).parents[1])
 _FINE = 192.0  # pixels of an inch
-INTERRUPTED = 130  # as shells say it of Ctrl-C
+INTERRUPTED = 128 + signal.SIGINT  # as shells say it of Ctrl-C
 _MOST_ROWS = 500  # of a table that is printed
 _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under a minute for 600 turns
     "game.mp4": {"fps": 25, "frames_per_turn": 2},
@@ -167,17 +169,29 @@ def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, righ
     return table
 
 
+def write_page(file: Path, page: bytes) -> None:
+    """Write a page of HTML, and print where it is.
+
+    Raises:
+        BadValue: the file is named as something else, such as the recording that the page shows.
+    """
+    if file.suffix.lower() not in (".html", ".htm"):
+        raise BadValue(f"A page is a file .html: give such a name instead of {str(file)!r}.")
+    write_whole(file, page)
+    echo(f"Wrote {file}.")
+
+
 @contextmanager
 def recorded(ctx: "Context", folder: Path, *, sensed: bool = False) -> Iterator[Path]:
     """Record a game into a folder, perhaps with what agents sense; replaces an earlier recording there."""
-    folder.mkdir(parents=True, exist_ok=True)
     path = folder / RECORDING
-    path.unlink(missing_ok=True)
-    ctx.record.start(path, drawings=True, sensed=sensed)
-    try:
-        yield path
-    finally:
-        ctx.record.stop()
+    with made_folder(folder):
+        path.unlink(missing_ok=True)
+        ctx.record.start(path, drawings=True, sensed=sensed)
+        try:
+            yield path
+        finally:
+            ctx.record.stop()
 
 
 @contextmanager

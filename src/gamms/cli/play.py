@@ -21,6 +21,7 @@ from gamms.cli.output import (
     warn,
 )
 from gamms.demo import Team
+from gamms.folders import made_folder
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
     from gamms.web import ServeOptions
 
 _HELSINKI = "Central Helsinki"
-_HERE = "127.0.0.1"
+HERE = "127.0.0.1"  # where games are served
 _NAMES = ("red", "blue")
 _MOST_AGENTS = 1000
 
@@ -115,7 +116,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
         bool, typer.Option("--web", help="Show the game to browsers while it is played, and print the links.")
     ] = False,
     port: Annotated[int, typer.Option(help="With --web; 0 takes a free one.", metavar="PORT")] = 0,
-    host: Annotated[str, typer.Option(help="With --web: the address to serve at.", metavar="HOST")] = _HERE,
+    host: Annotated[str, typer.Option(help="With --web: the address to serve at.", metavar="HOST")] = HERE,
     allow_network: Annotated[
         bool, typer.Option("--allow-network", help="With --web: let other machines in, at an address of this one.")
     ] = False,
@@ -139,7 +140,7 @@ def run(  # noqa: PLR0913, PLR0917 - one argument per option
     from gamms import scenario
 
     if not web:
-        served = {"--port": port != 0, "--host": host != _HERE, "--allow-network": allow_network, "--watch": watch}
+        served = {"--port": port != 0, "--host": host != HERE, "--allow-network": allow_network, "--watch": watch}
         for option in (name for name, is_given in served.items() if is_given):
             raise typer.BadParameter("this is for a game that browsers show: add --web.", param_hint=option)
     given = _changes(changes or []) | ({} if max_turns is None else {"max_turns": max_turns})
@@ -176,7 +177,7 @@ def _play_one(
     name = game.spec.name or (game.file.stem if game.file else "A game")
     with game.build(seed, many.imported(found), engine) as ctx:
         with ExitStack() as making:
-            out.mkdir(parents=True, exist_ok=True)  # where the film may be
+            making.enter_context(made_folder(out))  # where the film may be
             if film is not None:  # refused, if at all, before an earlier recording is replaced
                 making.enter_context(ctx.visual.film(film, title=name))
             recording = making.enter_context(recorded(ctx, out))
@@ -199,10 +200,9 @@ def _serve(game: "Scenario", options: "ServeOptions", out: Path) -> None:
     """Serve a game to browsers, and write what came of it, until Ctrl-C."""
     from gamms import web
 
-    out.mkdir(parents=True, exist_ok=True)
     recording = out / RECORDING
     options["record"] = recording
-    with web.serve(game, **options) as live, suppress(KeyboardInterrupt):
+    with made_folder(out), web.serve(game, **options) as live, suppress(KeyboardInterrupt):
         echo("The game is served until Ctrl-C. Open a link in a browser:")
         for name, link in live.links.items():
             echo(f"  {name:<12} {link}")

@@ -9,7 +9,7 @@ import typer
 from rich.markup import escape
 
 from gamms import plain
-from gamms.cli.output import console, echo, in_words, rich_table
+from gamms.cli.output import console, echo, in_words, rich_table, write_page
 from gamms.errors import BadValue
 from gamms.progress import progress
 from gamms.text import as_text, printable_line, shown
@@ -68,11 +68,9 @@ def diff(
     with recorder.open(first) as one, recorder.open(second) as other:
         turns, found = one.turns, recordings.first_difference(one, other)
         if html is not None:
-            from gamms.folders import write_whole
             from gamms.web import page_of_two
 
-            write_whole(html, page_of_two(one, other, names=(first.stem, second.stem)))
-            echo(f"Wrote {html}.")
+            write_page(html, page_of_two(one, other, names=(first.stem, second.stem)))
     if found is not None:
         echo(str(found))
         raise typer.Exit(1)

@@ -8,7 +8,7 @@ import typer
 
 from gamms.cli.many import checked_keys, imported
 from gamms.cli.output import echo, in_words, warn
-from gamms.cli.play import Allow, foreign_code
+from gamms.cli.play import HERE, Allow, foreign_code
 from gamms.errors import BadType, BadValue
 from gamms.text import printable_line, shown
 
@@ -51,7 +51,7 @@ def study(
         ),
     ] = None,
     port: Annotated[int, typer.Option(help="0 takes a free one.", metavar="PORT")] = 0,
-    host: Annotated[str, typer.Option(help="The address to serve at.", metavar="HOST")] = "127.0.0.1",
+    host: Annotated[str, typer.Option(help="The address to serve at.", metavar="HOST")] = HERE,
     allow_network: Annotated[
         bool, typer.Option("--allow-network", help="Let other machines in, at an address of this one.")
     ] = False,

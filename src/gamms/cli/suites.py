@@ -8,6 +8,7 @@ import typer
 
 from gamms.cli.output import echo
 from gamms.cli.play import Allow
+from gamms.folders import made_folder, write_whole
 
 if TYPE_CHECKING:
     from gamms.suite import Results
@@ -43,9 +44,9 @@ def suite(
 
     count = cores() if workers is None else workers or None
     if strategy == "references":
-        out.mkdir(parents=True, exist_ok=True)
         file = out / "references.json"
-        file.write_text(json.dumps(measured_references(count, only), indent=1) + "\n", encoding="utf-8")
+        with made_folder(out):
+            write_whole(file, (json.dumps(measured_references(count, only), indent=1) + "\n").encode())
         echo(f"Wrote {file}.")
         return
     reference, code = _found(strategy, allow or [])
@@ -56,7 +57,7 @@ def suite(
         echo("These are not the seeds of the protocol: do not compare them with other results.")
     file = out / "table.json"
     columns = {name: column.tolist() for name, column in results.table.items()}
-    file.write_text(json.dumps(columns, indent=1) + "\n", encoding="utf-8")
+    write_whole(file, (json.dumps(columns, indent=1) + "\n").encode())
     echo(f"\nWrote {file}, the rows of each task, and recordings (gamms replay).")
 
 

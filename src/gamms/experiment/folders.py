@@ -9,76 +9,24 @@ import csv
 import io
 import json
 import os
-import sys
 import time
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, BinaryIO
 
 from gamms.arguments import as_items, as_path
-from gamms.errors import BadFile, BadValue, WriteConflict
+from gamms.errors import BadFile, BadValue
 from gamms.experiment.games import Row
-from gamms.folders import whole_file, write_whole
+from gamms.folders import locked, whole_file, write_whole
 from gamms.ir.tables import table_of
 from gamms.text import reason, shown
 
 FORMAT = "gamms experiment 1"
-PLAN, JOURNAL, LOCK = "experiment.json", "journal.jsonl", "lock"
+PLAN, JOURNAL = "experiment.json", "journal.jsonl"
 _SYNC_S = 0.5  # how often the disk is waited for
 _FIRST = ("id", "scenario", "gamms", "python", "numpy")
 _MIDDLE = ("seed", "reason", "winner", "truncated", "turns")
-_held: set[Path] = set()  # folders of this process, whose locks do not exclude each other
-
-
-# -- the lock -----------------------------------------------------------------------------------------------------
-
-
-@contextmanager
-def locked(folder: Path) -> Iterator[None]:
-    """Keep other runs, of this process and of others, from a folder; a process that has died keeps none.
-
-    Raises:
-        WriteConflict: another run has it.
-    """
-    folder.mkdir(parents=True, exist_ok=True)
-    real = folder.resolve()
-    refusal = WriteConflict(f"Another run is writing into {str(folder)!r}: wait for it, or choose another folder.")
-    if real in _held:
-        raise refusal
-    with (folder / LOCK).open("ab") as file:
-        if not _locks(file):
-            raise refusal
-        _held.add(real)
-        try:
-            yield
-        finally:
-            _held.discard(real)
-
-
-if sys.platform == "win32":  # pragma: no cover
-
-    def _locks(file: BinaryIO) -> bool:
-        import msvcrt
-
-        try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        except OSError:
-            return False
-        return True
-
-else:
-
-    def _locks(file: BinaryIO) -> bool:
-        """Lock a file until this process closes it; forked children do not have the lock."""
-        import fcntl
-
-        try:
-            fcntl.lockf(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            return False
-        return True
 
 
 # -- the journal --------------------------------------------------------------------------------------------------
@@ -95,15 +43,17 @@ class Journal:
     """
 
     def __init__(self, folder: Path) -> None:
-        file = folder / JOURNAL
-        self.rows = rows_in(file)
-        self._file = file.open("ab")
-        self._file.truncate(_whole(file))
+        self._path = folder / JOURNAL
+        self.rows = rows_in(self._path)
+        self._file: BinaryIO | None = None  # until there is something to write
         self._synced = 0.0
 
     def add(self, rows: Iterable[Row]) -> None:
         """Append rows; the system has them when this returns, and the disk within half a second of games."""
         rows = list(rows)
+        if self._file is None:
+            self._file = self._path.open("ab")
+            self._file.truncate(_whole(self._path))
         self._file.write("".join(f"{_line(row)}\n" for row in rows).encode())
         self._file.flush()
         if time.monotonic() - self._synced > _SYNC_S:
@@ -113,8 +63,9 @@ class Journal:
 
     def close(self) -> None:
         """Close the file, when the disk has it."""
-        os.fsync(self._file.fileno())
-        self._file.close()
+        if self._file is not None:
+            os.fsync(self._file.fileno())
+            self._file.close()
 
 
 def _whole(file: Path) -> int:

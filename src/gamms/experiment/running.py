@@ -16,6 +16,7 @@ from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task,
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
+from gamms.folders import locked
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import Show
 from gamms.progress import progress as progress_line
@@ -118,11 +119,12 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         journal, folder = None, None
         if out is not None:
             folder = folders.shard_folder(as_path(out, "out"), part)
-            ending.enter_context(folders.locked(folder))
+            ending.enter_context(locked(folder))
             journal = folders.Journal(folder)
             ending.callback(journal.close)
-            folders.write_plan(folder, plan.on_disk(ids))
         runner = _Runner(plan, ids, chosen[0], workers, journal)
+        if folder is not None:
+            folders.write_plan(folder, plan.on_disk(ids))
         runner.play(part, as_bool(progress, "progress"))
         rows = [runner.rows[id] for id in ids if id in runner.rows]
         if folder is not None and part is None:

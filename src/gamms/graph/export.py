@@ -9,6 +9,7 @@ import os
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import closing
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -18,7 +19,7 @@ import numpy as np
 
 from gamms.arguments import as_path
 from gamms.errors import BadType, BadValue, MissingExtra, MissingFolder, UnknownType, nearest
-from gamms.folders import whole_file
+from gamms.folders import whole_file, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.tables import frame_of, table_of
@@ -284,31 +285,28 @@ def _write_geopackage(target: Path, layers: Layers) -> list[Path]:
     )
     bounds = _bounds([layers.points, *layers.lines])
     parts = [("nodes", "POINT", layers.nodes, points), ("edges", "LINESTRING", layers.edges, lines)]
-    with whole_file(target) as beside:
-        database = sqlite3.connect(beside)
-        try:
-            database.executescript(_SCHEMA)
-            for name, kind, table, geometries in parts:
-                if len(table) > _MOST_COLUMNS:
-                    raise BadValue(f"A GeoPackage holds at most {_MOST_COLUMNS} attributes, not {len(table)}.")
-                typed = ", ".join(f"{_quoted(one)} {_SQL_TYPES[_graphml_type(table[one])]}" for one in table)
-                database.execute(
-                    f"CREATE TABLE {name} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom {kind}, {typed})"
-                )
-                database.execute(
-                    "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, min_x, min_y, max_x, "
-                    "max_y, srs_id) VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?)",
-                    (name, name, layers.attribution or "", *bounds, srs),
-                )
-                database.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 0, 0)", (name, kind, srs))
-                marks = ", ".join("?" * (len(table) + 1))
-                names = ", ".join(["geom", *map(_quoted, table)])
-                cells = (map(_sql, row) for row in zip(*table.values(), strict=True))
-                rows = ((geometry, *row) for geometry, row in zip(geometries, cells, strict=True))
-                database.executemany(f"INSERT INTO {name} ({names}) VALUES ({marks})", rows)  # noqa: S608 - quoted
-            database.commit()
-        finally:
-            database.close()
+    with closing(sqlite3.connect(":memory:")) as database:
+        database.executescript(_SCHEMA)
+        for name, kind, table, geometries in parts:
+            if len(table) > _MOST_COLUMNS:
+                raise BadValue(f"A GeoPackage holds at most {_MOST_COLUMNS} attributes, not {len(table)}.")
+            typed = ", ".join(f"{_quoted(one)} {_SQL_TYPES[_graphml_type(table[one])]}" for one in table)
+            database.execute(
+                f"CREATE TABLE {name} (fid INTEGER PRIMARY KEY AUTOINCREMENT NOT NULL, geom {kind}, {typed})"
+            )
+            database.execute(
+                "INSERT INTO gpkg_contents (table_name, data_type, identifier, description, min_x, min_y, max_x, "
+                "max_y, srs_id) VALUES (?, 'features', ?, ?, ?, ?, ?, ?, ?)",
+                (name, name, layers.attribution or "", *bounds, srs),
+            )
+            database.execute("INSERT INTO gpkg_geometry_columns VALUES (?, 'geom', ?, ?, 0, 0)", (name, kind, srs))
+            marks = ", ".join("?" * (len(table) + 1))
+            names = ", ".join(["geom", *map(_quoted, table)])
+            cells = (map(_sql, row) for row in zip(*table.values(), strict=True))
+            rows = ((geometry, *row) for geometry, row in zip(geometries, cells, strict=True))
+            database.executemany(f"INSERT INTO {name} ({names}) VALUES ({marks})", rows)  # noqa: S608 - quoted
+        database.commit()
+        write_whole(target, database.serialize())
     return [target]
 
 

@@ -14,6 +14,7 @@ from typing import NamedTuple
 
 from gamms.arguments import as_items, as_mapping, as_name
 from gamms.errors import BadType, BadValue
+from gamms.folders import home_folder
 from gamms.scenario.code import chosen
 
 Given = str | Sequence[str]
@@ -64,14 +65,24 @@ def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: It
     if len(texts) < 2:
         raise BadValue(f"A tournament needs two entries at least, not {len(texts)}.")
     files = {name: [_file_in(text, base) for text in some] for name, some in texts.items()}
-    entries = []
-    for number, name in enumerate(sorted(texts)):
-        others = [file for other, some in files.items() if other != name for file in some if file is not None]
-        closed = [out, *private, *others, Path.home()]
-        copies = out / "entries" / f"{number:02d}"
-        places = [None if file is None else _place(file, closed, copies) for file in files[name]]
-        make = _python_entry if isinstance(given[name], str) else _program
-        entries.append(make(name, texts[name], places))
+    for name, (file, *_) in files.items():
+        if isinstance(given[name], str):  # an error names the file, not its copy
+            chosen(
+                texts[name][0] if file is None else f"{file}:{texts[name][0].rpartition(':')[2]}", f"the entry {name!r}"
+            )
+    is_new, entries = not (out / "entries").exists(), []
+    try:
+        for number, name in enumerate(sorted(texts)):
+            others = [file for other, some in files.items() if other != name for file in some if file is not None]
+            closed = [out, *private, *others, home_folder()]
+            copies = out / "entries" / f"{number:02d}"
+            places = [None if file is None else _place(file, closed, copies) for file in files[name]]
+            make = _python_entry if isinstance(given[name], str) else _program
+            entries.append(make(name, texts[name], places))
+    except BaseException:
+        if is_new:
+            shutil.rmtree(out / "entries", ignore_errors=True)
+        raise
     return entries
 
 

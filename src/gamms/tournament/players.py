@@ -1,5 +1,6 @@
 """An entry in a game: its process, what it is asked and answers, its limits, and by which fault it loses."""
 
+import json
 import os
 import select
 import shutil
@@ -149,7 +150,7 @@ class Launcher:
         root = str(Path(__file__).resolve().parents[2])
         packages = [str(Path(one).parent) for one in entry.readable if is_python and ".py:" not in entry.reference]
         with theirs:
-            given = [str(theirs.fileno()), str(os.getpid()), msgspec.json.encode(setup._asdict()).decode()]
+            given = [str(theirs.fileno()), str(os.getpid()), json.dumps(setup._asdict())]
             words = [sys.executable, "-I", "-c", _MAIN, *given, root, *packages]
             self._process = subprocess.Popen(  # noqa: S603 - our own code
                 words,
@@ -163,7 +164,7 @@ class Launcher:
 
     def asked(self, message: Mapping[str, object], files: tuple[int, ...] = ()) -> dict[str, Any]:
         """Send a message, and return the answer; see `launcher.py`."""
-        socket.send_fds(self._control, [msgspec.json.encode(message) + b"\n"], files)
+        socket.send_fds(self._control, [json.dumps(message).encode() + b"\n"], files)
         data = b""
         while not data.endswith(b"\n"):
             part = self._control.recv(_PART)
@@ -172,7 +173,7 @@ class Launcher:
                     f"The process that starts the entry {self.entry.name!r} has ended; see its error above."
                 )
             data += part
-        answer: dict[str, Any] = msgspec.json.decode(data)
+        answer: dict[str, Any] = json.loads(data)
         return answer
 
     def missing(self) -> list[str]:

@@ -12,9 +12,9 @@ from typing import Any
 from gamms.arguments import as_bool, as_count, as_float, as_int, as_items, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, WriteConflict
 from gamms.experiment.executors import Here, WorkerPool, cores, executor_for
-from gamms.experiment.folders import Journal, locked
+from gamms.experiment.folders import Journal
 from gamms.experiment.variants import digest_of, row_id
-from gamms.folders import write_whole
+from gamms.folders import locked, write_whole
 from gamms.limits import max_memory
 from gamms.progress import progress
 from gamms.scenario import Scenario
@@ -88,19 +88,20 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     chosen, is_own = executor_for(executor, workers)
     with locked(where):
         private = [one for one in (scenario.file, scenario.folder) if one is not None]
-        found = found_entries(entries, base, where, private)
-        with scenario.build(seed=numbers[0]) as ctx:
-            ctx.graph.save(where / _MAP)
-        (where / _SCRATCH).mkdir(exist_ok=True)
-        games = where / "games" if as_bool(record, "record") else None
-        settings = Settings(scenario, where / _MAP, where / _SCRATCH, allowed, games, where / "logs", max_memory())
         game = {"sides": list(teams), "move_seconds": allowed.move_s, "memory_mb": memory_mb, **versions()}
         manifest = {"scenario": digest_of(scenario), **game}
-        missing = not_enforced(found[0], settings)
+        _refuse_other(where, manifest)
+        with scenario.build(seed=numbers[0]) as ctx:
+            found = found_entries(entries, base, where, private)
+            ctx.graph.save(where / _MAP)
+        games = where / "games" if as_bool(record, "record") else None
+        settings = Settings(scenario, where / _MAP, where / _SCRATCH, allowed, games, where / "logs", max_memory())
         plan = {"entries": {one.name: one.digest for one in found}, "seeds": numbers, "rounds": number}
-        _write_manifest(where, manifest, {**plan, "not_enforced": missing})
         runner = _Runner(settings, chosen, workers, Journal(where), manifest)
         try:
+            (where / _SCRATCH).mkdir(exist_ok=True)
+            missing = not_enforced(found[0], settings)
+            _write_manifest(where, {**manifest, **plan, "not_enforced": missing})
             table = runner.play(found, teams, numbers, number)
             table.not_enforced = missing
         finally:
@@ -140,8 +141,8 @@ def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> Allowed
     return Allowed(seconds, megabytes << 20, int(seconds * (turns + 10)) + 1)
 
 
-def _write_manifest(where: Path, game: Mapping[str, Any], plan: Mapping[str, Any]) -> None:
-    """Write what was played with what, by digests.
+def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
+    """Check that a folder has no tournament, or this one.
 
     Raises:
         WriteConflict: the folder has that of another game; further entries, seeds and rounds are none.
@@ -152,7 +153,11 @@ def _write_manifest(where: Path, game: Mapping[str, Any], plan: Mapping[str, Any
         changed = [key for key, value in {"format": _FORMAT, **game}.items() if before.get(key) != value]
         if changed:
             raise WriteConflict(f"{str(where)!r} has a tournament with another {changed[0]}. Choose another folder.")
-    write_whole(file, (json.dumps({"format": _FORMAT, **game, **plan}, indent=1) + "\n").encode())
+
+
+def _write_manifest(where: Path, manifest: Mapping[str, Any]) -> None:
+    """Write what was played with what, by digests."""
+    write_whole(where / MANIFEST, (json.dumps({"format": _FORMAT, **manifest}, indent=1) + "\n").encode())
 
 
 class _Runner:

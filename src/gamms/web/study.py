@@ -16,7 +16,7 @@ import re
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from html import escape
 from pathlib import Path
 from statistics import fmean, median
@@ -26,6 +26,7 @@ from typing import Any, Self, TypedDict, Unpack
 
 from gamms.arguments import as_count, as_float, as_int, as_items, as_mapping, as_path, as_text
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
+from gamms.folders import locked, whole_file
 from gamms.game.result import Result
 from gamms.plain import Plain, as_json
 from gamms.scenario import Scenario
@@ -101,6 +102,7 @@ def study(
         MissingExtra (ImportError): the extra `web` is not installed.
         NetworkError (ConnectionError): the port is in use.
         BadType, BadValue: an option is impossible, or the folder holds another study.
+        WriteConflict (RuntimeError): the study in the folder is served by another program.
         ScenarioError: the game cannot be built under one of the conditions.
         UnknownName (KeyError): there is no such team or agent.
     """
@@ -150,14 +152,27 @@ class Study:
         self._rows: list[Row] = []
         self._closed = threading.Event()
         self._threads: list[threading.Thread] = []
-        self._known = self._resume()
+        about: Line = {
+            "people": self._people[0] if len(self._people) == 1 else list(self._people),
+            "conditions": list(self._variants),
+            "seed": self._seed,
+            "practice": self._practice,
+            "rounds": self._rounds,
+        }
         title = options.get("title") or scenario.spec.name or "A study"
         self._title = title
         self._links = Links()
         pages = {"/": Page(_page(title)), "/play": Page(live_page(title))}
         site = Site(self._links, pages, {"/participant": self._answer}, talk=self)
         keywords: Any = {name: options[name] for name in ("port", "host", "allow_network") if name in options}
-        self._server = Server(site, **keywords)
+        with ExitStack() as ending:
+            ending.enter_context(locked(self.folder))
+            self._known = self._resume(about)
+            self._server = Server(site, **keywords)
+            ending.callback(self._server.close)
+            if not read_lines(self.folder / "study.jsonl"):  # written when nothing is left that could be refused
+                add_lines(self.folder / "study.jsonl", [about])
+            self._ending = ending.pop_all()
         self._token = self._links.add(Grant("participants"))
 
     def _people_of(self, scenario: Scenario, people: str | Sequence[str] | None) -> tuple[str, ...]:
@@ -259,7 +274,7 @@ class Study:
             live.close()
         for thread in self._threads:
             thread.join()
-        self._server.close()
+        self._ending.close()
 
     def __enter__(self) -> Self:
         return self
@@ -407,25 +422,19 @@ class Study:
 
     # -- the folder -------------------------------------------------------------------------------------------------
 
-    def _resume(self) -> Participants:
-        """Return who takes part, by what is in the folder.
+    def _resume(self, about: Line) -> Participants:
+        """Return who takes part, by what is in the folder, if it has a study.
 
         Raises:
             BadFile: a line of its files is damaged.
             BadValue: it is of another study.
         """
-        self.folder.mkdir(parents=True, exist_ok=True)
-        people = self._people[0] if len(self._people) == 1 else list(self._people)
-        about = {"people": people, "conditions": list(self._variants), "seed": self._seed}
-        about |= {"practice": self._practice, "rounds": self._rounds}
         before = read_lines(self.folder / "study.jsonl")
         if before and before[0] != about:
             raise BadValue(
                 f"{str(self.folder)!r} holds another study: {before[0]}; this one is {about}. "
                 "Give another folder as out."
             )
-        if not before:
-            add_lines(self.folder / "study.jsonl", [about])
         self._rows = read_lines(self.folder / "rows.jsonl", "participant")
         counts = Counter(row["participant"] for row in self._rows)
         known = Participants(
@@ -442,11 +451,10 @@ class Study:
 
     def _write_csv(self) -> None:
         columns = list(dict.fromkeys(name for row in self._rows for name in row))
-        with (self.folder / "rows.csv.part").open("w", encoding="utf-8", newline="") as file:
+        with whole_file(self.folder / "rows.csv") as whole, whole.open("w", encoding="utf-8", newline="") as file:
             writer = csv.DictWriter(file, columns)
             writer.writeheader()
             writer.writerows(self._rows)
-        (self.folder / "rows.csv.part").replace(self.folder / "rows.csv")
 
     # -- connections, each of which belongs to the game of its participant -------------------------------------------
 
