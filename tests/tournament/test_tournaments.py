@@ -125,7 +125,7 @@ def test_a_killed_worker_and_a_killed_runner_change_nothing(folder):
             time.sleep(0.02)
 
     wait_for_more_than(0)
-    workers = [one for one in children(process.pid) if b"executors" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    workers = [one for one in children(process.pid) if b"gamms.workers" in Path(f"/proc/{one}/cmdline").read_bytes()]
     os.kill(workers[0], signal.SIGKILL)
     wait_for_more_than(len(journal.read_bytes().splitlines()))
     below = children(process.pid)

@@ -1,0 +1,149 @@
+"""Processes that call functions for this one: Pythons of their own, into which no script is imported unasked."""
+
+import os
+import pickle
+import runpy
+import subprocess
+import sys
+import traceback
+from collections.abc import Callable
+from concurrent.futures import BrokenExecutor
+from contextlib import suppress
+from functools import cache
+from multiprocessing.connection import wait
+from typing import Any, BinaryIO, ParamSpec, cast
+
+from gamms.errors import BadValue, GammsError
+
+P = ParamSpec("P")
+
+_LOOK_S = 1.0  # how often a process that says nothing is looked at
+_IN_WORKER = "GAMMS_EXPERIMENT_WORKER"
+# Ctrl-C is for the process that has started this one, also while it imports.
+_SCRIPT = """import signal
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+from gamms.workers import serve
+serve()
+"""
+
+
+class WorkerDied(BrokenExecutor):
+    """A process ended while it played."""
+
+
+class Worker:
+    """A process that does tasks, one at a time; it ends with this one, however that ends.
+
+    Attributes:
+        pid: the number that the system gave it.
+    """
+
+    def __init__(self) -> None:
+        environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
+        self._process = subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us
+            [sys.executable, "-c", _SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+        )
+        self.pid = self._process.pid
+
+    def ask(self, task: bytes) -> tuple[bool, Any]:
+        """Return whether a task was done, and what it gave, or raised.
+
+        Args:
+            task: a function and its arguments, as `task_of` returns them.
+
+        Raises:
+            WorkerDied: the process has ended.
+        """
+        self.send(task)
+        return self.receive()
+
+    def send(self, task: bytes) -> None:
+        """Begin a task, whose answer is for `receive`; see `ask`."""
+        stdin = cast("BinaryIO", self._process.stdin)
+        script = getattr(sys.modules["__main__"], "__file__", None) if b"__main__" in task else None
+        try:
+            _send(stdin, pickle.dumps((script, task)))
+        except OSError:
+            raise self._died() from None
+
+    def receive(self) -> tuple[bool, Any]:
+        """Return the answer to the task that was sent; see `ask`."""
+        stdout = cast("BinaryIO", self._process.stdout)
+        while os.name == "posix" and not wait([stdout.fileno()], _LOOK_S):
+            if self._process.poll() is not None:  # though a child of its own keeps the pipe open
+                raise self._died()
+        answer = _received(stdout)
+        if answer is None:
+            raise self._died()
+        found: tuple[bool, Any] = pickle.loads(answer)  # noqa: S301 - from our own process
+        return found
+
+    def end(self) -> None:
+        """End the process; what it is doing is lost."""
+        self._process.kill()
+        self._process.wait()
+        for pipe in (self._process.stdin, self._process.stdout):
+            with suppress(OSError):  # what could not be written is lost, too
+                cast("BinaryIO", pipe).close()
+
+    def _died(self) -> WorkerDied:
+        self.end()
+        return WorkerDied(f"the process that played it ended, with exit code {self._process.returncode}")
+
+
+def task_of(fn: Callable[P, object], /, *args: P.args, **kwargs: P.kwargs) -> bytes:
+    """Return a call of a function as a task for a worker."""
+    return pickle.dumps((fn, args, kwargs))
+
+
+def _send(stream: BinaryIO, data: bytes) -> None:
+    stream.write(len(data).to_bytes(8, "little") + data)
+    stream.flush()
+
+
+def _received(stream: BinaryIO) -> bytes | None:
+    """Return what was sent; None: nothing more comes."""
+    size = stream.read(8)
+    data = stream.read(int.from_bytes(size, "little"))
+    return data if len(size) == 8 and len(data) == int.from_bytes(size, "little") else None
+
+
+def serve() -> None:
+    """Work as one of the processes: do tasks until there are no more."""
+    tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    os.dup2(2, 1)  # what strategies print is no answer
+    os.environ[_IN_WORKER] = "1"
+    with suppress(OSError):
+        while (task := _received(tasks)) is not None:
+            _send(answers, _answer(*pickle.loads(task)))  # noqa: S301 - from our own process
+
+
+def _answer(script: str | None, task: bytes) -> bytes:
+    try:
+        if script is not None:  # where functions are that the task names
+            _import_script(script)
+        fn, args, kwargs = pickle.loads(task)  # noqa: S301 - from our own process
+        return pickle.dumps((True, fn(*args, **kwargs)))
+    except GammsError as error:
+        return pickle.dumps((False, error))
+    except Exception:  # noqa: BLE001 - raised by the process that has asked
+        return pickle.dumps((False, BadValue(f"A worker could not begin:\n{traceback.format_exc()}")))
+
+
+@cache
+def _import_script(path: str) -> None:
+    """Let this process have what the user's script defines, as the processes of `multiprocessing` have it."""
+    vars(sys.modules["__main__"]).update(runpy.run_path(path, run_name="__mp_main__"))
+
+
+def refuse_in_worker() -> None:
+    """Refuse to start processes in one that was started so.
+
+    Raises:
+        BadValue: this is such a process.
+    """
+    if _IN_WORKER in os.environ:
+        raise BadValue(
+            "Workers import this program for the functions that it defines: put what it does under "
+            'if __name__ == "__main__":, or define the functions in another module.'
+        )
