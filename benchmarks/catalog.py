@@ -108,6 +108,13 @@ CASES = [
         1 / 40,
     ),
     Case(
+        "learning: 4,096 games of two pursuers in two processes, by the clock",
+        "agent-step",
+        learning.many_games_in_two_processes,
+        "one process",
+        0.6,
+    ),
+    Case(
         "learning: a game of two pursuers in an environment",
         "agent-step",
         learning.one_game,

@@ -30,6 +30,29 @@ def many_games(games=1024, turns=100):
     return ours, lambda: steps_of(one, turns)
 
 
+def many_games_in_two_processes(games=4096, turns=20):
+    """A vector environment of two processes, against this process alone: seconds on a clock, as both play at once."""
+    from gamms import rl
+
+    envs = [rl.vector_env(scenario(), num_games=games, team="red", workers=workers) for workers in (2, 1)]
+    choices = np.random.default_rng(1).integers(4, size=(turns, envs[0].num_envs))
+
+    def played(env, warm=300):
+        env.reset(seed=1)
+        for turn in range(warm):  # most tables of distances are made then
+            env.step(choices[turn % turns])
+
+        def play():
+            began = time.perf_counter()
+            for actions in choices:
+                env.step(actions)
+            return Spent((time.perf_counter() - began) / choices.size)
+
+        return play
+
+    return tuple(played(env) for env in envs)
+
+
 def one_game(turns=100):
     """The environment of one game, against `pursuit_v5` of PettingZoo."""
     from pettingzoo.sisl import pursuit_v5

@@ -20,3 +20,8 @@ class Linear:
 class Sequential(list):
     def __init__(self, *layers):
         super().__init__(layers)
+
+
+def failing_reward(turn):
+    """Raise, as a reward of a user may."""
+    raise ArithmeticError(f"no reward in turn {turn.after.turn[0]}")

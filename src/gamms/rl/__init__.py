@@ -3,7 +3,8 @@
     env = gamms.rl.parallel_env(gamms.scenario.load("tag.yaml"), team="red")
 
 `learners.py` has the agents that learn in the games of a batch, as arrays; read it first. Of them are made
-`team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games);
+`team_env.py` (PettingZoo: several agents in one game) and `gym_envs.py` (Gymnasium: one agent, and many games, which
+`processes.py` plays in several processes);
 `heads.py` has what their actions mean, `deeds.py` what they may do besides moving, `sb3.py` is for Stable-Baselines3,
 `tensor_env.py` for TorchRL, `observations.py` has observations of nodes, `policies.py` saves and plays what was
 trained, `networks.py` evaluates it; `environments.py` has the functions that users call, `ids.py` the names that

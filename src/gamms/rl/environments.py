@@ -1,13 +1,16 @@
 """The environments that a scenario can be made into."""
 
 from collections.abc import Mapping, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from gamms.errors import MissingExtra
+from gamms.arguments import as_count
+from gamms.errors import BadValue, MissingExtra
 from gamms.game.batch import MostAgents
 from gamms.rl.learners import Learners, Observation, Reward
 from gamms.rl.rendering import RenderMode, engine_of
 from gamms.scenario import Scenario
+from gamms.workers import refuse_in_worker
 
 if TYPE_CHECKING:
     from gamms.rl.gym_envs import AgentEnv, GamesEnv
@@ -126,6 +129,7 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     reward: Reward | None = None,
     seed: int = 0,
     most_agents: MostAgents | None = None,
+    workers: int = 1,
 ) -> "GamesEnv":
     """Return many games of a scenario as a `gymnasium.vector.VectorEnv`, with a slot for each game and learning agent.
 
@@ -142,30 +146,33 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         reward: see `parallel_env`.
         seed: of the first game; those of the others follow.
         most_agents: see `parallel_env`.
+        workers: how many processes play, each a share of the games; 1: this one. They are the same games. Functions
+            are given to the processes by the names of their modules, and get the games of one process. What one
+            raises is raised here and closes the environment, as does the end of a process (`gamms.workers.WorkerDied`).
 
     Raises:
         UnknownName (KeyError): there is no such team.
-        BadType, BadValue: see `parallel_env`.
+        BadType, BadValue: see `parallel_env`; there are more processes than games.
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): Gymnasium is not installed.
     """
     try:
         from gamms.rl.gym_envs import GamesEnv
+        from gamms.rl.processes import ProcessesEnv
     except ImportError:
         raise MissingExtra("An environment of Gymnasium", "rl") from None
     teams = (team,) if isinstance(team, str) else team
-    learners = Learners(
-        scenario,
-        num_games,
-        teams=teams,
-        agent=agent,
-        others=others,
-        observation=observation,
-        reward=reward,
-        seed=seed,
-        most_agents=most_agents,
-    )
-    return GamesEnv(learners, scenario.spec.name)
+    options: dict[str, Any] = {"agent": agent, "others": others, "observation": observation, "reward": reward}
+    several = as_count(workers, "workers", least=1) > 1
+    if several:
+        refuse_in_worker()
+        if workers > as_count(num_games, "num_games"):
+            raise BadValue(f"workers is {workers}, and there are {num_games} games: at most one process for each.")
+    made = Learners(scenario, 1 if several else num_games, teams=teams, seed=seed, most_agents=most_agents, **options)
+    if not several:
+        return GamesEnv(made, scenario.spec.name)
+    make = partial(vector_env, scenario, team=team, most_agents=most_agents, **options)
+    return ProcessesEnv(made, scenario.spec.name, num_games=num_games, seed=seed, workers=workers, make=make)
 
 
 def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv":

@@ -82,6 +82,7 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
     Args:
         learners: in the games.
         name: of the scenario.
+        num_games: how many games; None: those of the learners.
 
     Attributes:
         learners: see above.
@@ -89,9 +90,10 @@ class GamesEnv(VectorEnv[Observed, ActionArray, Any]):
         num_agents: how many agents learn in each.
     """
 
-    def __init__(self, learners: Learners, name: str) -> None:
+    def __init__(self, learners: Learners, name: str, num_games: int | None = None) -> None:
         self.metadata = {"render_modes": [], "autoreset_mode": AutoresetMode.SAME_STEP, "name": name or "gamms"}
-        self.learners, self.num_games, self.num_agents = learners, len(learners.games), len(learners.names)
+        self.learners, self.num_agents = learners, len(learners.names)
+        self.num_games = len(learners.games) if num_games is None else num_games
         self.num_envs = self.num_games * self.num_agents
         refuse_mixed(learners, range(self.num_agents), "vector_env")
         self.single_observation_space = observation_space(learners)

@@ -44,23 +44,35 @@ def heads_of(learners: Learners, given: Sequence[tuple[IntArray, Any]]) -> Heads
     for agents, actions in given:
         if not len(agents):
             continue
-        size = shape[0], len(agents)
+        values = as_actions(learners, shape[0], agents, actions)
         if flights is not None and learners.flies[agents[0]]:
-            wide = AXES + (0 if learners.deeds is None else len(learners.deeds))
-            values = _numbers(actions, (*size, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
             flights[:, agents] = values[..., :AXES]
             if deeds is not None:
                 legal = learners.deed_masks[:, agents]
                 deeds[:, agents] = np.where(legal, np.nan_to_num(values[..., AXES:]), -np.inf).argmax(axis=2)
         elif deeds is None:
-            moves[:, agents] = _numbers(actions, size, "iu", "integers, one for each")
+            moves[:, agents] = values
         else:
-            pairs = _numbers(actions, (*size, 2), "iu", "integers, each a pair of a move and a deed for each")
-            moves[:, agents], deeds[:, agents] = pairs[..., 0], pairs[..., 1]
+            moves[:, agents], deeds[:, agents] = values[..., 0], values[..., 1]
     return Heads(moves, deeds, flights)
 
 
-def _numbers(actions: Any, shape: tuple[int, ...], kinds: str, form: str) -> np.ndarray[Any, Any]:
+def as_actions(learners: Learners, games: int, agents: IntArray, actions: object) -> np.ndarray[Any, Any]:
+    """Return actions of some agents, all on the ground or all in the air, as an array that begins (games, agents).
+
+    Raises:
+        BadValue: they are not of the action space.
+    """
+    shape, choices = (games, len(agents)), 0 if learners.deeds is None else len(learners.deeds)
+    if learners.flies[agents[0]]:
+        wide = AXES + choices
+        return _numbers(actions, (*shape, wide), "iuf", f"{wide} numbers from -1 to 1 for each")
+    if not choices:
+        return _numbers(actions, shape, "iu", "integers, one for each")
+    return _numbers(actions, (*shape, 2), "iu", "integers, each a pair of a move and a deed for each")
+
+
+def _numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> np.ndarray[Any, Any]:
     try:
         given = np.asarray(actions)
     except ValueError:  # of several shapes

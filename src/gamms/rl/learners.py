@@ -104,6 +104,7 @@ class Learners:
         alive: (games, agents) which agents take part.
         is_there: (games, agents) which agents are in the game, dead or alive; the others have not come yet.
         is_over: (games,) which games have ended.
+        stride: how many games there are, those of other processes included.
         may_return: whether a rule brings back agents that are out: then they wait, and end with their games.
 
     Raises:
@@ -150,7 +151,7 @@ class Learners:
             device=device,
             most_agents=most_agents,
         )
-        self._first, self._episodes = first, np.zeros(number, np.int64)
+        self._first, self._episodes, self.stride = first, np.zeros(number, np.int64), number
         try:
             self._look_at(teams, agent)
         except BaseException:
@@ -281,8 +282,8 @@ class Learners:
         self._first, self._episodes[:] = as_int(seed, "seed"), 0
 
     def begin_again(self, which: IntArray) -> None:
-        """Begin games: at first with their seeds, and at each further time with one larger by the number of games."""
-        seeds = self._first + which + self._episodes[which] * len(self.games)
+        """Begin games: at first with their seeds, and at each further time with one larger by `stride`."""
+        seeds = self._first + which + self._episodes[which] * self.stride
         self._episodes[which] += 1
         self.begin(which, seeds.tolist())
 
