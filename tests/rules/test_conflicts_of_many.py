@@ -2,12 +2,13 @@
 
 import io
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
 from gamms.recordings import first_difference
-from gamms.rules import Conflicts, at_random, by_priority, nobody
+from gamms.rules import Conflicts, at_random, by_priority, conflicts_in_arrays, nobody
 
 SIDE = 8
 FORMS = {"random": at_random, "teams": lambda: by_priority(["blue", "red"]), "nobody": nobody}
@@ -115,3 +116,16 @@ def test_arrays_are_asked_where_agents_are_many_and_names_where_a_subclass_resol
         ctx.game.conflicts = Lenient(1)
         ctx.game.step()
     assert asked == [43]
+
+
+@pytest.mark.parametrize("capacity", ["one", "two"])
+def test_agents_that_are_in_no_others_way_can_be_left_out(capacity):
+    case = {"seed": 1, "nodes": list(range(50)), "among": "all", "allow_swaps": True, "ordered": False}
+    case["capacity"] = capacity
+
+    def played(few):
+        with pytest.MonkeyPatch.context() as patch, world(case, at_random()) as ctx:
+            patch.setattr(conflicts_in_arrays, "_FEW_INVOLVED", few)
+            return [seen(ctx) for _ in range(12)]
+
+    assert played(1) == played(10**9)

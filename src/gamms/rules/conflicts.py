@@ -136,8 +136,8 @@ class Conflicts:
         if not self.allow_swaps:
             moves.stop_swaps()
         if known is not None:
-            limits = turn.shared(("capacity", id(known)), lambda: (known, self._rows(turn, known)))[1]
-            moves.stop_overflow(limits)
+            limits, least, _ = turn.shared(("capacity", id(known)), lambda: (*self._rows(turn, known), known))
+            moves.stop_overflow(limits, least)
         return moves.stays
 
     def array_trigger(self, turn: DeviceTurn) -> Tensor:
@@ -147,16 +147,16 @@ class Conflicts:
         least = int(limits.min(initial=UNLIMITED))
         return may_conflict(turn, least, per_team=self._per_team, swaps=not self.allow_swaps)
 
-    def _rows(self, turn: MovesTurn, limits: "_Limits") -> IntArray:
-        """Return the capacities of all nodes, and in games by metres of all edges behind them."""
+    def _rows(self, turn: MovesTurn, limits: "_Limits") -> tuple[IntArray, int]:
+        """Return the capacities of all nodes, in games by metres of all edges behind them, and the least of these."""
         graph, on_edges = turn.streets.columns, self._of_edges
-        of_nodes = limits.rows(graph.node_ids, graph.node_attributes)
-        if turn.places is None:
-            return of_nodes
-        of_edges = np.full(len(graph.edge_ids), UNLIMITED)
-        if on_edges is not None:
-            of_edges = on_edges.rows(graph.edge_ids, graph.edge_attributes)
-        return np.concatenate((of_nodes, of_edges))
+        rows = limits.rows(graph.node_ids, graph.node_attributes)
+        if turn.places is not None:
+            of_edges = np.full(len(graph.edge_ids), UNLIMITED)
+            if on_edges is not None:
+                of_edges = on_edges.rows(graph.edge_ids, graph.edge_attributes)
+            rows = np.concatenate((rows, of_edges))
+        return rows, int(rows.min(initial=UNLIMITED))
 
     def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Return which moves, by index, can decide which agents stay; `resolve` answers the same for these alone.
