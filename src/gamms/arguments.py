@@ -2,6 +2,7 @@
 
 import math
 import os
+import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from enum import Enum
 from itertools import islice
@@ -13,6 +14,7 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.text import shown
 
 if TYPE_CHECKING:
+    from inspect import Signature
     from pathlib import Path
 
 T = TypeVar("T")
@@ -243,11 +245,11 @@ def as_function_of(value: object, name: str, argument: str) -> Any:
     if not callable(value):
         raise BadType(f"{name} must be a function of {argument}, not {shown(value)} ({type(value).__name__}).")
     made_by = getattr(value, "__name__", "it")
-    if getattr(getattr(value, "__annotations__", {}).get("return"), "__origin__", None) is Callable:
+    if getattr(annotations_of(value).get("return"), "__origin__", None) is Callable:
         raise BadType(f"{made_by} makes such a function: call it, {made_by}(…), and pass what it returns.")
     if not _takes_one(value):
         raise BadType(
-            f"{name} must be a function of {argument} alone, and {made_by}{_shown_signature(value)} is not. If it "
+            f"{name} must be a function of {argument} alone, and {made_by}{signature_of(value)} is not. If it "
             f"makes such a function, call it, {made_by}(…), and pass what it returns."
         )
     return value
@@ -266,10 +268,28 @@ def _takes_one(function: Callable[..., Any]) -> bool:
     return required <= 1 and missing <= 0 and (code.co_argcount > bound or bool(code.co_flags & _VARIADIC))
 
 
-def _shown_signature(function: Callable[..., Any]) -> str:
+def annotations_of(function: object) -> dict[str, Any]:
+    """Return the annotations of a function; none if they cannot be evaluated, which Python 3.14 does when asked."""
+    try:
+        return getattr(function, "__annotations__", {})
+    except Exception:  # noqa: BLE001 - whatever a caller's expression raises, such as a name for type checkers alone
+        return {}
+
+
+def signature_of(function: Callable[..., Any]) -> "Signature":
+    """Return the signature of a function, also if its annotations cannot be evaluated.
+
+    Raises:
+        TypeError, ValueError: it is written in C and has none.
+    """
     from inspect import signature
 
-    return str(signature(function))
+    if sys.version_info >= (3, 14):
+        from annotationlib import Format
+
+        return signature(function, annotation_format=Format.FORWARDREF)
+    else:  # noqa: RET505 - so that type checkers see one of them
+        return signature(function)
 
 
 def as_member(kind: type[E], value: object) -> E | None:

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple, NoReturn, cast
 
 import numpy as np
 
+from gamms.arguments import annotations_of
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, GammsError
 from gamms.game.facts import PrivateForks
@@ -323,7 +324,7 @@ def _rebound_function(function: FunctionType, memo: Memo) -> FunctionType:
     if all(new is cell for new, cell in zip(made, cells, strict=True)):
         return function
     twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, made)
-    twin.__kwdefaults__, twin.__annotations__ = function.__kwdefaults__, function.__annotations__
+    twin.__kwdefaults__, twin.__annotations__ = function.__kwdefaults__, annotations_of(function)
     twin.__module__, twin.__qualname__, twin.__doc__ = function.__module__, function.__qualname__, function.__doc__
     twin.__dict__.update(function.__dict__)
     memo[id(function)] = twin

@@ -24,7 +24,7 @@ cache_folder: str | Path | None = None  # None: gamms/places in the user's cache
 use_cache: bool = True
 useful_tags_way: list[str] = [*KEPT_TAGS]  # the tags of a way that its edges get
 
-_DEFAULTS = {name: value for name, value in globals().items() if name in __annotations__}
+_DEFAULTS = {name: globals()[name] for name in sys.modules[__name__].__annotations__}
 _OSMNX = "OSMnx Python package (https://github.com/gboeing/osmnx)"
 _DEFAULTS_OF_OSMNX = {"cache_folder": "./cache", "http_user_agent": _OSMNX, "http_referer": _OSMNX}
 

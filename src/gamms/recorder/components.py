@@ -4,12 +4,11 @@ The values lie in one dict per object, `__recorded_component_`; the class gets a
 that takes the name first.
 """
 
-import inspect
 from collections.abc import Callable, Iterator, KeysView, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from gamms.arguments import as_key
+from gamms.arguments import as_key, signature_of
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, Duplicate, UnknownName
 from gamms.recorder import struct_types
@@ -450,7 +449,7 @@ def check_class(cls: object, fields: Mapping[str, FieldType]) -> None:
 def takes_nothing(init: Callable[..., None]) -> bool:
     """Whether an `__init__` can be called with no argument but the object."""
     try:
-        inspect.signature(init).bind(object())
+        signature_of(init).bind(object())
     except (TypeError, ValueError):
         return False
     return True
@@ -458,7 +457,7 @@ def takes_nothing(init: Callable[..., None]) -> bool:
 
 def _parameters_of(cls: type[Any]) -> Mapping[str, Any]:
     try:
-        return inspect.signature(cls.__init__).parameters
+        return signature_of(cls.__init__).parameters
     except ValueError:  # of a class that is not written in Python
         return {}
 

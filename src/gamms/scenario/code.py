@@ -15,13 +15,13 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from functools import lru_cache, partial, update_wrapper
 from importlib.util import find_spec
-from inspect import Parameter, signature
+from inspect import Parameter
 from itertools import islice
 from pathlib import Path, PureWindowsPath
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_items
+from gamms.arguments import as_items, signature_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.limits import refuse_above
@@ -570,4 +570,4 @@ def _parameters_of(function: Function) -> list[Parameter] | None:
 
 @lru_cache(maxsize=64)
 def _read_parameters(function: Function) -> list[Parameter]:
-    return list(signature(function).parameters.values())
+    return list(signature_of(function).parameters.values())

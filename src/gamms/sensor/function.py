@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any
 
+from gamms.arguments import signature_of
 from gamms.deciding import refused_while_deciding
 from gamms.errors import BadType
 from gamms.readonly import copied
@@ -66,19 +67,19 @@ class FunctionSensor(Sensor):
 
 def _parameters(fn: object, sensor_id: str) -> int:
     """Return how many arguments, at most two, a function is to be called with."""
-    from inspect import Parameter, signature
+    from inspect import Parameter
 
     wanted = f"The function of sensor {sensor_id!r} must take (), (node_id) or (node_id, agent)"
     if not callable(fn):
         raise BadType(f"{wanted}; {shown(fn)} is no function.")
     try:
-        parameters = list(signature(fn).parameters.values())
+        parameters = list(signature_of(fn).parameters.values())
     except (TypeError, ValueError):  # some builtins do not tell
         return 1
     positional = [one for one in parameters if one.kind in (Parameter.POSITIONAL_ONLY, Parameter.POSITIONAL_OR_KEYWORD)]
     needed = [one for one in positional if one.default is Parameter.empty]
     keywords = [one for one in parameters if one.kind is Parameter.KEYWORD_ONLY and one.default is Parameter.empty]
     if len(needed) > 2 or keywords:
-        raise BadType(f"{wanted}; {shown(fn)} takes {signature(fn)}.")
+        raise BadType(f"{wanted}; {shown(fn)} takes {signature_of(fn)}.")
     is_open = any(one.kind is Parameter.VAR_POSITIONAL for one in parameters)
     return 2 if is_open else len(needed) or min(len(positional), 1)

@@ -3,9 +3,10 @@
 from collections.abc import Awaitable, Callable, Iterator, Mapping
 from contextlib import contextmanager
 from copy import deepcopy
-from inspect import isawaitable, signature
+from inspect import isawaitable
 from typing import Any, cast
 
+from gamms.arguments import signature_of
 from gamms.context import Context
 from gamms.game import IllegalMutation
 from gamms.game.hidden_state import HiddenState
@@ -255,7 +256,7 @@ def _shares(play: _Play, first: _Game) -> None:
 
 
 def _ignores_order(play: _Play, first: _Game) -> None:
-    if "shuffled" not in signature(play.make_ctx).parameters:
+    if "shuffled" not in signature_of(play.make_ctx).parameters:
         return
     for seed in _ORDERS:
         _same_game(
