@@ -54,7 +54,7 @@ def test_no_page_and_no_message_installs_an_extra_of_the_package_of_others():
     assert not [path for path in tracked if re.search(r"pip install[^\n]*\"gamms\[", path.read_text(encoding="utf-8"))]
 
 
-@pytest.mark.parametrize("first", ["import gamms", "import gamms.scenario", "import gamms.cli"])
+@pytest.mark.parametrize("first", ["import gamms", "import gamms.scenario", "import gamms.cli; gamms.cli.main()"])
 def test_files_of_gamms_1_among_ours_are_refused_at_import(tmp_path, first):
     copy = shutil.copytree(Path(gamms.__file__).parent, tmp_path / "gamms", ignore=shutil.ignore_patterns("*.gamms"))
     (copy / "AgentEngine").mkdir()
