@@ -11,11 +11,13 @@ import re
 import shutil
 import subprocess
 import sys
+from operator import attrgetter
 from pathlib import Path
 
 import pytest
 from figure_files import assert_same_figure
 
+import gamms
 from gamms import _legacy
 
 ROOT = Path(__file__).parents[2]
@@ -70,6 +72,14 @@ def test_every_internal_link_leads_somewhere(page):
             assert anchor in pages.anchors_of(target), (
                 f"{pages.name_of(page)} links to #{anchor}, no heading of {target.name}"
             )
+
+
+def test_what_pages_call_on_a_context_can_be_called():
+    call = re.compile(r"\bctx((?:\.(?:game|graph|agent|sensor|record)\b)(?:\.\w+)+)\(")
+    called = {name for page in PAGES for name in call.findall(page.read_text(encoding="utf-8"))}
+    assert len(called) > 80
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        assert not [name for name in called if not callable(attrgetter(name[1:])(ctx))]
 
 
 def test_every_page_can_be_reached_from_the_index():
