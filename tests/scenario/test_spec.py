@@ -154,7 +154,8 @@ MISSING = [
     ({"conflicts.resolve": "at_randm"}, "conflicts.resolve", "Did you mean 'at_random'?"),
     ({"facts": {"land": {"function": "nowhere:x"}}}, "facts.land", "no module 'nowhere'"),
     ({"map": {"file": "town.osm"}}, "map.file", "no file 'town.osm'"),
-    ({"teams.blue.agents.0.node": 48}, "teams.blue.agents.0.node", "Unknown node 48"),
+    ({"teams.blue.agents.0.node": 48}, "teams.blue.agents.0.node", "Unknown node 48. Did you mean '4'"),
+    ({"teams.blue.agents.0.node": "Main"}, "teams.blue.agents.0.node", "also be the id of a node, [x, y] or {lat"),
     (
         {"teams.red.count": 99},
         "teams.red",

@@ -169,10 +169,19 @@ def test_a_file_says_what_is_played(folder):
     done = CliRunner().invoke(app, ["tournament", "cup.yaml", "--out", "cup", "--workers", "1"])
     assert done.exit_code == 0, done.output
     assert re.search(r"1 +hunt +4 +4 +4 +0 +0\n2 +fail +0 +4 +0 +0 +4 +4 error", done.output)
-    (folder / "cup.yaml").write_text("scenario: game.yaml\nentrys: {}\nseeds: 2\n")
-    done = CliRunner().invoke(app, ["tournament", "cup.yaml"])
-    assert done.exit_code == 1
-    assert "unknown key 'entrys'. Did you mean 'entries'?" in done.output
+    for text, said in (
+        ("scenario: game.yaml\nentrys: {}\nseeds: 2\n", "unknown key 'entrys'. Did you mean 'entries'?"),
+        ("scenario: game.yaml\nentries: {}\nseeds: 0-2\n", "cup.yaml: seeds: seeds are 0:50 or 1,2,5, not '0-2'."),
+        ("scenario: game.yaml\nentries: {}\nseeds: 2:0\n", "cup.yaml: seeds: seeds are 0:50 or 1,2,5, and '2:0'"),
+        (
+            "scenario: game.yaml\nentries: {a: entries.py:hunt, b: entries.py:hnt}\nseeds: 1\n",
+            "the entry 'b', entries.py:hnt: there is no function 'hnt'",
+        ),
+    ):
+        (folder / "cup.yaml").write_text(text)
+        done = CliRunner().invoke(app, ["tournament", "cup.yaml"])
+        assert done.exit_code == 1
+        assert said in done.output
 
 
 @pytest.mark.parametrize(

@@ -5,7 +5,7 @@ from typing import Annotated, Any
 
 import typer
 
-from gamms.cli.many import checked_keys, parsed_seeds
+from gamms.cli.many import checked_keys
 from gamms.cli.output import echo
 
 _REQUIRED = ("scenario", "entries", "seeds")
@@ -27,14 +27,16 @@ def tournament(
     """Let entries play each other, confined."""
     from gamms import scenario, tournament
     from gamms.experiment.executors import cores
+    from gamms.experiment.files import seeds_of
     from gamms.scenario import documents
 
     with documents.named(file):
         values: Any = checked_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)
+        given = values.pop("seeds")
+        with documents.at("seeds"):
+            seeds = range(given) if isinstance(given, int) else seeds_of(given)
     folder = file.absolute().parent
     game = scenario.load(folder / values.pop("scenario"), values.pop("allow", ()))
-    seeds = values.pop("seeds")
-    seeds = range(seeds) if isinstance(seeds, int) else parsed_seeds(seeds) if isinstance(seeds, str) else seeds
     table = tournament.run(game, seeds=seeds, out=out, workers=workers or cores(), folder=folder, **values)
     echo(str(table))
     echo(f"\nWrote {out / 'index.html'} (all results), {out / 'games'} (recordings; gamms replay, gamms render).")

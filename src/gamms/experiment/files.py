@@ -83,6 +83,8 @@ def seeds_of(given: Plain) -> list[int]:
         raise BadValue(f"seeds are 0:50 or 1,2,5, not {shown(given)}.") from None
     if not colon:
         return numbers
+    if numbers[0] >= numbers[1]:
+        raise BadValue(f"seeds are 0:50 or 1,2,5, and {shown(given)} names none.")
     refuse_above((numbers[1] - numbers[0]) * _BYTES, f"A list of {numbers[1] - numbers[0]:,} seeds")
     return list(range(*numbers))
 

@@ -260,7 +260,7 @@ def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
     first = errors[0]
     return (
         f"Strategies erred ({kinds}), that of agent {first['agent']!r} first, in turn {first['turn']}: "
-        f"{printable_line(first['message']).rstrip('.'):.200}. See result.errors."
+        f"{printable_line(first['message'])[:200].rstrip('.?')}. See result.errors."
     )
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.context import Context
-from gamms.errors import UnknownName
+from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
@@ -114,9 +114,12 @@ def node_at(ctx: Context, given: Place, path: str) -> int:
         if isinstance(given, tuple):
             return int(ctx.graph.nearest_node(*given))
         if isinstance(given, str):
-            return ctx.graph.find(given).node
+            try:
+                return ctx.graph.find(given).node
+            except BadValue as error:
+                raise BadValue(f"{error} A place may also be the id of a node, [x, y] or {{lat: …, lon: …}}.") from None
         if not ctx.graph.graph.has_node(given):
-            raise UnknownName("node", given)
+            raise UnknownName("node", given, ctx.graph.columns().node_ids.tolist())
         return int(given)
 
 
