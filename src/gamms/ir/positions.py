@@ -168,6 +168,11 @@ class Positions:
         by_node = self.by_node
         return sorted([row for node in by_node.keys() & node_ids for row in by_node[node]])
 
+    def found(self, rows: list[int]) -> dict[str, int]:
+        """Return name -> node id of agents whose rows were asked for just now."""
+        names, nodes = self._block.names, self._block.node
+        return {names[row]: nodes[row] for row in rows}
+
     def _catch_up(self) -> None:
         """Read what has changed: the occupancy of nodes follows at once, the arrays when they are asked for."""
         # NOTE: asked after every single move of the paper's loop (benchmarks/README.md, w3).

@@ -9,6 +9,7 @@ from functools import cache
 from itertools import pairwise
 from math import inf, sqrt
 from typing import Annotated, Any, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -58,6 +59,8 @@ _Distances = dict[tuple[Place, Place], float]
 _Measure = Callable[[Collection[Place], Collection[Place]], _Distances]  # of all pairs that are near enough
 _Aerial = Mapping[str, Place]  # name -> its position, where that is measured
 _FEW_PAIRS, _FEW_NODES = 64, 16  # which are compared and looked up without arrays
+_MOST_POINTS = 1 << 16  # of nodes, which are remembered of each graph
+_POINTS: WeakKeyDictionary[Graph, tuple[int | None, dict[Place, Position]]] = WeakKeyDictionary()
 _Tracked = tuple[str, Track]  # an agent of a side: its name, and how it came to where it is
 
 
@@ -430,23 +433,37 @@ def _by_path(search: Callable[[int], Mapping[int, float]]) -> _Measure:
     return measure
 
 
-def _straight(graph: Graph, limit: float) -> _Measure:
-    known: dict[Place, Position] = {}
+def _points_of(graph: Graph) -> dict[Place, Position]:
+    """Return where those nodes of a graph are that were asked for, by id; to be added to."""
+    # NOTE: a look-up in the graph takes 1.3 us, and agents are compared in every turn (benchmarks/README.md, turns).
+    revision, known = _POINTS.get(graph, (None, {}))
+    if revision is None or revision != graph.revision or len(known) > _MOST_POINTS:
+        known = {}
+        _POINTS[graph] = graph.revision, known
+    return known
 
-    def locate(places: Iterable[Place]) -> None:
-        """Look up where nodes are that were not asked for before."""
-        nodes = [place for place in places if not (place in known or isinstance(place, tuple))]
-        if len(nodes) <= _FEW_NODES:
-            known.update((node, (x, y, 0.0)) for node, x, y in map(graph.get_node, nodes))
-            return
-        known.update((node, (x, y, 0.0)) for node, (x, y) in zip(nodes, graph.positions(nodes).tolist(), strict=True))
+
+def _located(graph: Graph, known: dict[Place, Position], places: Collection[Place]) -> list[Position]:
+    try:
+        return [known[place] for place in places]
+    except KeyError:  # some fly, or are on nodes that were not asked for before
+        nodes = {place for place in places if not (place in known or isinstance(place, tuple))}
+    if len(nodes) <= _FEW_NODES:
+        known.update((node, (x, y, 0.0)) for node, x, y in map(graph.get_node, nodes))
+    else:
+        xy = graph.positions([*nodes]).tolist()
+        known.update((node, (x, y, 0.0)) for node, (x, y) in zip(nodes, xy, strict=True))
+    return [place if isinstance(place, tuple) else known[place] for place in places]
+
+
+def _straight(graph: Graph, limit: float) -> _Measure:
+    known = _points_of(graph)
 
     def measure(ours: Collection[Place], theirs: Collection[Place]) -> _Distances:
         if not ours or not theirs:
             return {}
-        locate({*ours, *theirs})
         one, other = list(ours), list(theirs)
-        a, b = ([place if isinstance(place, tuple) else known[place] for place in places] for places in (one, other))
+        a, b = (_located(graph, known, places) for places in (one, other))
         if len(a) * len(b) > _FEW_PAIRS:
             rows, columns, far = kernels.pairs_within(np.array(a), np.array(b), limit)
             pairs = zip(rows.tolist(), columns.tolist(), far.tolist(), strict=True)

@@ -50,7 +50,9 @@ class Kind(NamedTuple):
         """Whether a sensor of this type is a built-in one, and not of a class of the caller's."""
         wanted = [_ATTRIBUTES.get(name, name) for name in self.keywords]
         wanted += [setting.partition(".")[0] for setting in self.settings]
-        return isinstance(sensor, Sensor) and all(hasattr(sensor, name) for name in wanted)
+        return isinstance(sensor, Sensor) and all(
+            hasattr(type(sensor), name) or hasattr(sensor, name) for name in wanted
+        )
 
     def keywords_of(self, sensor: ISensor) -> dict[str, Any]:
         """Return the keywords that make such a sensor again."""

@@ -316,8 +316,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
             data, look = self._all_agents(place), None
         else:
             positions, rows, look = self._found(place, heading)
-            names, nodes = positions.names, positions.nodes
-            data = {names[row]: nodes[row] for row in rows}
+            data = positions.found(rows)
             if positions.travellers and (look is None or not self.notice.has_errors):
                 data.update(self._memory.nearby.on_edges(positions, rows))
         if self._owner is not None and self._at is None:
@@ -334,8 +333,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
             ids, reports = as_ids(node_ids, "node_ids"), list[dict[str, int]]()
             for id in ids:
                 positions, rows, look = self._found(self.place(id), heading)
-                names, nodes = positions.names, positions.nodes
-                seen = {names[row]: nodes[row] for row in rows if names[row] != own}
+                seen = positions.found(rows)
+                seen.pop(own, None)
                 reports.append(seen if look is None else self._report(look, id, seen))
             return self._named(reports)
 

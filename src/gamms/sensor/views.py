@@ -48,7 +48,7 @@ class Views:
     def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
         """Return what a map sensor sees; shared, and therefore not to be changed."""
         # NOTE: the graph is asked for once: three properties cost a third of a look (benchmarks/README.md, w3).
-        graph = self._graph = self._graph or self._ctx.graph.graph
+        graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
         revision = graph.revision
         if revision != self._revision or revision is None:
             self._forget(revision)
@@ -335,7 +335,7 @@ class NearbyAgents:
         Raises:
             UnknownName (KeyError): there is no such node, or an agent stands on one that was removed.
         """
-        graph = self._graph = self._graph or self._ctx.graph.graph
+        graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
         revision = graph.revision
         if revision != self._revision or revision is None:
             self._forget(revision)
