@@ -224,7 +224,7 @@ class Game(RuleVerbs):
 
     def _begin(self) -> None:
         """Take the snapshot to which `reset` returns."""
-        state, snapshot = self._state, self._snapshots.take()
+        state, snapshot = self._state, self._snapshots.take(is_start=True)
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
         state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
         state.players.update({agent.name: agent for agent in self.ctx.agent.storage.made()})

@@ -295,6 +295,7 @@ class GlobalRandom:
         self._bits: np.random.BitGenerator | None = None  # of `numpy.random` in the game
         self._is_lent = False
         self._is_shared = False  # whether a snapshot holds the generator, too: it is copied before the next draw
+        self._spare: np.random.BitGenerator | None = None  # that nothing holds any more
 
     def snapshot(self) -> tuple[Any, Any]:
         """Return both streams as they are between two turns, for `restore`."""
@@ -303,11 +304,14 @@ class GlobalRandom:
 
     def restore(self, streams: tuple[Any, Any]) -> None:
         """Restore both streams."""
+        self.forget()
         self._state, self._bits = streams
         self._is_shared = True
 
     def forget(self) -> None:
         """Start both streams again from the seed of the context."""
+        if not (self._is_shared or self._is_lent or self._bits is None):
+            self._spare = self._bits
         self._state = self._bits = None
 
     @contextmanager
@@ -347,6 +351,7 @@ class GlobalRandom:
             return
         stream = ctx.stream("game", "global")
         random.seed(int(stream.integers(2**62)))
-        self._bits, self._is_shared = np.random.MT19937(), False
+        # NOTE: making one takes 84 us, which is more than three turns of ten agents (benchmarks/README.md, turns).
+        self._bits, self._spare, self._is_shared = self._spare or np.random.MT19937(), None, False
         set_bit_generator(self._bits)
         np.random.seed(int(stream.integers(2**32)))  # noqa: NPY002 - what programs for 1.0.0 draw from

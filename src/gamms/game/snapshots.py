@@ -116,8 +116,8 @@ class SnapshotTaker(NamedTuple):
     turns: TurnEngine
     global_random: GlobalRandom
 
-    def take(self) -> Snapshot:
-        """Take a snapshot."""
+    def take(self, *, is_start: bool = False) -> Snapshot:
+        """Take a snapshot; that of a start is without the global streams, which begin again at a reset."""
         ctx, state = self.ctx, self.state
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
@@ -128,7 +128,7 @@ class SnapshotTaker(NamedTuple):
             "rules": self.rules.rules,
             "collectors": self.collectors.snapshot(),
             "logs": state.marks(),
-            "global_random": self.global_random.snapshot(),
+            "global_random": (None, None) if is_start else self.global_random.snapshot(),
             "is_seeded": ctx.is_seeded,
             "rng": ctx.rng_state(),
         }

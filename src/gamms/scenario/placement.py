@@ -190,6 +190,11 @@ class _Team:
         free = [number for number in range(len(self.members)) if number not in self.fixed]
         if not free:
             return rows
+        if not (self.spec.apart or self.away):
+            rows[:, free] = drawn = self._taken(self._words(seeds, free, 0))
+            if drawn[:, -1].min() >= 0:
+                return rows
+            raise ScenarioError(self.path, self._refusal(len(self._free_rows), len(free)))
         allowed = np.repeat(self._near[None], len(seeds), axis=0)
         for one in self.away:
             for of_agent in others[one.team].T:
@@ -209,9 +214,7 @@ class _Team:
         drawn, at = np.full((len(seeds), len(free)), -1), np.arange(len(seeds))
         for row in self.fixed.values():
             self._close(allowed, np.full(len(seeds), row))
-        names = [("scenario", "place", self.name, self.members[number].name, attempt) for number in free]
-        words = kernels.stream_words([kernels.stream_key(seed, *name) for seed in seeds for name in names])
-        words = words.reshape(len(seeds), len(free), -1)
+        words = self._words(seeds, free, attempt)
         for column in range(len(free)):
             counts = _COUNTS[allowed]
             is_left = counts.any(axis=1)
@@ -222,11 +225,36 @@ class _Team:
             self._close(allowed, rows)
         return drawn
 
+    def _taken(self, words: BitArray) -> IntArray:
+        """Return what `_try` returns where no agent keeps another away."""
+        # NOTE: a list loses a row in 1 us, where `_drawn` takes 50 for one seed (benchmarks/README.md, turns).
+        left = np.maximum(len(self._free_rows) - np.arange(words.shape[1]), 1)
+        numbers = kernels.below_of_words(words.reshape(-1, words.shape[2]), np.tile(left, len(words)))
+        drawn = np.full(words.shape[:2], -1)
+        for of_seed, those in zip(drawn, numbers.reshape(drawn.shape)[:, : len(self._free_rows)].tolist(), strict=True):
+            rows = self._free_rows.copy()
+            of_seed[: len(those)] = [rows.pop(number) for number in those]
+        return drawn
+
+    def _words(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
+        """Return what agents draw from, (seeds, agents, 8)."""
+        names = [("scenario", "place", self.name, self.members[number].name, attempt) for number in free]
+        words = kernels.stream_words([kernels.stream_key(seed, *name) for seed in seeds for name in names])
+        return words.reshape(len(seeds), len(free), -1)
+
     def _close(self, allowed: WordArray, rows: IntArray) -> None:
         """Exclude a node of each set, and those that are too near to it."""
         allowed[np.arange(len(rows)), rows >> 4] &= ~(np.uint16(1) << (rows & 15).astype(np.uint16))
         if self.spec.apart:
             allowed &= self.map.far_from(rows, self.spec.apart)
+
+    @cached_property
+    def _free_rows(self) -> list[int]:
+        """The rows of the nodes that the team may start on and that are not given to one of its agents, ascending."""
+        near = np.unpackbits(self._near.astype("<u2", copy=False).view(np.uint8), bitorder="little")
+        near[list(self.fixed.values())] = 0
+        rows: list[int] = np.flatnonzero(near).tolist()
+        return rows
 
     @cached_property
     def _near(self) -> WordArray:
