@@ -198,7 +198,8 @@ class Game(RuleVerbs):
             self._prepare_strategies()
         if not state.has_begun:
             self._begin()
-        self._ruleset.warn_of_unknown_teams()
+        if self._ruleset.unchecked:
+            self._ruleset.warn_of_unknown_teams()
         while self._unchecked_plans:
             team, teams = self._unchecked_plans.pop(0), dict.fromkeys(self.ctx.agent.block.teams)
             if team in self.plans and team not in teams:

@@ -317,11 +317,12 @@ class RuleSet:
             each change.
         phases: the phases in which a rule is called; "check" is one of them.
         act_before_moves: whether a rule checks moves and deeds, or carries out deeds.
+        unchecked: those that were added since it was checked which teams they name.
     """
 
     def __init__(self, ctx: HostContext) -> None:
         self._ctx = ctx
-        self._unchecked: list[NamedRule] = []
+        self.unchecked: list[NamedRule] = []
         self.replace(())
 
     def replace(self, rules: tuple[NamedRule, ...]) -> None:
@@ -345,7 +346,7 @@ class RuleSet:
         if prepare is not None:
             prepare(self._ctx)
         self.replace(tuple(sorted((*self.rules, named), key=_rank_of)))
-        self._unchecked.append(named)
+        self.unchecked.append(named)
         self._propose(named)
 
     def remove(self, wanted: str | Rule | NamedRule) -> None:
@@ -406,14 +407,12 @@ class RuleSet:
 
     def warn_of_unknown_teams(self) -> None:
         """Warn about the teams that rules name and no agent plays for, once for each new rule."""
-        if not self._unchecked:
-            return
-        for named in [one for one in self._unchecked if one in self.rules]:
+        for named in [one for one in self.unchecked if one in self.rules]:
             teams = self._ctx.agent.teams
             for team in getattr(named.rule, "teams", ()):
                 if team not in teams:
                     self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")
-        self._unchecked.clear()
+        self.unchecked.clear()
 
     def _propose(self, named: NamedRule) -> None:
         artist = _artist_of(named)

@@ -79,7 +79,8 @@ class TurnEngine:
             return self._order  # nothing changes while agents decide
         agents, state = self._ctx.agent, self._state
         block = agents.block
-        block.locate()
+        if block.flyers:
+            block.locate()
         settings = self._settings
         is_public = not state.agent_facts and not state.team_facts
         key = (block, block.structure_version, settings.changes, state.stream_version, is_public)
@@ -312,7 +313,7 @@ class TurnEngine:
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
         starts, state = order.selection.of(order.block.node), self._state
-        decisions = self.decisions(order.slots, starts, state)
+        decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
         if part.paced:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
@@ -326,7 +327,8 @@ class TurnEngine:
                 decisions.collect(self._loop)
         finally:
             self._phase.agent, self.is_deciding = None, False
-            decisions.drop()
+            if decisions.awaited:
+                decisions.drop()
         unsent = self._take_outboxes(order, part, decisions.failed) if order.used.channels else []
         if state.blocked:
             self._forget_blocked(order, part)

@@ -321,7 +321,10 @@ class AgentBlock:
             return
         node: Any = self.node
         if isinstance(node, list):
-            rows.copy(node, self.previous)
+            if len(node) == len(rows.rows):
+                self.previous[:] = node
+            else:
+                rows.write(self.previous, rows.of(node))
             rows.write(node, nodes)
             self._changed |= rows.as_set
         else:

@@ -70,13 +70,6 @@ class Selection:
             return np.asarray(column).take(self.array).data
         return list(self.pick(column))
 
-    def copy(self, source: list[Any], target: list[Any]) -> None:
-        """Set one column to the values of another in these rows."""
-        if len(target) == len(self.rows):
-            target[:] = source
-        else:
-            self.write(target, self.of(source))
-
     def write(self, column: list[Any], values: Sequence[Any]) -> None:
         """Set the column in these rows."""
         if len(column) == len(self.rows):

@@ -1,6 +1,6 @@
 """Tagging: an agent that meets a tagger goes back to its start, is eliminated, or what the game says; coming back."""
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Hashable, Iterable, Mapping
 from functools import partial
 from typing import Annotated, cast
 
@@ -80,14 +80,11 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
 
     def tag(ctx: Context) -> None:
         owners = None if ground is None else ground.of(ctx.game.facts)
-
-        def tags_of(contact: Contact) -> list[_Tag]:
-            a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
-            tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * both
-            return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
-
-        tags = {contact: some for contact in found(ctx, *sides, nearness) if (some := tags_of(contact))}
-        made = [one for contact in one_to_one(tags) for one in tags[contact]] if tags else []
+        met = found(ctx, *sides, nearness)
+        if not met:
+            return
+        tags = {contact: some for contact in met if (some := _tags_of(ctx, contact, owners, both=both))}
+        made = [one for contact in one_to_one(tags) for one in tags[contact]]
         for tagger, other, node in made:
             ctx.game.emit("tag", agent=tagger.name, other=other.name, node=node)
             if points:
@@ -126,6 +123,13 @@ def tag(  # noqa: PLR0913 - all that a rule is, in one call
         array_trigger=partial(may_meet, taggers, tagged, nearness) if nearness.unit in {None, "euclid"} else None,
         array_form_by_edges=nearness.unit in ("metres", "euclid"),
     )
+
+
+def _tags_of(ctx: Context, contact: Contact, owners: Mapping[int, object] | None, *, both: bool) -> list[_Tag]:
+    """Return the tags that a contact makes, where nodes have these owners."""
+    a, b = ctx.agent.get_agent(contact.a), ctx.agent.get_agent(contact.b)
+    tags = [(a, b, contact.b_node)] + [(b, a, contact.a_node)] * both
+    return [one for one in tags if owners is None or (one[2] in owners and owners[one[2]] == one[0].team)]
 
 
 def _as_then(then: object) -> Then:

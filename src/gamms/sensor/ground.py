@@ -334,7 +334,8 @@ class AgentSensor(DetectingSensor, GroundSensor):
             for id in ids:
                 positions, rows, look = self._found(self.place(id), heading)
                 seen = positions.found(rows)
-                seen.pop(own, None)
+                if own is not None:
+                    seen.pop(own, None)
                 reports.append(seen if look is None else self._report(look, id, seen))
             return self._named(reports)
 

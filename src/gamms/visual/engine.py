@@ -208,8 +208,9 @@ class PictureEngine(Guarded, IVisualizationEngine):
     @refused_while_deciding
     def simulate(self) -> None:
         """End the turn: call the listeners, and add it to the films that are being made."""
-        self.drawing.events.end_turn()
-        self.drawing.motion.end_turn()
+        game = self.ctx.current_game
+        self.drawing.events.end_turn(() if game is None else game.events)
+        self.drawing.motion.end_turn(0 if game is None else game.turn)
         self.artists.end_turn()
         for listener in self.after_turn:
             listener()

@@ -114,11 +114,12 @@ class Motion:
         self._is_current = True
         self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
 
-    def end_turn(self) -> None:
-        """End a turn: note where agents are; its moves have to be looked up before they are shown."""
+    def end_turn(self, number: int) -> None:
+        """End a turn, so many of the game: note where agents are; its moves are looked up before they are shown."""
         self._is_current = False
         # NOTE: games without pictures pay for this in every turn (benchmarks/README.md, w2).
-        agents, number, last = self._ctx.agent, self._number_of_turn(), self._last
+        self._forget_after_reset(number)
+        agents, last = self._ctx.agent, self._last
         positions, version = agents.positions, agents.structure_version
         if last is None:
             last, self._structure = (list(positions.names), positions.previous_places, number), None
@@ -131,7 +132,8 @@ class Motion:
 
     def past(self, turns: int) -> list[Moves]:
         """Return the moves of the last turns, so many at most, the latest first."""
-        self._number_of_turn()
+        game = self._ctx.current_game
+        self._forget_after_reset(0 if game is None else game.turn)
         places = range(max(len(self._past) - turns, 0), len(self._past))
         recent = [place for place in places if not isinstance(self._past[place], Moves)]
         placed = self._placed_since(self._past[recent[0]]) if recent else set()
@@ -151,13 +153,10 @@ class Motion:
         later = takewhile(lambda event: event["turn"] >= entry[1][2], reversed(game.events))
         return {(event["turn"], event["agent"]) for event in later if event["kind"] == "respawned"}
 
-    def _number_of_turn(self) -> int:
-        """Return the turn of the game, after a look whether it was reset."""
-        game = self._ctx.current_game
-        number = 0 if game is None else game.turn
+    def _forget_after_reset(self, number: int) -> None:
+        """Forget where agents were if the game was reset, as the number of its turn says."""
         if self._last is not None and number < self._last[2]:
             self.forget()
-        return number
 
     def forget(self, past: Iterable[Moves] = ()) -> None:
         """Forget where agents were; their past is this instead, the latest last."""
@@ -352,9 +351,9 @@ class TurnEvents:
         self._begin = self._end = self.turns = 0
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
 
-    def end_turn(self) -> None:
-        """End a turn: its events are those that came since the one before."""
-        self._begin, self._end = self._end, len(self._events())
+    def end_turn(self, events: Sequence[dict[str, Any]]) -> None:
+        """End a turn: of all events of the game, its own are those that came since the one before."""
+        self._begin, self._end = 0 if len(events) < self._end else self._end, len(events)  # or the game was reset
         self._eliminated = None
         self.turns += 1
 
