@@ -73,12 +73,15 @@ def test_a_folder_that_is_not_there_is_named_without_the_name_of_a_temporary_fil
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGXFSZ"), reason="needs limits on the size of files")
-@pytest.mark.parametrize("name", ["a.png", "a.html", "a.jsonl"])
-def test_where_there_is_no_room_nothing_half_written_is_left(folder, name):
+@pytest.mark.parametrize(
+    ("name", "named"),
+    [("a.png", "a.png"), ("a.html", "a.html"), ("a.gif", "a.gif"), ("a.jsonl", "a.jsonl"), ("a.csv", "a_tracks.csv")],
+)
+def test_where_there_is_no_room_nothing_half_written_is_left(folder, name, named):
     import resource
 
     before, limits = signal.signal(signal.SIGXFSZ, signal.SIG_IGN), resource.getrlimit(resource.RLIMIT_FSIZE)
-    command = ["convert" if name.endswith("jsonl") else "render", "öut/game.ggr", name]
+    command = ["convert" if name in ("a.jsonl", "a.csv") else "render", "öut/game.ggr", name]
     was_writing, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # modules would be half written, too
     resource.setrlimit(resource.RLIMIT_FSIZE, (500, limits[1]))
     try:
@@ -88,9 +91,8 @@ def test_where_there_is_no_room_nothing_half_written_is_left(folder, name):
         signal.signal(signal.SIGXFSZ, before)
         sys.dont_write_bytecode = was_writing
     assert done.exit_code == 1
-    assert done.stderr.startswith("gamms: ")
-    assert name in done.stderr
-    assert not [path for path in folder.iterdir() if name in path.name]
+    assert done.stderr == f"gamms: '{named}': File too large.\n"
+    assert not [path for path in folder.iterdir() if path.name.startswith(("a.", "a_", ".a"))]
 
 
 @pytest.mark.parametrize(
@@ -161,6 +163,18 @@ def test_a_device_or_a_pipe_is_written_to_and_no_file_takes_its_place():
         with os.fdopen(writing, "wb"):
             write_whole(Path(f"/dev/fd/{writing}"), b"a page")
         assert end.read() == b"a page"
+
+
+@pytest.mark.skipif(os.name == "nt", reason="no folder is deleted there while a program is in it")
+def test_a_folder_that_is_deleted_while_one_is_in_it_is_named_as_the_trouble(folder, monkeypatch):
+    game = folder.absolute() / "game.yaml"
+    (folder / "gone").mkdir()
+    monkeypatch.chdir("gone")
+    Path("../gone").rmdir()
+    done = run("run", game)
+    os.chdir(folder)
+    assert done.exit_code == 1
+    assert done.stderr == "gamms: The current folder is not there any more: change into another one.\n"
 
 
 @pytest.mark.skipif(os.name == "nt", reason="pipes end differently there")

@@ -1,5 +1,6 @@
 """An entry that does what it may not loses that game, is named with its fault, and leaves nothing behind."""
 
+import json
 import os
 import sys
 from pathlib import Path
@@ -302,3 +303,12 @@ def test_two_that_fail_in_the_same_turn_both_lose(launchers):
     row, _ = play(stays("both fail"), Fixture("id", {"red": "python", "blue": "python"}, 1, 1), launchers)
     assert (row["winner"], row["faults"]) == (None, {"red": "error", "blue": "error"})
     assert points_of({**row, "entries": {"red": "a", "blue": "b"}}) == {"a": 0.0, "b": 0.0}
+
+
+def test_a_launcher_whose_master_has_ended_ends_without_a_word(launchers, capfd):
+    known = launchers["program"]
+    launcher = Launcher(known.entry, known.allowed, known.scratch / "map.gamms", {}, known.scratch)
+    probe = {"probe": str(known.scratch)}
+    launcher._control.sendall(json.dumps(probe).encode() + b"\n")  # which is answered when nothing listens any more
+    launcher.close()
+    assert capfd.readouterr().err == ""

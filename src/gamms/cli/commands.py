@@ -17,7 +17,7 @@ import gamms
 from gamms.cli import experiments, play, recordings, suites
 from gamms.cli.gallery import gallery
 from gamms.cli.new import new
-from gamms.cli.output import console, echo, explained, guarded, rich_table, warn, write_page
+from gamms.cli.output import INTERRUPTED, console, echo, explained, guarded, rich_table, warn, write_page
 from gamms.cli.studies import study
 from gamms.cli.tournaments import tournament
 from gamms.text import printable_line
@@ -204,6 +204,17 @@ class _Command(TyperCommand):
             raise
 
 
+class _Interruptible(TyperGroup):
+    """A group whose commands end with a word when they are interrupted."""
+
+    def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override] # a click.Context
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt:
+            echo("gamms: Interrupted.", err=True)
+            raise typer.Exit(INTERRUPTED) from None
+
+
 class _WithUsual(TyperGroup):
     """A group whose first command is meant where none is named: `gamms experiment FILE`."""
 
@@ -238,7 +249,12 @@ def _shown(examples: tuple[str, ...]) -> str | None:
     return "\n".join(("\b", "Examples:", *(f"  {example}" for example in examples))) if examples else None
 
 
-app = _group(about.__doc__ or "", _COMMANDS, ("gamms demo", "gamms new hunt", "gamms run hunt/hunt.yaml --window"))
+app = _group(
+    about.__doc__ or "",
+    _COMMANDS,
+    ("gamms demo", "gamms new hunt", "gamms run hunt/hunt.yaml --window"),
+    kind=_Interruptible,
+)
 app.callback(invoke_without_command=True)(about)
 app.add_typer(_group("Look at scenario files.", _ON_SCENARIOS), name="scenario")
 app.add_typer(_group("Look at maps.", _ON_MAPS), name="osm")

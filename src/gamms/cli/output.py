@@ -53,9 +53,6 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
                 command(*args, **keywords)
         except (typer.Exit, typer.Abort, typer.BadParameter, BrokenPipeError):
             raise
-        except KeyboardInterrupt:
-            echo("gamms: Interrupted.", err=True)
-            raise typer.Exit(INTERRUPTED) from None
         except (Exception, SystemExit) as error:  # which a strategy may raise, too
             if traceback:
                 raise
@@ -113,6 +110,8 @@ def _sentence(error: GammsError | OSError) -> str:  # noqa: PLR0911 - one for ea
     """Return what an error says; of one of the system, which file it is about, and a file of nearly that name."""
     if isinstance(error, GammsError) or error.strerror is None:
         return reason(error)
+    if isinstance(error, FileNotFoundError) and _is_current_folder_gone():
+        return "The current folder is not there any more: change into another one."
     if error.filename is None:
         return f"{error.strerror}, while something was read or written."
     path = Path(os.fsdecode(error.filename))
@@ -126,6 +125,14 @@ def _sentence(error: GammsError | OSError) -> str:  # noqa: PLR0911 - one for ea
     if isinstance(error, IsADirectoryError):
         return f"{str(path)!r} is a folder, not a file."
     return f"{str(path)!r}: {error.strerror}."
+
+
+def _is_current_folder_gone() -> bool:
+    try:
+        Path.cwd()
+    except FileNotFoundError:
+        return True
+    return False
 
 
 def echo(text: str, *, err: bool = False) -> None:

@@ -18,7 +18,7 @@ from typing import Any, BinaryIO
 from gamms.arguments import as_items, as_path
 from gamms.errors import BadFile, BadValue
 from gamms.experiment.games import Row
-from gamms.folders import locked, whole_file, write_whole
+from gamms.folders import locked, naming, whole_file, write_whole
 from gamms.ir.tables import table_of
 from gamms.text import reason, shown
 
@@ -54,8 +54,9 @@ class Journal:
         if self._file is None:
             self._file = self._path.open("ab")
             self._file.truncate(_whole(self._path))
-        self._file.write("".join(f"{_line(row)}\n" for row in rows).encode())
-        self._file.flush()
+        with naming(self._path, self._path):
+            self._file.write("".join(f"{_line(row)}\n" for row in rows).encode())
+            self._file.flush()
         if time.monotonic() - self._synced > _SYNC_S:
             os.fsync(self._file.fileno())
             self._synced = time.monotonic()
@@ -64,8 +65,9 @@ class Journal:
     def close(self) -> None:
         """Close the file, when the disk has it."""
         if self._file is not None:
-            os.fsync(self._file.fileno())
-            self._file.close()
+            with naming(self._path, self._path):
+                os.fsync(self._file.fileno())
+                self._file.close()
 
 
 def _whole(file: Path) -> int:

@@ -9,7 +9,7 @@ import os
 import re
 import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from contextlib import closing
+from contextlib import ExitStack, closing
 from functools import cached_property
 from html import escape
 from pathlib import Path
@@ -155,11 +155,13 @@ def _rows(table: Table) -> Iterator[dict[str, Scalar]]:
 def _write_csv(target: Path, layers: Layers) -> list[Path]:
     files = [target.with_name(f"{target.stem}_{part}.csv") for part in ("nodes", "edges")]
     shapes: list[Scalar] = [wkt_of(line) for line in layers.lines]
-    for file, table in zip(files, (layers.nodes, {**layers.edges, "geometry": shapes}), strict=True):
-        with whole_file(file) as beside, beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
-            writer = csv.writer(stream)
-            writer.writerow(table)
-            writer.writerows(zip(*table.values(), strict=True))
+    with ExitStack() as all_or_none:
+        for file, table in zip(files, (layers.nodes, {**layers.edges, "geometry": shapes}), strict=True):
+            beside = all_or_none.enter_context(whole_file(file))
+            with beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
+                writer = csv.writer(stream)
+                writer.writerow(table)
+                writer.writerows(zip(*table.values(), strict=True))
     return files
 
 

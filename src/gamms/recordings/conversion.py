@@ -5,10 +5,10 @@ import json
 import os
 import re
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack
 from itertools import chain, islice
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from gamms.arguments import as_path
 from gamms.context import Context, create_context
@@ -318,21 +318,17 @@ def to_csv(
         for file in files.values():
             if file.exists():
                 raise FileExistsError(f"There is a file {str(file)!r} already; choose another name or delete it first.")
-        for name, table in tables.items():
-            with _csv_file(files[name]) as stream:
-                writer = csv.writer(stream)
-                writer.writerow(table)
-                columns = [column.tolist() for column in table.values()]
-                writer.writerows([_cell(value) for value in row] for row in zip(*columns, strict=True))
-        for name in with_tracks:
-            recording.export(files[name], turn_seconds=seconds)
+        with ExitStack() as all_or_none:
+            for name, table in tables.items():
+                beside = all_or_none.enter_context(whole_file(files[name]))
+                with beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
+                    writer = csv.writer(stream)
+                    writer.writerow(table)
+                    columns = [column.tolist() for column in table.values()]
+                    writer.writerows([_cell(value) for value in row] for row in zip(*columns, strict=True))
+            for name in with_tracks:
+                recording.export(files[name], turn_seconds=seconds)
         return list(files.values()), recording.warning
-
-
-@contextmanager
-def _csv_file(path: Path) -> Iterator[TextIO]:
-    with whole_file(path) as beside, beside.open("w", newline="", encoding="utf-8", errors=_ESCAPED) as stream:
-        yield stream
 
 
 def _cell(value: Plain) -> str | int | float | bool | None:

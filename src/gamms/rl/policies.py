@@ -12,6 +12,7 @@ import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_function_of, as_path
 from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile, MissingFolder
+from gamms.folders import write_whole
 from gamms.game.batch import ArrayView, array_strategy
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.limits import refuse_above
@@ -137,14 +138,14 @@ def save_policy(
         _save_onnx(model, file, found)
         return
     try:
-        from safetensors.numpy import save_file
+        from safetensors.numpy import save
     except ImportError:
         raise MissingExtra("A policy in safetensors", "rl") from None
     network = network_of(model, shared)
     network.check(_entries(found.spaces), found.spaces.numbers)
     described = msgspec.structs.replace(found, network=network.architecture)
     weights = {name: np.ascontiguousarray(one) for name, one in network.weights.items()}
-    save_file(weights, file, {_KEY: msgspec.json.encode(described).decode()})
+    write_whole(file, save(weights, {_KEY: msgspec.json.encode(described).decode()}))
 
 
 def policy(
@@ -467,7 +468,7 @@ def _save_onnx(model: object, file: Path, found: Description) -> None:
     made = logits(given).shape
     if made != (1, actions):
         raise BadValue(f"{source} gives numbers of the shape {made} for one agent, and (1, {actions}) are needed.")
-    file.write_bytes(with_metadata(data, _KEY, msgspec.json.encode(found).decode()))
+    write_whole(file, with_metadata(data, _KEY, msgspec.json.encode(found).decode()))
 
 
 # -- what was trained -----------------------------------------------------------------------------------------------

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 from gamms.arguments import as_items, as_mapping, as_name
 from gamms.errors import BadType, BadValue
-from gamms.folders import home_folder
+from gamms.folders import home_folder, write_whole
 from gamms.scenario.code import chosen
 
 Given = str | Sequence[str]
@@ -115,7 +115,7 @@ def _place(file: Path, closed: Sequence[Path], copies: Path) -> tuple[Path, Path
         return file, folder
     copies.mkdir(parents=True, exist_ok=True)
     copy = copies / file.name
-    shutil.copyfile(file, copy)
+    write_whole(copy, file.read_bytes())
     return copy.absolute(), copies.absolute()
 
 

@@ -19,6 +19,7 @@ import socket
 import sys
 import traceback
 from collections.abc import Callable
+from contextlib import suppress
 from time import monotonic, sleep
 from typing import Any, NamedTuple, NoReturn
 
@@ -82,7 +83,8 @@ def main(descriptor: int, master: int, setup: Setup) -> None:
                 children.discard(request["end"])
             else:
                 answer = {"missing": _probed(setup, request["probe"])}
-            control.sendall(json.dumps(answer).encode() + b"\n")
+            with suppress(BrokenPipeError):  # where the master has ended
+                control.sendall(json.dumps(answer).encode() + b"\n")
     finally:
         for id in children:
             _ended(id, 0.0)

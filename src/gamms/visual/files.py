@@ -3,7 +3,7 @@
 import os
 from base64 import b64encode
 from collections.abc import Callable, Collection
-from contextlib import AbstractContextManager
+from contextlib import AbstractContextManager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any, NamedTuple, Self
@@ -351,7 +351,7 @@ class Film:
         if self._place in _being_made:
             raise Duplicate("a film that is being made", str(plan.path))
         self._part = self._place.with_name(f".{self._place.name}.{os.getpid()}.part")
-        with naming(self._place, self._part):
+        with naming(self.plan.path, self._part):
             self._writer: FilmWriter | None = FILMS[plan.path.suffix.lower()](
                 self._part, frames.width, frames.height, plan.fps
             )
@@ -369,7 +369,7 @@ class Film:
         try:
             self._frames.begin_turn()
             for number in range(1, self.plan.frames_per_turn + 1):
-                with naming(self._place, self._part):
+                with naming(self.plan.path, self._part):
                     self._writer.add(self._frames.at(number / self.plan.frames_per_turn))
                 self.frames += 1
         except BaseException:
@@ -383,7 +383,7 @@ class Film:
         writer, self._writer = self._writer, None
         try:
             if self.frames:
-                with naming(self._place, self._part):
+                with naming(self.plan.path, self._part):
                     self._hold(writer, _HELD_SECONDS)
                     if self._frames.add_card():
                         self._hold(writer, _CARD_SECONDS)
@@ -406,7 +406,8 @@ class Film:
         if self._writer is not None:
             writer, self._writer = self._writer, None
             try:
-                writer.discard()
+                with suppress(OSError):  # of what is still to be written, where the disk is full
+                    writer.discard()
             finally:
                 self._close()
 
