@@ -3,7 +3,7 @@
 Both are remembered as long as the world stays as it is.
 """
 
-from collections.abc import Callable, Hashable, Iterable
+from collections.abc import Callable, Collection, Hashable, Iterable
 from math import inf, pi
 from typing import Any, NamedTuple
 
@@ -277,7 +277,7 @@ class NearbyAgents:
         self._looks = LooksOfAll()
         self._checked: tuple[Positions | None, int | None] = (None, None)  # that no agent is on a removed node
         self._revision: int | None = None  # of the graph that the discs are of
-        self._discs: dict[float, dict[Place, tuple[int, ...] | None]] = {}
+        self._discs: dict[float, dict[Place, Collection[int] | None]] = {}
         self._ids: dict[int, int] = {}  # one object per id
         self._kept = 0
 
@@ -348,7 +348,8 @@ class NearbyAgents:
         try:
             disc = self._discs[radius][place]
         except (KeyError, TypeError):  # not known, or not hashable
-            disc = self._disc(place if isinstance(place, tuple) else as_int(place, "The id of a node"), radius)
+            known = place if isinstance(place, tuple) else as_int(place, "The id of a node")
+            disc = self._disc(known, radius, are_many=are_many)
         if disc is None:
             return positions, self._compared(place, radius)
         rows = positions.rows_on(disc)
@@ -365,15 +366,15 @@ class NearbyAgents:
         self._discs.clear()
         self._ids.clear()
 
-    def _disc(self, place: Place, radius: float) -> tuple[int, ...] | None:
+    def _disc(self, place: Place, radius: float, *, are_many: bool) -> Collection[int] | None:
         """Return the ids of the nodes in a disc; None where there are too many to remember."""
         ids = None if radius == inf else self._views.known_ids(place, radius)
         if ids is None:
             x, y = coordinates(self._ctx, place)
             ids = [] if radius == inf else self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
         # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
-        # (benchmarks/README.md, 1,000 agents in Helsinki).
-        disc = tuple([self._ids.setdefault(id, id) for id in ids])
+        # (benchmarks/README.md, 1,000 agents in Helsinki). Few agents are looked up in the set.
+        disc = tuple([self._ids.setdefault(id, id) for id in ids]) if are_many else {*ids}
         kept = disc if radius != inf and len(disc) <= _WIDE else None
         if self._kept > _MOST_IDS:
             self._discs.clear()
