@@ -136,7 +136,7 @@ class TurnMoves:
         """Whether all living agents are on the ground, went along one edge or none, and are where that has led."""
         order = self.order
         return (
-            not (self.actions or block.flyers or block.travellers)
+            not (block.flyers or block.travellers or any(map(_is_long, self.actions.values())))
             and order.structure_version == block.structure_version
             and order.selection.of(block.node) == self.ends
         )
@@ -341,3 +341,8 @@ def _between(
 def _evenly(nodes: int) -> tuple[float, ...]:
     """Return when an agent is at each of its nodes if all edges take equally long."""
     return tuple(k / max(1, nodes - 1) for k in range(nodes))
+
+
+def _is_long(action: ResolvedAction) -> bool:
+    """Return whether an action leads along several edges, or is measured in metres."""
+    return len(action.path) > 2 or bool(action.legs)
