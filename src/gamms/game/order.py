@@ -459,6 +459,8 @@ class Legality:
         """Return the nodes within one turn at a speed, with the number of edges to each."""
         # NOTE: always by a speed, because the graph keeps what it has found around a node for one cutoff.
         cutoff = None if speed == inf else edges_within(speed)
+        if cutoff is not None and cutoff < 1.0:
+            return {node: 0.0}
         near: dict[int, float] = self._ctx.graph.graph.distances(source=node, weight=None, cutoff=cutoff)
         return near
 

@@ -108,10 +108,11 @@ class TurnEngine:
         living = sorted([(name, agent) for name, agent in all_agents.items() if agent.alive], key=itemgetter(0))
         return [AgentSlot(one, access_of(one), state, table, facts, settings, fork) for _, one in living]
 
-    def legal(self) -> dict[str, tuple[int, ...]]:
-        """Return what will be legal for living agents when the next turn begins, by name; see `Legality.reachable`."""
-        node = self._ctx.agent.block.node
-        return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in self.order().slots}
+    def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
+        """Return what will be legal when the next turn begins, by name, for living agents; see `Legality.reachable`."""
+        node, order = self._ctx.agent.block.node, self.order()
+        slots = [order.slots[order.index_of[name]] for name in names if name in order.index_of]
+        return {slot.name: self._legality.reachable(slot, node[slot.row]) for slot in slots}
 
     def looks(self, agent: IAgent, names: Iterable[str]) -> dict[str, Sensed]:
         """Return what sensors of an agent will show in the next turn; these looks are not counted."""

@@ -231,7 +231,7 @@ class _ViewOfOne(ArrayView):
         movement = self.movement if self.movement.is_plain else self._noted(self._host, self.roster, own.shared)
         game = GameArrays(self.roster, movement, own.seeds, self.streets.rows([[one.current_node_id for one in here]]))
         if isinstance(movement, Noted):
-            legal = self._internals.parts.turns.legal()
+            legal = self._internals.parts.turns.legal([self.roster.names[number] for number in agents.tolist()])
             for number in agents.tolist():
                 nodes = legal.get(self.roster.names[number]) or (here[number].current_node_id,)
                 movement.note(0, number, self.streets.rows(nodes))

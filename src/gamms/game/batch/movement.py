@@ -390,6 +390,7 @@ class Noted(Movement):
         super().__init__(movement.streets)
         self._movement, self.leaves_nodes = movement, movement.leaves_nodes
         self.is_plain = movement.is_plain  # while no agent was noted by itself
+        self._noted = set[int]()  # agents that were
         self.begin((0, 0))
 
     @cached_property
@@ -407,6 +408,7 @@ class Noted(Movement):
         number, most = game * self._agents + agent, len(legal)
         self._widen(most)
         self.is_plain = False
+        self._noted.add(agent)
         self._count[number], self._nodes[number, :most] = most, legal
 
     def note_plain(self, game: int, node: IntArray) -> None:
@@ -414,6 +416,10 @@ class Noted(Movement):
         rows, legal = slice(game * self._agents, (game + 1) * self._agents), self.streets.legal[node]
         self._widen(legal.shape[1])
         self._count[rows], self._nodes[rows, : legal.shape[1]] = self.streets.counts[node], legal
+
+    def are_plain(self, agents: IntArray) -> bool:
+        """Whether none of some agents was noted by itself."""
+        return self._noted.isdisjoint(agents.tolist())
 
     def _widen(self, most: int) -> None:
         """Make the columns of legal nodes so wide for each agent."""

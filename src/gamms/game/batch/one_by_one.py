@@ -138,7 +138,8 @@ class OneByOneEngine:
     def _nothing_observed(self) -> GameArrays:
         movement, shape = movement_of(self._game, self._roster), (len(self.seeds), len(self._roster.names))
         self._flyers = [i for i, agent in enumerate(self._roster.agents) if agent.type is AgentType.AERIAL]
-        self._are_plain = movement.is_plain and not self._flyers
+        agents = range(len(self._roster.agents))
+        self._odd = [i for i in agents if i in self._flyers or not movement.are_plain(np.array([i]))]
         self._revision = self._game.ctx.graph.graph.revision
         self._legal = None if isinstance(movement, Anywhere) else Noted(movement)
         state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
@@ -199,12 +200,14 @@ class OneByOneEngine:
     def _note_legal(self, noted: Noted, number: int, nodes: IntArray) -> None:
         """Note where the agents of the game that the context has may go: those that are out stay."""
         revision = self._game.ctx.graph.graph.revision
-        if self._are_plain and revision is not None and revision == self._revision:
+        is_known, names = revision is not None and revision == self._revision, self._roster.names
+        if is_known:
             noted.note_plain(number, nodes)
-            return
-        legal, rows = self._game.internals.parts.turns.legal(), noted.streets.rows
-        for agent, name in enumerate(self._roster.names):
-            noted.note(number, agent, rows(legal[name]) if legal.get(name) else nodes[agent : agent + 1])
+        odd = self._odd if is_known else range(len(names))
+        legal, rows = self._game.internals.parts.turns.legal([names[agent] for agent in odd]), noted.streets.rows
+        for agent in odd:
+            found = legal.get(names[agent])
+            noted.note(number, agent, rows(found) if found else nodes[agent : agent + 1])
 
     def over(self, number: int) -> dict[str, Any] | None:
         """Return how a game has ended; None: it goes on."""
