@@ -87,7 +87,7 @@ def _numbers(actions: object, shape: tuple[int, ...], kinds: str, form: str) -> 
 
 def are_legal(learners: Learners, heads: Heads) -> BoolArray:
     """Return whose actions are legal, (games, agents): of those that fly, numbers from -1 to 1."""
-    found = are_in(learners.masks, heads.moves)
+    found = learners.are_legal(heads.moves)
     if heads.deeds is not None:
         found &= are_in(learners.deed_masks, heads.deeds)
     if heads.flights is not None:

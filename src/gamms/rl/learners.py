@@ -239,7 +239,6 @@ class Learners:
         """
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
         chosen = self._own(actions)
-        chosen = self._xp.where((chosen >= 0) & (chosen < self._counts), chosen, 0)
         done = None if deeds is None or self.deeds is None else self._legal_deeds(self._on_host(self._own(deeds)))
         flown = (
             None
@@ -249,6 +248,7 @@ class Learners:
         if self._hand is None:
             self.games.step(self._given(chosen, done, flown), on_illegal="stay")
         else:
+            chosen = self._xp.where(self.are_legal(chosen), chosen, 0)
             self._hand.take(self._on_host(self.games.turn), self._on_host(chosen), done, flown)
             self.games.step()
         self._remember()
@@ -270,6 +270,11 @@ class Learners:
             counts & (self.games.terminated[:, None] | is_out),
             counts & self.games.truncated[:, None],
         )
+
+    def are_legal(self, actions: Array) -> BoolArray:
+        """Return which actions are legal, (games, agents)."""
+        found: BoolArray = (actions >= 0) & (actions < self._counts)
+        return found
 
     def begin_all(self, seed: int | None = None) -> None:
         """Begin all games: game i with the seed `seed + i`, and without one their next games; see `begin_again`."""
