@@ -172,21 +172,40 @@ def busy_in_arrays(view):
 busy.array_form = busy_in_arrays
 
 
-def attentive(state):
+def curious(state):
+    """Do what follows from all that the agent sees, knows and remembers, and from why its last action was not done."""
+    attentive(state, state["blocked"])
+
+
+def attentive(state, *more):
     """Do what follows from all that the agent sees, knows and remembers."""
     legal, memory, shared = state["legal"], state["memory"], state["team_memory"]
     sights = {name: (str(kind), [*data.items()]) for name, (kind, data) in state["sensor"].items() if kind in SHOWN}
     sights |= {name: (str(kind), data) for name, (kind, data) in state["sensor"].items() if kind not in SHOWN}
     facts = {name: repr(value) for name, value in state["facts"].items() if name in ("land", "flags")}
     known = [sights, facts, [*memory.items()], sorted(shared.items()), state["name"], state["team"], state["turn"]]
-    lot = zlib.crc32(repr([*known, legal, state["curr_pos"], state["blocked"], state["draw"].below(3)]).encode())
+    known += [state.get(key) for key in ("inbox", "edge", "offset_m", "xy")]
+    lot = zlib.crc32(repr([*known, legal, state["curr_pos"], *more, state["draw"].below(3)]).encode())
     memory[state["turn"]] = lot % 97
     if lot % 3 == 0:
         shared[state["name"]] = shared.get(state["name"], 0) + 1
     state["action"] = legal[lot % len(legal)] if lot % 11 else lot % 50
+    if "edge" in state and lot % 7 == 0:
+        state["action"] = None
+    if lot % 5 == 0:
+        messages = [{"channel": "radio", "to": [None, "red", "a0"][lot % 3], "body": [lot % 9]} for _ in range(lot % 4)]
+        state.get("outbox", []).extend(messages)
     if "deeds" in state and lot % 2:
         do = {"scan": {"node": legal[-1]}, "rest": None} if lot % 4 == 1 else {"mark": {"size": lot % 5, "how": "far"}}
         state["action"] = {"node_id": state["action"], "do": do}
+
+
+def agreed(states):
+    """Let each agent of a team do what it would do by itself, but for the first."""
+    for state in states.values():
+        attentive(state)
+    first = next(iter(states.values()))
+    first["action"] = first["legal"][0]
 
 
 SHOWN = (SensorType.AGENT, SensorType.AGENT_RANGE)
@@ -299,7 +318,9 @@ KINDS = [
 ]
 
 
-def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None, called=(), asked=""):
+def open_game(
+    streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None, called=(), asked="", channels=None
+):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     ctx.game.deeds = {} if deeds is None else DEEDS
     for number, node in enumerate(NODES):
@@ -325,7 +346,7 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
         if asked and number % 2:
             sees.append(ctx.sensor.create_sensor(f"feet of {name}", "NEIGHBOR").sensor_id)
         if name[0] in asked:
-            made = [attentive]
+            made = [curious if "w" in asked else attentive]
         agent = ctx.agent.create_agent(
             name, start_node_id=node, team=team, strategy=made[number % len(made)], sensors=sees
         )
@@ -345,8 +366,17 @@ def open_game(streets, agents, rules, conflicts, early=(), order=None, motion=No
         ctx.game.add(resource("power", 3, per_deed=prices, per_edge=0.2, recharge=dict.fromkeys(NODES[::3], 2)))
     for name, phase in called:
         ctx.game.add(CALLED[name], phase=phase)
-    ctx.game.conflicts, ctx.game.order = conflicts, order
+    ctx.game.conflicts, ctx.game.order, ctx.game.channels = conflicts, order, channels or {}
+    if "p" in asked:
+        ctx.game.command(ctx.agent.get_agent(min(agents)).team, agreed)
     return ctx
+
+
+RADIOS = [
+    {"range_m": 2.5, "delay_turns": 1},
+    {"hops": 2, "relay": True, "loss": 0.3},
+    {"range_m": 9.0, "teams": ["red"]},
+]
 
 
 PACED = {
@@ -399,17 +429,19 @@ motions = st.one_of(
     motion=motions,
     deeds=st.one_of(st.none(), st.lists(phases, max_size=2)),
     called=st.one_of(st.just([]), st.lists(st.tuples(st.sampled_from(sorted(CALLED)), phases), max_size=3)),
-    asked=st.sampled_from(["", "a", "bc", "abc"]),
+    asked=st.sampled_from(["", "a", "bc", "abc", "p", "bcw", "abcw"]),
+    radio=st.sampled_from([None, *RADIOS]),
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked
+    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked, radio
 ):
+    channels = None if radio is None else {"radio": radio}
+    called = [one for one in called if one[0] != "recruit" or asked in ("", "a")]  # teams that are asked get no others
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
     if motion is not None and "speed_unit" in motion:
         order = None
-    asked = "" if motion else asked
     with (
-        open_game(streets, agents, rules, conflicts, early, order, motion, deeds, called, asked) as ctx,
+        open_game(streets, agents, rules, conflicts, early, order, motion, deeds, called, asked, channels) as ctx,
         ctx.game.batch(seeds=seeds, most_agents={agents[min(agents)][0]: ["b9", "y9", "z9"]}) as games,
     ):
         assert games.slow is None or "game by game" in games.slow or "agent by agent" in games.slow, games.slow

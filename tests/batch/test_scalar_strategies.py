@@ -86,14 +86,79 @@ def test_actions_that_are_not_legal_are_noted_and_leave_agents_where_they_are():
     assert same({"red": astray}).result(0).errors
 
 
-def test_a_game_in_which_a_strategy_raises_is_played_alone_up_to_there():
+def test_what_a_strategy_raises_names_the_game_the_turn_and_the_agent():
     def stumble(state):
         state["action"] = state["legal"][1 // (4 - state["turn"]) * 0]
 
-    with scene([TAG]).batch(seeds=SEEDS, strategies={"red": stumble}) as games:
+    with scene([TAG]).batch(seeds=SEEDS, strategies={"red_1": stumble}) as games:
         with pytest.raises(ZeroDivisionError) as raised:
             games.run()
-        assert "In game 0 of a batch" in "".join(raised.value.__notes__)
+        assert not games.detached
+        assert raised.value.__notes__ == [
+            "In the strategy of agent 'red_1', in turn 4.",
+            "In game 0 of a batch, with the seed 3.",
+        ]
+
+
+def head(goal):
+    def strategy(state):
+        state["action"] = goal
+
+    return strategy
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"speed": 2}, {"speed": 1.5}, {"speed": 0.4}, {"speed": 17.0, "settings": {"speed_unit": "metres"}}],
+)
+@pytest.mark.parametrize("goal", [24, 3, 99])
+def test_agents_with_speeds_head_for_nodes_out_of_reach(options, goal):
+    settings = options.get("settings", {})
+    games = same(
+        {"red": head(goal)}, settings=settings, teams={"red": {"count": 3, "speed": options["speed"]}}, rules=[]
+    )
+    assert games.is_in_arrays
+    assert not games.detached
+    assert bool(games.result(0).errors) is (goal == 99)
+
+
+def lead(states):
+    """Let a team go to the node of its first agent."""
+    goal = next(iter(states.values()))["curr_pos"]
+    for state in states.values():
+        state["action"] = min(state["legal"], key=lambda node: (abs(node - goal), node))
+
+
+def lead_in_arrays(team):
+    return team.choose(team.draw.below(team.counts))
+
+
+@pytest.mark.parametrize(("plan", "arrays"), [(lead, False), (lead_in_arrays, True)])
+def test_plans_without_an_array_form_are_asked_in_each_game(plan, arrays):
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.game.command("red", plan, arrays=arrays)
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert games.is_in_arrays
+            assert not games.detached
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def tell(state):
+    heard = [message["body"] for message in state["inbox"]]
+    state["action"] = state["legal"][len(heard) % len(state["legal"])]
+    state["outbox"] += [{"channel": "radio", "to": None, "body": [state["curr_pos"], number]} for number in range(2)]
+    if state["turn"] == 3:
+        state["outbox"].append({"channel": "radar", "to": None, "body": 1})
+
+
+def test_agents_that_are_asked_send_and_hear_messages_and_learn_which_could_not_be_sent():
+    games = same({"red": tell}, channels={"radio": {"range_m": 20.0, "loss": 0.3}})
+    assert not games.detached
+    assert games.result(0).messages
+    assert [error["turn"] for error in games.result(0).errors] == [3, 3, 3]
 
 
 @pytest.mark.parametrize("what", ["random", "fork"])

@@ -12,6 +12,7 @@ import numpy as np
 from gamms import kernels
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
+from gamms.game.facts import FactsOf
 from gamms.game.order import Commanded, IllegalAction, Legality, ResolvedAction
 from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
@@ -191,7 +192,7 @@ class Decisions:
         observe: gives the state of an agent now.
 
     Attributes:
-        starts: as given.
+        slots, starts, observe: as given.
         actions: what agents do that not only go to a node, by slot.
         awaited: what is to be collected.
     """
@@ -206,8 +207,8 @@ class Decisions:
         legality: Legality,
         observe: Callable[[AgentSlot], State],
     ) -> None:
-        self._slots, self.starts, self._settings, self._state = slots, starts, settings, state
-        self._phase, self._legality, self._observe = phase, legality, observe
+        self.slots, self.starts, self._settings, self._state = slots, starts, settings, state
+        self._phase, self._legality, self.observe = phase, legality, observe
         self.actions: dict[int, ResolvedAction] = {}
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
@@ -222,7 +223,7 @@ class Decisions:
 
     def ask(self, i: int, state: State) -> None:
         """Ask the strategy of an agent of any kind."""
-        slot = self._slots[i]
+        slot = self.slots[i]
         slot.last[0] = state
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
@@ -240,7 +241,7 @@ class Decisions:
         for i, agent, template, carried, last in individuals:
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
-                self.ask(i, self._observe(self._slots[i]))
+                self.ask(i, self.observe(self.slots[i]))
                 continue
             # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `ask` does the same.
             here = starts[i]
@@ -277,33 +278,33 @@ class Decisions:
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
         """Ask the plan of a team, with the states of its agents."""
-        slots = [self._slots[i] for i in commanded.indices]
+        slots = [self.slots[i] for i in commanded.indices]
         for slot, state in zip(slots, states, strict=True):
             slot.last[0] = state
         self._put_plan(commanded, {slot.name: state for slot, state in zip(slots, states, strict=True)})
 
-    def ask_arrays(self, commanded: Commanded, seed: int, facts: Mapping[str, Any]) -> None:
+    def ask_arrays(self, commanded: Commanded, seed: int) -> None:
         """Ask the plan of a team, with arrays.
 
         Raises:
             BadType: one of its agents flies.
         """
-        indices, is_all = commanded.indices, len(commanded.indices) == len(self._slots)
-        flying = [] if commanded.are_plain else [i for i in indices if self._slots[i].flies]
+        indices, is_all = commanded.indices, len(commanded.indices) == len(self.slots)
+        flying = [] if commanded.are_plain else [i for i in indices if self.slots[i].flies]
         if flying:
             raise BadType(
                 f"The plan of team {shown(commanded.team)} decides in arrays, and agent "
-                f"{self._slots[flying[0]].name!r} flies. Use command(team, plan) with a plan of states."
+                f"{self.slots[flying[0]].name!r} flies. Use command(team, plan) with a plan of states."
             )
         nodes: IntArray = np.asarray(self.starts, np.int64)[... if is_all else indices]
         legal: LegalNodes | None = None
         if commanded.are_plain:
             legal = LegalNodes.along_streets(self._legality.streets, nodes)
         elif self._settings.legal != "any":
-            slots = [self._slots[i] for i in indices]
+            slots = [self.slots[i] for i in indices]
             legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
         known = memory_copy(self._state.team_memories.get(commanded.team, {}))
-        names = commanded.deciders.names
+        names, facts = commanded.deciders.names, FactsOf(self._state, commanded.team, None)
         given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
         self._put_plan(commanded, given)
 
@@ -347,7 +348,7 @@ class Decisions:
             return []
         failures = sorted(self._failures, key=itemgetter(0))
         for i, kind, message in failures:
-            slot = self._slots[i]
+            slot = self.slots[i]
             slot.counts[_COUNT_OF.get(kind, kind)] += 1
             error = {"turn": self._state.turn, "agent": slot.name, "kind": kind, "message": message}
             self._state.errors.append(error)
@@ -363,7 +364,7 @@ class Decisions:
 
     def take(self, i: int, state: State) -> None:
         """Take the action that is in the state of an agent."""
-        slot, here = self._slots[i], self.starts[i]
+        slot, here = self.slots[i], self.starts[i]
         if "action" in state:
             action = state["action"]
             if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
@@ -385,7 +386,7 @@ class Decisions:
             self._fail(self._question(i, state), error)
 
     def _question(self, i: int, state: State) -> _Question:
-        agent = self._slots[i].agent
+        agent = self.slots[i].agent
         return _Question(agent, f"strategy of agent {agent.name!r}", agent.strategy, state, [i], is_plan=False)
 
     def _put_plan(self, commanded: Commanded, given: TeamArrays | dict[str, State]) -> None:
@@ -439,7 +440,7 @@ class Decisions:
 
     def _take_nodes(self, question: _Question, arrays: TeamArrays, nodes: IntArray) -> None:
         starts: Any = self.starts
-        slots, indices = self._slots, question.indices
+        slots, indices = self.slots, question.indices
         is_all, chosen = len(indices) == len(starts), arrays.take_chosen(nodes)
         if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
             self.ends = chosen.data
@@ -465,7 +466,7 @@ class Decisions:
 
     def _decide(self, i: int, action: object, *, is_default: bool = False) -> None:
         try:
-            resolved = self._legality.resolve(self._slots[i], self.starts[i], action)
+            resolved = self._legality.resolve(self.slots[i], self.starts[i], action)
         except GammsError as error:
             if not is_default:  # an agent for which it is not legal stays
                 self._refuse(i, error)
@@ -475,7 +476,7 @@ class Decisions:
     def _refuse(self, i: int, error: GammsError) -> None:
         """Handle an action that is not legal: raise the error, or keep the agent where it is, by the settings."""
         if self._settings.on_illegal == "raise":
-            name = self._slots[i].name
+            name = self.slots[i].name
             raise IllegalAction(f"Agent {shown(name)} in turn {self._state.turn}: {error}") from error
         self._failures.append((i, "illegal", f"{type(error).__name__}: {error}"))
 
@@ -492,11 +493,11 @@ class Decisions:
             self._do_default(i, state)
 
     def _do_default(self, i: int, state: State | None) -> None:
-        action, slot = self._settings.default_action, self._slots[i]
+        action, slot = self._settings.default_action, self.slots[i]
         if isinstance(action, str):  # "stay"
             return
         if callable(action):
-            state = self._observe(slot) if state is None else state
+            state = self.observe(slot) if state is None else state
             self._phase.agent = slot.agent
             try:
                 action = action(state)
@@ -516,7 +517,7 @@ class Decisions:
         else:
             copies = [state.get("team_memory") for state in question.states()]
         for i, copy in zip(question.indices, copies, strict=False):
-            if copy or self._slots[i].team in self._state.team_memories:
+            if copy or self.slots[i].team in self._state.team_memories:
                 self.note(i, copy)
 
     def _merge_team_memories(self) -> None:
@@ -524,7 +525,7 @@ class Decisions:
         shared = self._state.team_memories
         writes: dict[Any, Writes] = {}
         for i, copy in sorted(self._written, key=itemgetter(0)):
-            slot = self._slots[i]
+            slot = self.slots[i]
             writes.setdefault(slot.team, []).append((slot.name, copy if isinstance(copy, dict) else {}))
         for team, copies in writes.items():
             before = shared.get(team, {})

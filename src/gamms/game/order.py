@@ -328,10 +328,10 @@ class Legality:
             resolved = self.travelled(mover, here, None)
         elif isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
             nodes = list(map(self._node, action))
-            resolved = self.travelled(mover, here, nodes) if mover.travels else self._walk(mover, here, nodes, True)
+            resolved = self.travelled(mover, here, nodes) if mover.travels else self.walked(mover, here, nodes, True)
         else:
             node = self._node(action)
-            resolved = self.travelled(mover, here, node) if mover.travels else self._walk(mover, here, [node], False)
+            resolved = self.travelled(mover, here, node) if mover.travels else self.walked(mover, here, [node], False)
         if heading == () and deeds is None:
             return resolved
         return resolved._replace(heading=heading, deeds=deeds)
@@ -408,7 +408,7 @@ class Legality:
                     raise BadValue(f"No edge leads from node {start} to node {end}.")
         return path
 
-    def _walk(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
+    def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
         """Return where a path, or the shortest one to its only node, leads in this turn."""
         path = self._checked_path(here, nodes) if is_route else nodes
         if not path or (path == [here] and not is_route):

@@ -14,7 +14,7 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.arrivals import Arrivals
 from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
-from gamms.game.facts import FactsOf, PrivateForks
+from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
 from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
@@ -167,13 +167,18 @@ class TurnEngine:
 
     def observation(self, slot: AgentSlot) -> dict[str, Any]:
         """Return the state that an agent gets now; its sensors are asked."""
-        agents, row = self._ctx.agent, slot.row
-        block = agents.block
-        state = slot.template.copy()
-        state["sensor"] = sensed = slot.agent.sense()
+        sensed = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = _own_copy(name, *sensed[name])
-        here = block.node[row]
+        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._state, self._inboxes)
+
+    def observed(
+        self, slot: AgentSlot, here: int, sensed: dict[str, Any], game: GameState, inboxes: Inboxes
+    ) -> dict[str, Any]:
+        """Return the state of an agent in a game, which sees this from where it is."""
+        block, row = self._ctx.agent.block, slot.row
+        state = slot.template.copy()
+        state["sensor"] = sensed
         if slot.flies:
             state["curr_pos"], state["quat"] = block.position[row], block.quat[row]
         else:
@@ -189,12 +194,12 @@ class TurnEngine:
                 state["edge"], state["offset_m"], state["xy"] = place[:3]
         if "time" in state:
             state["time"] = self._legality.travel.now
-        state["turn"] = self._state.turn
+        state["turn"] = game.turn
         if self._settings.team_memory:
-            known = self._state.team_memories.get(slot.team)
+            known = game.team_memories.get(slot.team)
             state["team_memory"] = memory_copy(known) if known else {}
         if self._settings.channels:
-            state["inbox"], state["outbox"] = self._inboxes.of(slot.name), []
+            state["inbox"], state["outbox"] = inboxes.of(slot.name), []
         return state
 
     def play(self, observers: list[Observer], rules: RuleSet) -> None:
@@ -319,7 +324,9 @@ class TurnEngine:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
         try:
-            self._ask_part(order, part, observers, decisions)
+            sees_first = observers or not part.see_world_only
+            seen = self._observe_first(order, part, observers) if sees_first else None
+            self.ask_part(part, decisions, self._ctx.seed, seen, is_usual=order.used.is_usual)
             if decisions.awaited:
                 if self._loop is None:
                     from gamms.game.awaiting import EventLoop  # which loads asyncio
@@ -343,22 +350,30 @@ class TurnEngine:
         """Return what asks agents on these nodes and takes what they decide, in a game that has such a state."""
         return Decisions(slots, starts, self._settings, state, self._phase, self._legality, self.observation)
 
-    def _ask_part(self, order: TurnOrder, part: Part, observers: list[Observer], decisions: Decisions) -> None:
-        """Ask the strategies of the agents of a part, and the plans of its teams."""
-        sees_first = observers or not part.see_world_only
-        seen = self._observe_first(order, part, observers) if sees_first else None
-        if seen is None and order.used.is_usual and part.individuals:
+    def ask_part(
+        self, part: Part, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None, *, is_usual: bool
+    ) -> None:
+        """Ask the strategies of the agents of a part, and the plans of its teams.
+
+        Args:
+            part: the agents.
+            decisions: takes what they decide.
+            seed: of the game.
+            seen: the states of all, by slot; None: each observes when it is asked.
+            is_usual: see `Used`.
+        """
+        slots, observe = decisions.slots, decisions.observe
+        if seen is None and is_usual and part.individuals:
             decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
         else:
             for i, *_ in part.individuals:
-                decisions.ask(i, self.observation(order.slots[i]) if seen is None else seen[i])
+                decisions.ask(i, observe(slots[i]) if seen is None else seen[i])
         for commanded in part.commanded:
             if commanded.plan.arrays:
-                decisions.ask_arrays(commanded, self._ctx.seed, FactsOf(self._state, commanded.team, None))
+                decisions.ask_arrays(commanded, seed)
             else:
-                slots = [(i, order.slots[i]) for i in commanded.indices]
-                states = [self.observation(slot) if seen is None else seen[i] for i, slot in slots]
-                decisions.ask_plan(commanded, states)
+                indices = commanded.indices
+                decisions.ask_plan(commanded, [observe(slots[i]) if seen is None else seen[i] for i in indices])
 
     def _ask_at_arrivals(self, order: TurnOrder, part: Part, observers: list[Observer]) -> TurnMoves:
         """Ask the agents of a part what they do, first those that are not on their way, then each where it arrives."""
@@ -432,20 +447,25 @@ class TurnEngine:
 
     def _take_outboxes(self, order: TurnOrder, part: Part, failed: set[int]) -> list[tuple[AgentSlot, str]]:
         """Take what agents send whose decisions count, and return what cannot be sent: by whom, and why."""
-        channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
         self._warn_of_unknown_names()
-        unsent = []
-        for i in part.observing:
-            slot = order.slots[i]
+        messages, unsent = self.outboxes([order.slots[i] for i in part.observing if i not in failed], self._state.turn)
+        self._outgoing += messages
+        return unsent
+
+    def outboxes(self, slots: Iterable[AgentSlot], turn: int) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
+        """Return what agents have decided to send, and what of it cannot be sent: by whom, and why."""
+        channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
+        outgoing, unsent = list[Outgoing](), list[tuple[AgentSlot, str]]()
+        for slot in slots:
             outbox = slot.last[0].get("outbox", ())
-            if i in failed or (type(outbox) is list and not outbox):
+            if type(outbox) is list and not outbox:
                 continue
             messages, flaws = checked_outbox(outbox, slot, channels, teams)
-            self._outgoing += messages
+            outgoing += messages
             if flaws and self._settings.on_illegal == "raise":
-                raise IllegalAction(f"Agent {shown(slot.name)} in turn {self._state.turn}: {flaws[0]}")
+                raise IllegalAction(f"Agent {shown(slot.name)} in turn {turn}: {flaws[0]}")
             unsent += [(slot, flaw) for flaw in flaws]
-        return unsent
+        return outgoing, unsent
 
     def _warn_of_unknown_names(self) -> None:
         for channel in self._settings.channels.values():

@@ -9,12 +9,12 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.channels import Outbox, Radio, Scene, why_not_sent
-from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
-from gamms.game.batch.grounds import Ground, ViewOfGrounds, decider_of, is_other_by_roads, key_of
+from gamms.game.batch.grounds import Ground, ViewOfGrounds, is_other_by_roads, key_of
 from gamms.game.batch.movement import Anywhere, Movement
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
@@ -409,8 +409,9 @@ class ArrayEngine:
         asked = self._here.asked
         agents = np.zeros(0, np.int64) if asked is None else asked.agents[~is_decided[asked.agents]]
         if asked is not None and len(agents):
-            actions[:, agents], done = asked.decide(turn, agents)
+            actions[:, agents], done, sent = asked.decide(turn, agents)
             deeds += done
+            self._outboxes += sent
         return actions, [one for one in deeds if len(one.at)]
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.game.batch.movement import AIMS, Movement, Moves, Paths
+from gamms.game.batch.movement import AIMS, BY_HOPS, Movement, Moves, Paths
 from gamms.game.order import SLACK, edges_within
 from gamms.game.streets import Streets
 from gamms.ir.agents import Progress
@@ -184,7 +184,7 @@ class ByEdges(Movement):
         is_aim = actions >= AIMS
         targets = np.where(is_aim, actions % AIMS, self.nodes(choices, np.where(is_aim, 0, actions)))
         goes = np.nonzero((targets != node) & self._is_paced)
-        by_hops = ~is_aim[goes]
+        by_hops = ~is_aim[goes] | (actions[goes] >= BY_HOPS)
         aims = np.flatnonzero(~by_hops)
         those = goes[0][aims], goes[1][aims]
         by_hops[aims] = self.action_to(choices[those], targets[those]) >= 0

@@ -174,3 +174,8 @@ class Roster(NamedTuple):
     def name(self, number: int) -> str:
         """Return the name of an agent; for messages."""
         return shown(self.names[number])
+
+
+def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
+    """Return the plan of the team of an agent, or its strategy; None: neither."""
+    return plans[agent.team].function if agent.team in plans else agent.strategy

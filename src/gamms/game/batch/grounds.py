@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.scalar_rules import RuleContext
@@ -22,7 +22,6 @@ from gamms.game.settings import PHASES as RULE_PHASES
 from gamms.game.settings import NamedRule, Plan
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import as_code
-from gamms.typing import IAgent
 
 T = TypeVar("T")
 
@@ -195,11 +194,6 @@ class ViewOfGrounds(ArrayView):
         for games, part in self._each(lambda view: view.encoded(others, most)):
             whole.values[games], whole.legal[games] = part.values, part.legal
         return whole
-
-
-def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
-    """Return the plan of the team of an agent, or its strategy; None: neither."""
-    return plans[agent.team].function if agent.team in plans else agent.strategy
 
 
 def is_other_by_roads(whole: GraphColumns, now: GraphColumns) -> bool:

@@ -16,6 +16,7 @@ from gamms.typing.game import Leg
 
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
+BY_HOPS = 1 << 61  # actions from here on lead towards nodes by as few edges as possible
 _MOST_ACTIONS = 4096  # that masks and vectors have
 
 

@@ -11,20 +11,15 @@ from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.decisions import Decisions
-from gamms.game.facts import PrivateForks
 from gamms.game.moves import Refusals, TurnMoves
-from gamms.game.order import Part, ResolvedAction, TurnOrder
-from gamms.game.random_streams import DrawTable
+from gamms.game.order import ResolvedAction, TurnOrder
 from gamms.game.settings import NamedRule
-from gamms.game.slots import AgentSlot
 from gamms.game.snapshots import SnapshotTaker, Start, copied
 from gamms.ir.agents import Progress
 from gamms.ir.columns import Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
 from gamms.plain import why_not_plain
-from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IAgent
 
@@ -104,36 +99,37 @@ class RuleFork:
         rows: (agents,) of each row of the block, the number of its agent in the roster.
         came: the names of the agents that have come, of the cast that it has.
         casting: how often it got another cast.
+        ctx, parts: its context, and the parts of its game.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, admit: Admit) -> None:
         fork = game.fork(0)
-        self._state, self._admit, self._game, self._ctx = state, admit, fork, fork.ctx
-        self._parts: SnapshotTaker = fork.internals.parts
-        self._values: GameState = self._parts.state
+        self._state, self._admit, self._game, self.ctx = state, admit, fork, fork.ctx
+        self.parts: SnapshotTaker = fork.internals.parts
+        self._values: GameState = self.parts.state
         self.functions = {one.name: one.rule for one in fork.rules}
         self.number = {name: i for i, name in enumerate(state.roster.names)}
         named = zip(state.roster.names, state.roster.is_first.tolist(), strict=True)
         # those that come later began where they are
         self._first_names = [(i, name) for i, (name, is_one) in enumerate(named) if is_one]
         self._could_draw = game.ctx.rng_state() is None
-        self._phase, self._notes = phase_of(self._ctx), list[str]()
+        self._phase, self._notes = phase_of(self.ctx), list[str]()
         self._begin(game)
         self.casting = 0
         self._gather(())
         self._first_attributes = [copied(own) for own in self._attributes]
         self._casts: dict[tuple[str, ...], _Cast] = {(): self._cast()}
-        self._first_map = self._ctx.graph.storage.snapshot()
+        self._first_map = self.ctx.graph.storage.snapshot()
         self._map = self._map_as_it_is()
         self._loaded: tuple[Any, ...] = ()
         self._at: tuple[int, int, GameColumns] = 0, 0, GameColumns([], [], [], [], [], [], [], [], [], [], [])
 
     def _begin(self, game: PlayedGame) -> None:
         """Let the game be in the middle of a turn, and note what rules look at that arrays do not have."""
-        values, ctx = self._values, self._ctx
+        values, ctx = self._values, self.ctx
         values.start = Start(self._game.snapshot(), ctx.rng_state(), (ctx.seed, ctx.rng_state()))
         values.has_begun, values.last_turn = True, self._game.settings()["max_turns"]
-        self._parts.turns.is_playing = True
+        self.parts.turns.is_playing = True
         self._game.internals.after_reset.append(lambda: self._notes.append("it resets the game"))
         in_arrays = [one.rule for one in self._game.rules if form_in(game, one.rule) is not None]
         keys = [key for rule in in_arrays if (key := getattr(rule, "key", None)) is not None]
@@ -155,29 +151,29 @@ class RuleFork:
 
     def _gather(self, came: tuple[str, ...]) -> None:
         """Take the agents that there are."""
-        self.came, self._block, self.casting = came, self._ctx.agent.block, self.casting + 1
-        self._agents = [self._ctx.agent.agents[name] for name in self._block.names]
+        self.came, self._block, self.casting = came, self.ctx.agent.block, self.casting + 1
+        self._agents = [self.ctx.agent.agents[name] for name in self._block.names]
         self.rows = np.array([self.number[name] for name in self._block.names], np.int64)
         self._attributes = [vars(agent) for agent in self._agents]
         self._are_plain = not any(why_not_plain(own) for own in self._attributes)  # so that they can be compared
         self._last_attributes: list[dict[str, Any]] | None = None
-        access = [self._ctx.agent.storage.turn_access(agent) for agent in self._agents]
+        access = [self.ctx.agent.storage.turn_access(agent) for agent in self._agents]
         self._held = [one.last for one in access] + [result for one in access for *_, result in one.carried]
         self._heading, self._all = list(self._block.heading), Selection(list(range(len(self.rows))))
         self._order: TurnOrder | None = None
-        self._equipped, self._sensors = self._equipment(), self._ctx.sensor.storage.described()
+        self._equipped, self._sensors = self._equipment(), self.ctx.sensor.storage.described()
         self._fixed, self._counted = self._what_is_fixed(), self._what_is_counted()
 
     def _cast(self) -> _Cast:
-        attributes = [copied(vars(agent)) for agent in self._ctx.agent.agents.values()]
-        return _Cast(self._ctx.agent.storage.snapshot(), self._ctx.sensor.storage.snapshot(), attributes)
+        attributes = [copied(vars(agent)) for agent in self.ctx.agent.agents.values()]
+        return _Cast(self.ctx.agent.storage.snapshot(), self.ctx.sensor.storage.snapshot(), attributes)
 
     def stand(self, came: tuple[str, ...]) -> None:
         """Have the agents of the start, and these that have come."""
         if came != self.came:
             cast = self._casts[came]
-            self._ctx.agent.storage.restore(cast.agents)
-            self._ctx.sensor.storage.restore(cast.sensors, forget=True)
+            self.ctx.agent.storage.restore(cast.agents)
+            self.ctx.sensor.storage.restore(cast.sensors, forget=True)
             self._gather(came)
             self._first_attributes = cast.attributes
 
@@ -185,7 +181,7 @@ class RuleFork:
         """Have agents, sensors and the map again as they were before an error; return whether all else is so, too."""
         came, known = self.came, (self._fixed, self._sensors, self._heading)
         self.came = ("",)  # none has this name: all is restored
-        self._ctx.graph.storage.restore(self._first_map)
+        self.ctx.graph.storage.restore(self._first_map)
         self._map = self._map_as_it_is()
         self.stand(came)
         return not self._notes and known == (self._fixed, self._sensors, self._heading)
@@ -227,31 +223,17 @@ class RuleFork:
         ]
         return found[0], found[1]
 
-    def has_own_strategy(self, agent: IAgent) -> bool:
-        """Whether the strategy of an agent closes over the context, so that in a fork it is another function."""
-        return self._ctx.agent.agents[agent.name].strategy is not agent.strategy
+    @property
+    def has_notes(self) -> bool:
+        """Whether something was looked at that arrays do not have."""
+        return bool(self._notes)
 
-    def slot(self, name: str, state: GameState, table: DrawTable, forks: PrivateForks) -> AgentSlot:
-        """Return what the turn engine holds of an agent, for a game of such a state that draws by such a table."""
-        agent = self._ctx.agent.agents[name]
-        access, facts = self._ctx.agent.storage.turn_access(agent), ReadOnlyMapping(state.facts)
-        return AgentSlot(agent, access, state, table, facts, self._parts.settings, forks)
-
-    def part(self, slots: Sequence[AgentSlot]) -> Part:
-        """Return what is needed to ask the agents of these slots."""
-        return Part(slots, None, self._block.progress, self._parts.settings.plans)
-
-    def decisions(self, slots: Sequence[AgentSlot], starts: list[int], state: GameState) -> Decisions:
-        """Return what asks these agents and takes what they decide."""
-        return self._parts.turns.decisions(slots, starts, state)
-
-    def ask(self, decisions: Decisions, part: Part) -> None:
-        """Ask the agents of a part.
+    def raise_notes(self) -> None:
+        """Raise why a game needs the turn engine, if what was called has looked at what arrays do not have.
 
         Raises:
-            NeedsTurnEngine: one looks at what arrays do not have.
+            NeedsTurnEngine: it has.
         """
-        decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
         if self._notes:
             raise NeedsTurnEngine(self._notes[-1])
 
@@ -278,11 +260,11 @@ class RuleFork:
 
     def load(self, at: int, game: int, own: OwnState, columns: GameColumns, phase: str) -> None:
         """Have a game as it is now: the one at this place in the columns."""
-        state, values, block, turns = self._state, self._values, self._block, self._parts.turns
+        state, values, block, turns = self._state, self._values, self._block, self.parts.turns
         self._at = at, game, columns
         turns.is_moving, turns.refusals = phase not in ("before", "after"), None
         values.turn = columns.turns[at]
-        self._ctx.reseed(state.seeds[game], own.rng)
+        self.ctx.reseed(state.seeds[game], own.rng)
         if phase == "decide":
             values.moves = self._last_moves if values.turn else None
         else:
@@ -326,7 +308,7 @@ class RuleFork:
         known = columns.actions[at]
         actions = {i: known[number] for i, number in enumerate(members) if number in known} if known else {}
         if self._order is None or self._order.structure_version != self._block.structure_version:
-            self._order = self._parts.turns.order()
+            self._order = self.parts.turns.order()
         return TurnMoves(self._order, starts, ends, actions)
 
     def _know_facts(self) -> None:
@@ -368,13 +350,13 @@ class RuleFork:
         """Call rules in the game that was loaded."""
         for named in rules:
             if named.phase != "before" or self._values.over is None:
-                self.functions[named.name](self._ctx)
+                self.functions[named.name](self.ctx)
 
     def refusals(self, named: NamedRule) -> Refusals:
         """Return what the check of a rule refuses."""
-        refusals = self._parts.turns.refusals = Refusals(self._values.moves)
-        self.functions[named.name].check(self._ctx)
-        self._parts.turns.refusals = None
+        refusals = self.parts.turns.refusals = Refusals(self._values.moves)
+        self.functions[named.name].check(self.ctx)
+        self.parts.turns.refusals = None
         return refusals
 
     def losers(self) -> list[str]:
@@ -382,7 +364,7 @@ class RuleFork:
         moves, conflicts = self._values.moves, self._game.settings()["conflicts"]
         involved = getattr(conflicts, "involved", None)
         few = list(range(len(moves.slots))) if involved is None else involved(*moves.places())
-        names = conflicts.resolve(moves.named(few), self._ctx) if few else ()
+        names = conflicts.resolve(moves.named(few), self.ctx) if few else ()
         block = self._block
         if (block.node, block.previous, block.alive) != self._loaded[:3]:
             raise LeavesArrays("it moves agents")
@@ -399,21 +381,21 @@ class RuleFork:
         values, came = self._values, self._newcomers()
         self._refuse_changes(has_come=bool(came))
         for name in came:
-            self._refuse_newcomer(self._ctx.agent.agents[name])
+            self._refuse_newcomer(self.ctx.agent.agents[name])
         self._write(at, turn, came)
         if not came:
-            return OwnState(values.data, self._attributes_now(), self._ctx.rng_state(), self.came)
+            return OwnState(values.data, self._attributes_now(), self.ctx.rng_state(), self.came)
         key = self.came + came
         if key not in self._casts:
             self._casts[key] = self._cast()
-        own = OwnState(values.data, self._cast().attributes, self._ctx.rng_state(), key)
+        own = OwnState(values.data, self._cast().attributes, self.ctx.rng_state(), key)
         known, self.came = self.came, key
         self.stand(known)
         return own
 
     def _write(self, at: int, turn: ArrayTurn, came: tuple[str, ...]) -> None:
         """Write what has changed into the arrays."""
-        state, values, block, (i, game, columns) = self._state, self._values, self._ctx.agent.block, self._at
+        state, values, block, (i, game, columns) = self._state, self._values, self.ctx.agent.block, self._at
         node, previous, alive, num_events, scores = self._loaded
         headings = state.headings
         assert headings is not None  # noqa: S101 - there are such rules
@@ -443,9 +425,9 @@ class RuleFork:
 
     def _newcomers(self) -> tuple[str, ...]:
         """Return the names of the agents that have come since the game was loaded."""
-        if self._block.structure_version == self._structure and self._ctx.agent.block is self._block:
+        if self._block.structure_version == self._structure and self.ctx.agent.block is self._block:
             return ()
-        return tuple(self._ctx.agent.block.names[len(self.rows) :])
+        return tuple(self.ctx.agent.block.names[len(self.rows) :])
 
     def _refuse_newcomer(self, agent: IAgent) -> None:
         """Refuse an agent for which there is no row, or that arrays cannot have."""
@@ -460,7 +442,7 @@ class RuleFork:
                 f"most_agents={{{team!r}: {size + 1}}} and name the agent {team}_{size}, or with its name: "
                 f"most_agents={{{team!r}: [{agent.name!r}]}}."
             )
-        described = {one["id"]: one for one in self._ctx.sensor.storage.described()}
+        described = {one["id"]: one for one in self.ctx.sensor.storage.described()}
         sensors = [(name, described.get(one.sensor_id)) for name, one in agent.sensors.items()]
         why = self._admit(agent, sensors)
         if self._block.heading[self._block.row_of(agent.name)] is not None:
@@ -470,8 +452,8 @@ class RuleFork:
 
     def _what_is_fixed(self) -> tuple[Any, ...]:
         """Return what only the turn engine can change, as numbers and objects."""
-        parts = self._parts
-        return parts.settings.changes, parts.rules.rules, parts.collectors.tables(), self._ctx.is_terminated()
+        parts = self.parts
+        return parts.settings.changes, parts.rules.rules, parts.collectors.tables(), self.ctx.is_terminated()
 
     def _what_is_counted(self) -> tuple[int, int, int]:
         """Return how often sensors and strategies were changed, which agents that come change, too."""
@@ -479,19 +461,19 @@ class RuleFork:
 
     def _equipment(self) -> list[Any]:
         """Return what agents are and carry."""
-        block = self._ctx.agent.block
-        columns = zip(block.names, block.teams, block.speed, self._ctx.agent.agents.values(), strict=True)
+        block = self.ctx.agent.block
+        columns = zip(block.names, block.teams, block.speed, self.ctx.agent.agents.values(), strict=True)
         return [(*values, agent.strategy, list(agent.sensors.items())) for *values, agent in columns]
 
     def _map_as_it_is(self) -> tuple[int, int]:
-        graph = self._ctx.graph
+        graph = self.ctx.graph
         return graph.graph.revision, graph.obstacle_revision
 
     def taken_map(self) -> Any:
         """Return the map that rules have changed, and have the own one again; None: they have not."""
         if self._map_as_it_is() == self._map:
             return None
-        storage = self._ctx.graph.storage
+        storage = self.ctx.graph.storage
         changed = storage.snapshot()
         storage.restore(self._first_map)
         self._map = self._map_as_it_is()
@@ -499,12 +481,12 @@ class RuleFork:
 
     def _refuse_changes(self, *, has_come: bool) -> None:
         """Refuse what cannot be written into arrays."""
-        values, block, (i, _, columns) = self._values, self._ctx.agent.block, self._at
+        values, block, (i, _, columns) = self._values, self.ctx.agent.block, self._at
         facts, known, scores, num_events = values.facts, self._facts, self._loaded[4], self._loaded[3]
         if self._notes:
             raise NeedsTurnEngine("; ".join(self._notes))
         self._refuse_what_detaches()
-        sensors = self._ctx.sensor.storage.described()[: len(self._sensors)] if has_come else self._sensors
+        sensors = self.ctx.sensor.storage.described()[: len(self._sensors)] if has_come else self._sensors
         is_same = sensors == self._sensors if has_come else self._what_is_counted() == self._counted
         if self._what_is_fixed() != self._fixed or not is_same:
             raise NeedsTurnEngine("it changes settings, rules, sensors, strategies or collectors")
@@ -516,7 +498,7 @@ class RuleFork:
             raise NeedsTurnEngine("it publishes facts")
         if block.heading[: len(self._heading)] != self._heading:
             raise NeedsTurnEngine("it turns agents")
-        if self._ctx.graph.storage.has_placed or (not self._could_draw and self._ctx.rng_state() is not None):
+        if self.ctx.graph.storage.has_placed or (not self._could_draw and self.ctx.rng_state() is not None):
             raise NeedsTurnEngine("it draws from ctx.graph.place or from ctx.rng, which was drawn from before the game")
         if values.scores != scores and not all(map(_fits_float, values.scores.values())):
             raise NeedsTurnEngine("it sets scores that are no numbers")
@@ -528,9 +510,9 @@ class RuleFork:
 
     def _refuse_what_detaches(self) -> None:
         """Refuse what lets this game leave the arrays."""
-        if self._ctx.graph.obstacle_revision != self._map[1]:
+        if self.ctx.graph.obstacle_revision != self._map[1]:
             raise LeavesArrays("it changes the obstacles")
-        block = self._ctx.agent.block
+        block = self.ctx.agent.block
         is_same = block is self._block and block.structure_version == self._structure and not block.has_arrays
         if not is_same and self._equipment()[: len(self._equipped)] != self._equipped:
             raise LeavesArrays("agents go, or get other teams, speeds or sensors")

@@ -137,7 +137,8 @@ class RuleContext:
             act(self.fork, at)
 
         unloaded = ((at, 0, none) for at in range(len(turn.games)))
-        self._in_all(turn, named, self._in_turns(turn, "decide") if needs_game else unloaded, decide)
+        places = self._in_turns(turn, "decide") if needs_game else unloaded
+        self._in_all(turn, named, places, decide, raises=True)
 
     def _in_all(
         self,
@@ -145,8 +146,18 @@ class RuleContext:
         named: str,
         places: Iterable[tuple[int, int, GameColumns]],
         play: Callable[[int, int, int, GameColumns], None],
+        *,
+        raises: bool = False,
     ) -> None:
-        """Do something in each game of a turn that arrays have; where that is not possible, the game leaves them."""
+        """Do something in each game of a turn that arrays have; where that is not possible, the game leaves them.
+
+        Args:
+            turn: of the games.
+            named: what is called, for messages.
+            places: of the games in the turn, and in columns.
+            play: does it.
+            raises: whether errors are raised, too, other than those which say that a game needs the turn engine.
+        """
         before = _global_random()
         for at, i, columns in places:
             game = int(turn.games[at])
@@ -157,7 +168,11 @@ class RuleContext:
             except NoRow as error:
                 error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {named}.")
                 raise
-            except Exception as error:  # noqa: BLE001 - whatever a rule raises, the turn engine raises it again
+            except Exception as error:
+                if raises and not isinstance(error, NeedsTurnEngine | LeavesArrays) and not self.fork.has_notes:
+                    error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
+                    raise
+                # whatever a rule raises, the turn engine raises it again
                 self._leave(game, named, error)
                 self._recover(named, error)
         if _global_random() != before:

@@ -1,28 +1,36 @@
 """Strategies and plans without an array form in games that are played in arrays: asked as the turn engine asks them."""
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from gamms.game.batch.columns import PlayedGame
+from gamms.deciding import phase_of
+from gamms.game.batch.channels import Outbox
+from gamms.game.batch.columns import PlayedGame, decider_of
 from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.movement import AIMS, BY_HOPS, STOP
 from gamms.game.batch.rule_fork import NeedsTurnEngine, RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
-from gamms.game.batch.sight import look_of
+from gamms.game.batch.sight import look_of, sees_from_edges
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView
+from gamms.game.channels import Outgoing
+from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
-from gamms.game.order import Part
+from gamms.game.messages import Inboxes
+from gamms.game.order import Legality, Part, ResolvedAction
 from gamms.game.random_streams import DrawTable
 from gamms.game.slots import AgentSlot
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.typing import AgentType, IAgent
+from gamms.readonly import ReadOnlyMapping
+from gamms.typing import IAgent
 from gamms.typing.sensor_engine import ISensor
 
 FEWEST, FEWEST_IN_CONTEXT = 16, 64  # games that are faster in arrays, also where strategies may need their context
@@ -38,13 +46,16 @@ class Players:
         living: the numbers of those that were asked last.
         part: the slots of these, and what is needed to ask them.
         made_for: the context and the number of its cast that the slots were made for.
+        inboxes: what they hear there.
     """
+
+    inboxes: Inboxes
 
     def __init__(self, errors: list[dict[str, Any]]) -> None:
         self.state = GameState(errors=errors)
         self.slots: dict[int, AgentSlot] = {}
         self.living: list[int] = []
-        self.part: tuple[list[AgentSlot], Part] = [], Part([], None, [], {})
+        self.part: tuple[list[AgentSlot], Part]
         self.made_for: tuple[RuleFork | None, int] = None, 0
 
     def show_blocked(self, name: str) -> None:
@@ -52,6 +63,40 @@ class Players:
         for slot in self.slots.values():
             if slot.name == name:
                 slot.show_blocked()
+
+
+class _Targets(Legality):
+    """Says which nodes agents want to go to, on ways that the movement of arrays finds; -1: they stop where they are.
+
+    Args:
+        fork: whose agents they are.
+
+    Attributes:
+        legal: name -> the nodes that are legal for an agent now, of those that do not just go along one edge.
+    """
+
+    def __init__(self, fork: RuleFork) -> None:
+        super().__init__(fork.ctx, fork.parts.settings)
+        self._fork = fork
+        self.legal: dict[str, tuple[int, ...]] = {}
+
+    def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
+        """Return where an agent wants to get in a game by metres."""
+        if isinstance(wanted, list):
+            self._fork.refuse("it gives the nodes of its way")
+        if wanted is not None and wanted not in self.legal[mover.name]:
+            super().travelled(mover, here, wanted)  # which may find that it cannot
+        return ResolvedAction(-1 if wanted is None else wanted, (here,))
+
+    def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
+        """Return where an agent wants to get."""
+        if is_route or nodes[0] not in self.legal.get(mover.name, ()):
+            found = super().walked(mover, here, nodes, is_route)
+            if is_route and (mover.speed is not None or len(found.path) > 2):
+                self._fork.refuse("it gives the nodes of its way")
+            if is_route:
+                return found
+        return ResolvedAction(nodes[0], (here,))
 
 
 class _NoForks(PrivateForks):
@@ -87,11 +132,13 @@ class ScalarStrategies:
         self._fork: RuleFork | None = None  # for which it was worked out what follows
         self._needs_game: dict[int, bool] = {}  # agent -> whether it must be asked in the context of its game
         self._facts: list[Callable[[GameArrays, int], Mapping[str, Any]]] = []
+        self._targets: _Targets
 
     def functions(self) -> list[Callable[..., object]]:
-        """Return the strategies."""
-        agents = [self._state.roster.agents[number] for number in self.agents.tolist()]
-        return [agent.strategy for agent in agents if agent.strategy is not None]
+        """Return the strategies and plans."""
+        plans = self._context.start().settings()["plans"]
+        deciders = [decider_of(self._state.roster.agents[number], plans) for number in self.agents.tolist()]
+        return [decider for decider in deciders if decider is not None]
 
     def _of(self, game: int) -> Players:
         found = self._players[game]
@@ -131,11 +178,11 @@ class ScalarStrategies:
 
     # -- asking -----------------------------------------------------------------------------------------------------
 
-    def decide(self, turn: ArrayTurn, agents: IntArray) -> tuple[IntArray, list[ArrayDeeds]]:
-        """Ask some of the agents; return their actions, (games, agents), and what else they do."""
+    def decide(self, turn: ArrayTurn, agents: IntArray) -> tuple[IntArray, list[ArrayDeeds], list[Outbox]]:
+        """Ask some of the agents; return their actions, (games, agents), what else they do, and what they send."""
         state, view = self._state, ArrayView(self._state, turn.games, agents)
         node, alive, numbers = state.streets.ids(view.node).tolist(), view.mask.tolist(), agents.tolist()
-        deeds: list[tuple[int, int, int, str, Any]] = []
+        deeds, sent = list[tuple[int, int, int, str, Any]](), list[tuple[int, Outgoing]]()
         self._look_at(self._context.fork)
         shown_by = [(cells, self._shown(view, name, cells)) for name, cells in self._cells.items()]
 
@@ -147,56 +194,125 @@ class ScalarStrategies:
                         cells[number][0] = fork.in_order(data[at * len(numbers) + i])
             columns = [i for i, is_living in enumerate(alive[at]) if is_living]
             living = [numbers[i] for i in columns]
-            ends, done = self._ask(fork, turn, at, living, [node[at][i] for i in columns])
+            ends, done, messages = self._ask(fork, turn, at, living, [node[at][i] for i in columns])
             for i, end in zip(columns, ends, strict=True):
                 node[at][i] = end
             deeds.extend((at, living[i], *deed) for i, deed in done)
+            sent.extend((int(turn.games[at]), message) for message in messages)
 
         needs_game = any(self._needs_game[number] for number in numbers)
         self._context.ask(turn, "the strategies of agents", ask, needs_game=needs_game)
         ends = np.array(node, np.int64).reshape(view.node.shape)
-        return view.action_to(ends), state.deeds.from_plain(deeds, turn.node)
+        return self._actions(view, ends), state.deeds.from_plain(deeds, turn.node), self._outboxes(sent)
+
+    def _actions(self, view: ArrayView, ends: IntArray) -> IntArray:
+        """Return the actions that lead to or towards nodes; -1: it stops where it is."""
+        if self._state.movement.leaves_nodes:
+            stops = ends < 0
+            rows = self._state.streets.rows(np.where(stops, self._state.streets.ids(view.node), ends))
+            return np.where(stops, STOP, AIMS + rows)
+        found = view.action_to(ends)
+        is_far = found < 0
+        return np.where(is_far, BY_HOPS + self._state.streets.rows(ends), found) if is_far.any() else found
+
+    def _outboxes(self, sent: Sequence[tuple[int, Outgoing]]) -> list[Outbox]:
+        """Return messages, each with its game, as arrays have them."""
+        found: dict[tuple[str, int], list[tuple[int, Outgoing]]] = {}
+        counts = Counter[tuple[int, str]]()
+        for game, message in sent:
+            order = counts[game, message.sender]
+            counts[game, message.sender] += 1
+            found.setdefault((message.channel, order), []).append((game, message))
+        number, boxes = self._context.fork.number, list[Outbox]()
+        for (channel, order), those in found.items():
+            games, senders = (
+                np.array(column) for column in zip(*((g, number[m.sender]) for g, m in those), strict=True)
+            )
+            to = np.empty(len(those), object)
+            for i, (_, message) in enumerate(those):
+                to[i] = message.to
+            boxes.append(Outbox(channel, games, senders, to, [message.body for _, message in those], order))
+        return boxes
 
     def _ask(
         self, fork: RuleFork, turn: ArrayTurn, at: int, living: list[int], starts: list[int]
-    ) -> tuple[Sequence[int], list[tuple[int, tuple[int, str, Any]]]]:
-        """Ask agents of a game; return the nodes that they go to, and the deeds of each, by its place among them."""
+    ) -> tuple[Sequence[int], list[tuple[int, tuple[int, str, Any]]], list[Outgoing]]:
+        """Ask agents of a game; return the nodes that they go to, the deeds of each, by its place, and messages."""
         game = int(turn.games[at])
         players = self._of(game)
-        state = players.state
+        state, turns, settings = players.state, fork.parts.turns, fork.parts.settings
         state.turn = int(turn.turn[at])
         slots, part = self._part(players, fork, game, living)
         for facts in self._facts:
             state.facts.update(facts(self._state, game))
-        decisions = fork.decisions(slots, starts, state)
+        if self._state.radio is not None:
+            state.messages = self._state.radio.of(game)
+        here = dict(zip(living, starts, strict=True))
+
+        def observe(slot: AgentSlot) -> dict[str, Any]:
+            node, agent, sensed = here[fork.number[slot.name]], slot.agent, dict[str, Any]()
+            where: Any = agent.xy if slot.travels and agent.edge is not None else node
+            for key, sense, sensor, result in slot.carried:
+                sense(where if getattr(sensor, "looks_from_points", False) else node)
+                sensed[key] = sensor.type, result[0]
+            found = turns.observed(slot, node, sensed, state, players.inboxes)
+            self._targets.legal[slot.name] = found["legal"]
+            return found
+
+        decisions = Decisions(slots, starts, settings, state, phase_of(fork.ctx), self._targets, observe)
         try:
-            fork.ask(decisions, part)
+            turns.ask_part(part, decisions, self._state.seeds[game], is_usual=not settings.channels)
             if decisions.awaited:
-                raise NeedsTurnEngine("it is awaited")
+                fork.refuse("it is awaited")
+            fork.raise_notes()
         finally:
             decisions.drop()
+        failed = decisions.failed
+        deciding = [slots[i] for i in part.observing if i not in failed]
+        messages, unsent = turns.outboxes(deciding, state.turn) if settings.channels else ([], [])
         self.forget_blocked(turn, living, [at])
-        for i, why in decisions.close():
-            state.blocked.add(slots[i].name, why)
-            slots[i].show_blocked()
-            for kind in _FAILURES:
-                self._state.counts[kind][game, living[i]] += slots[i].counts[kind]
-                slots[i].counts[kind] = 0
+        self._note_failures(game, state, [(slots[i], why) for i, why in decisions.close()], unsent)
         done = []
         for i, action in decisions.actions.items():
             if action.heading != ():
                 raise NeedsTurnEngine("it turns agents")
             done += [(i, (order, kind, values)) for order, (kind, values) in enumerate((action.deeds or {}).items())]
-        return decisions.ends, done
+        ends: Sequence[int] = decisions.ends
+        if self._state.movement.leaves_nodes:
+            ends = [decisions.actions[i].end if i in decisions.actions else -1 for i in range(len(slots))]
+        return ends, done, messages
+
+    def _note_failures(
+        self,
+        game: int,
+        state: GameState,
+        blocked: Sequence[tuple[AgentSlot, str]],
+        unsent: Sequence[tuple[AgentSlot, str]],
+    ) -> None:
+        """Note why agents of a game do not do what they wanted, and what they cannot send."""
+        for slot, why in unsent:
+            slot.counts["illegal"] += 1
+            state.errors.append({"turn": state.turn, "agent": slot.name, "kind": "illegal", "message": why})
+        for slot, why in (*blocked, *unsent):
+            state.blocked.add(slot.name, why)
+            slot.show_blocked()
+            for kind in _FAILURES:
+                self._state.counts[kind][game, self._context.fork.number[slot.name]] += slot.counts[kind]
+                slot.counts[kind] = 0
 
     def _part(self, players: Players, fork: RuleFork, game: int, living: list[int]) -> tuple[list[AgentSlot], Part]:
         """Return what is needed to ask these agents."""
+        settings = fork.parts.settings
         if players.made_for != (fork, fork.casting):
             players.made_for, players.slots, players.living = (fork, fork.casting), {}, [-1]
-            self._know_facts(players.state, fork)
-            forks, table = _NoForks(fork), DrawTable(self._state.seeds[game], players.state)
+            state, agents, players.inboxes = players.state, fork.ctx.agent, Inboxes(fork.ctx, players.state)
+            self._know_facts(state, fork)
+            forks, table = _NoForks(fork), DrawTable(self._state.seeds[game], state)
+            facts = ReadOnlyMapping(state.facts)
             for number in self.agents.tolist():
-                slot = fork.slot(self._state.roster.names[number], players.state, table, forks)
+                agent = agents.agents[self._state.roster.names[number]]
+                access = agents.storage.turn_access(agent)
+                slot = AgentSlot(agent, access, state, table, facts, settings, forks)
                 slot.carried = tuple(
                     (name, _see_nothing, sensor, self._cells[name][number])
                     if number in self._cells.get(name, ())
@@ -205,8 +321,8 @@ class ScalarStrategies:
                 )
                 players.slots[number] = slot
         if players.living != living:
-            slots = [players.slots[number] for number in living]
-            players.living, players.part = living, (slots, fork.part(slots))
+            slots, block = [players.slots[number] for number in living], fork.ctx.agent.block
+            players.living, players.part = living, (slots, Part(slots, None, block.progress, settings.plans))
         return players.part
 
     def _know_facts(self, state: GameState, fork: RuleFork) -> None:
@@ -218,14 +334,18 @@ class ScalarStrategies:
         """Work out once for a context which sensors arrays have, and which agents must be asked in it."""
         if fork is self._fork:
             return
-        self._fork, self._cells = fork, {}
+        self._fork, self._cells, self._targets = fork, {}, _Targets(fork)
+        plans, movement = self._context.start().settings()["plans"], self._state.movement
+        own, by_metres = fork.parts.settings.plans, movement.leaves_nodes
         self._facts = [facts for rule in fork.rules_in_arrays if (facts := getattr(rule, "facts_in_game", None))]
         has_reserved = not self._state.roster.is_first.all()
         for number in self.agents.tolist():
             agent = self._state.roster.agents[number]
-            needs_game = has_reserved or fork.has_own_strategy(agent)
+            there = fork.ctx.agent.agents[agent.name]  # whose strategy is another if it closes over the context
+            needs_game = has_reserved or decider_of(there, own) is not decider_of(agent, plans)
+            needs_game |= by_metres or (bool(movement.remembers) and (agent.speed or 0.0) % 1.0 > 0.0)
             for name, sensor in getattr(agent, "sensors", {}).items():
-                if _is_in_arrays(sensor, agent):
+                if _is_in_arrays(sensor, agent, by_metres=by_metres):
                     self._cells.setdefault(name, {})[number] = [None]
                 elif not _sees_from_node(sensor):
                     needs_game = True
@@ -251,10 +371,10 @@ def _see_nothing(_: int) -> None:
     """Leave what a sensor shows as arrays have said."""
 
 
-def _is_in_arrays(sensor: ISensor, agent: IAgent) -> bool:
+def _is_in_arrays(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool:
     """Whether arrays say what a sensor that shows agents has in its `data`."""
     look = look_of(sensor, agent)
-    return look is not None and not look.errs
+    return look is not None and not look.errs and (not by_metres or sees_from_edges(sensor, agent))
 
 
 def _sees_from_node(sensor: ISensor) -> bool:
@@ -263,27 +383,28 @@ def _sees_from_node(sensor: ISensor) -> bool:
     return not isinstance(look, str) and not look.turns
 
 
-def _draws_elsewhere(sensor: ISensor, agent: IAgent) -> bool:
+def _draws_elsewhere(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool:
     """Whether what a sensor shows follows from draws or looks that only the turn engine counts."""
-    return not _is_in_arrays(sensor, agent) and hasattr(sensor, "notice") and bool(sensor.notice.needs_look)
+    return (
+        not _is_in_arrays(sensor, agent, by_metres=by_metres)
+        and hasattr(sensor, "notice")
+        and bool(sensor.notice.needs_look)
+    )
 
 
 def why_not_asked(game: PlayedGame, agents: Sequence[IAgent], num_games: int) -> str | None:
     """Return why agents cannot be asked one by one in so many games in arrays, in words; None: they can."""
     settings = game.settings()
+    by_metres = settings["speed_unit"] != "edges"
     sensors = [(agent, sensor) for agent in agents for sensor in getattr(agent, "sensors", {}).values()]
-    is_plain = all(agent.type is not AgentType.AERIAL and agent.speed is None for agent in agents)
-    closes = any(getattr(agent.strategy, "__closure__", agent.strategy) is not None for agent in agents)
-    fewest = FEWEST_IN_CONTEXT if closes else FEWEST
+    deciders = [decider_of(agent, settings["plans"]) for agent in agents]
+    fewest = FEWEST_IN_CONTEXT if any(getattr(one, "__closure__", one) is not None for one in deciders) else FEWEST
     reasons = [
-        (not is_plain or settings["speed_unit"] != "edges" or settings["legal"] != "edges", "moves of several edges"),
-        (any(agent.team in settings["plans"] for agent in agents), "a plan"),
-        (any(hasattr(agent.strategy, "prepare") for agent in agents), "what it prepares in a game"),
+        (any(hasattr(one, "prepare") for one in deciders), "what it prepares in a game"),
         (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
-        (any(_draws_elsewhere(sensor, agent) for agent, sensor in sensors), "sensors that err or report late"),
+        (any(_draws_elsewhere(one, by, by_metres=by_metres) for by, one in sensors), "sensors that err or report late"),
         (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),
         (not settings["team_memory"], "team_memory=False"),
-        (bool(settings["channels"]), "channels"),
         (num_games < fewest, f"fewer than {fewest} games"),
     ]
     return next((why for is_so, why in reasons if is_so), None)
