@@ -155,7 +155,10 @@ def _are_first(at: IntArray, a: IntArray, b: IntArray, times: FloatArray) -> Boo
 
 def _of_sides(turn: ArrayTurn, agents: IntArray, sides: tuple[IntArray, IntArray]) -> list[IntArray]:
     """Return which rows of a column of agents are of each side."""
-    return [np.flatnonzero(np.isin(np.arange(len(turn.roster.names)), side)[agents]) for side in sides]
+    is_of = np.zeros((2, len(turn.roster.names)), np.bool_)
+    for which, side in zip(is_of, sides, strict=True):
+        which[side] = True
+    return [np.flatnonzero(which[agents]) for which in is_of]
 
 
 def _on_nodes(turn: ArrayTurn, sides: tuple[IntArray, IntArray], *, passing: bool) -> _Met:

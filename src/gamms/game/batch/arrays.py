@@ -289,7 +289,7 @@ class ArrayEngine:
                 at_once = is_given if members is None else is_given & moves
                 self._here.asked.forget_blocked(turn, np.flatnonzero(at_once).tolist())
             chosen, own_deeds = self._decided(turn, wanted, is_decided)
-            if given:
+            if deeds or outboxes:
                 those = np.zeros(state.node.shape, np.bool_)  # of the part, in the games that go on
                 those[turn.games] = of_part
                 own_deeds += _deeds_of(turn, deeds, those)
@@ -381,8 +381,10 @@ class ArrayEngine:
     def _given_deeds(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> tuple[list[ArrayDeeds], list[Outbox]]:
         """Return the deeds and messages that were given, of games by their numbers in the batch."""
         state, deeds, outboxes = self.state, list[ArrayDeeds](), list[Outbox]()
-        is_played = np.isin(np.arange(len(state)), turn.games)[:, None]
-        for team, one in given.items():
+        acting = {team: one for team, one in given.items() if one.deeds or one.messages}
+        is_played = np.zeros((len(state), 1), np.bool_)
+        is_played[turn.games] = True
+        for team, one in acting.items():
             view = ArrayView(state, np.arange(len(state)), turn.roster.members(team))
             view.mask, view.deeds, view.outboxes = view.mask & is_played, [], []
             one.act(view)
@@ -425,7 +427,8 @@ class ArrayEngine:
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games."""
         state, games = self.state, np.arange(len(self.state))
-        alone, observed = np.isin(games, [*state.apart]), state.observed_apart
+        alone, observed = np.zeros(len(state), np.bool_), state.observed_apart
+        alone[[*state.apart]] = True
         if observed is None or not alone.any():
             if not state.ground.any():
                 return ArrayView(state, games, agents)

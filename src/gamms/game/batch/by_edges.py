@@ -69,10 +69,12 @@ class ByEdges(Movement):
         return found
 
     def _choices_by_speed(self, node: IntArray, games: IntArray, agents: IntArray) -> IntArray:
-        speed, begun = self._speeds[agents], self.begun[games, agents]
-        more = np.floor(edges_within(speed + self.covered[games, agents])) - np.floor(edges_within(speed))
-        kind = self._kind_of[agents] * _REACHES + np.where(begun > 0, more, 0).astype(np.int64)
-        keys = kind * len(self.streets.targets) + self.streets.offsets[node] + begun
+        begun, entries, kind = self.begun[games, agents], len(self.streets.targets), self._kind_of[agents] * _REACHES
+        keys = kind * entries + self.streets.offsets[node] + begun
+        on = np.flatnonzero(begun)
+        speed = self._speeds[agents[on]]
+        more = np.floor(edges_within(speed + self.covered[games[on], agents[on]])) - np.floor(edges_within(speed))
+        keys[on] += more.astype(np.int64) * entries
         found: IntArray = self._number[keys]
         if (found < 0).any():
             if self._used > len(self.streets.targets) + _MOST_KNOWN:
