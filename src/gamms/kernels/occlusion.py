@@ -23,7 +23,7 @@ _MOST_SLACK = 1e-5  # what rounding leaves open, at most, as a share of the face
 # between observer and face plus twice the size of the face (docs/decisions/0009); the fast form widens faces by it.
 _BLUR = 1e-3
 _TURN = 2.0 * np.pi
-# NOTE: few at a time, because the nearest faces hide most targets (decision 0055).
+# NOTE: few at a time, because the nearest faces hide most targets (decision 0009).
 _SHARE = 8  # one in so many pairs of face and target is tested at a time,
 _FEW = 512  # but not fewer than these
 _MANY = 1 << 14  # pairs that are looked at before those that are hidden are left out
