@@ -1,4 +1,4 @@
-"""Play the nearest equal of a game here and in other simulators, in turn; `README.md` says what each computes.
+"""Play the nearest equal of a game here and in other simulators, in turn, and say what each computes.
 
     python benchmarks/peers.py --python ENV1/bin/python --python ENV2/bin/python
 
@@ -8,13 +8,14 @@ time of many slices is taken.
 """
 
 import argparse
-import importlib.util
 import json
+import os
 import random
 import statistics
 import subprocess
 import sys
 import time
+from typing import NamedTuple
 
 _SLICES, _WARM_UP = 60, 20
 
@@ -124,12 +125,12 @@ def ours_as_vectors(games=1024):
 
 
 OURS = {
-    "pogema": lambda: ours_alone(64, {"red": 64}, {"red": VIEWS}, capacity=1),
-    "pogema, agents only": lambda: ours_alone(64, {"red": 64}, {"red": {"near": VIEWS["near"]}}, capacity=1),
-    "pogema, in batch": ours_in_batch,
-    "pursuit": lambda: ours_alone(16, {"red": 8, "blue": 30}, {"red": PURSUIT}, tag=True, turns=10),
-    "vmas": ours_as_vectors,
-    "mesa": lambda: ours_alone(100, {"red": 1000}, {"red": {"near": ("NEIGHBOR", 0.0)}}, turns=1),
+    "POGEMA": lambda: ours_alone(64, {"red": 64}, {"red": VIEWS}, capacity=1),
+    "POGEMA, agents only": lambda: ours_alone(64, {"red": 64}, {"red": {"near": VIEWS["near"]}}, capacity=1),
+    "POGEMA, in batch": ours_in_batch,
+    "PettingZoo": lambda: ours_alone(16, {"red": 8, "blue": 30}, {"red": PURSUIT}, tag=True, turns=10),
+    "VMAS": ours_as_vectors,
+    "Mesa": lambda: ours_alone(100, {"red": 1000}, {"red": {"near": ("NEIGHBOR", 0.0)}}, turns=1),
 }
 
 
@@ -214,14 +215,68 @@ def vmas(games=1024):
     return run
 
 
-PEERS = {  # name -> the module that it needs, its distribution and what is run
-    "pogema": ("pogema", "pogema", pogema),
-    "pogema, agents only": ("pogema", "pogema", pogema),
-    "pogema, in batch": ("pogema", "pogema", pogema),
-    "pursuit": ("pettingzoo", "pettingzoo", pursuit),
-    "mesa": ("mesa", "Mesa", mesa),
-    "vmas": ("vmas", "vmas", vmas),
-    "mesa-frames": ("mesa_frames", "mesa-frames", None),
+class Peer(NamedTuple):
+    """A game there, and what is played here beside it."""
+
+    module: str
+    distribution: str
+    make: object
+    game: str
+    computes: str
+    our_game: str
+    we_compute: str
+
+
+_POGEMA = (
+    "pogema",
+    "pogema",
+    pogema,
+    "64 x 64 cells, 64 agents, radius 5",
+    "three 11 x 11 arrays: obstacles, agents, its goal; no two agents on a cell; a new goal when it is reached",
+)
+PEERS = {
+    "POGEMA": Peer(
+        *_POGEMA,
+        "`ctx.game`, RANGE and AGENT_RANGE 50 m, `Conflicts(1)`",
+        "81 nodes and 280 edges as new containers, who is near by name, all keys of a state; no goals",
+    ),
+    "POGEMA, agents only": Peer(
+        *_POGEMA,
+        "`ctx.game`, AGENT_RANGE 50 m, `Conflicts(1)`",
+        "who is near by name, legal nodes, all keys of a state; not what lies around, no goals",
+    ),
+    "POGEMA, in batch": Peer(
+        *_POGEMA,
+        "`scenario.batch(64)`, AGENT_RANGE 50 m, capacity 1",
+        "who sees whom as pairs, moves with keyed draws; not what lies around, no goals",
+    ),
+    "PettingZoo": Peer(
+        "pettingzoo.sisl.pursuit_v5",
+        "pettingzoo",
+        pursuit,
+        "`pursuit_v5`, 16 x 16 cells, 8 against 30",
+        "7 x 7 x 3 arrays for pursuers, catches, rewards; evaders observe nothing",
+        "`ctx.game`, RANGE and AGENT_RANGE 30 m, `tag`",
+        "views of the 8, moves of all 38, tags and scores",
+    ),
+    "Mesa": Peer(
+        "mesa",
+        "Mesa",
+        mesa,
+        "`Network` of 100 x 100 cells, 1,000 agents",
+        "an agent after the other moves to a random neighbour",
+        "`ctx.game`, NEIGHBOR",
+        "a state of twelve keys, legality, all move at once",
+    ),
+    "VMAS": Peer(
+        "vmas",
+        "vmas",
+        vmas,
+        "`simple_tag`, 3 against 1, 1,024 environments, PyTorch on one core",
+        "forces and collisions of discs in the plane, 14 or 16 numbers for each agent, rewards",
+        "`scenario.batch(1024)`, AGENT, vectors of 29 numbers, `tag`",
+        "who sees whom, legal moves, tags, events, scores; no physics",
+    ),
 }
 
 
@@ -241,33 +296,41 @@ def one(name, side):
     """Measure one side in this process, and print seconds per agent-step and the version of what was run."""
     from importlib.metadata import version
 
-    make, distribution = (OURS[name], "gamms") if side == "ours" else (PEERS[name][2], PEERS[name][1])
-    seconds = least(make())
-    try:
-        number = version(distribution)
-    except Exception:  # noqa: BLE001 - run from a checkout
-        number = ""
-    print(json.dumps({"seconds": seconds, "version": number}))
+    seconds = least((OURS if side == "ours" else {name: PEERS[name].make})[name]())
+    print(json.dumps({"seconds": seconds, "version": None if side == "ours" else version(PEERS[name].distribution)}))
 
 
 def measured(python, name, side):
-    """Measure one side in a process of its own."""
+    """Measure one side in a process of its own; another Python must not find our package."""
     command = [python, __file__, "--one", name, "--side", side]
-    return json.loads(subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True).stdout.splitlines()[-1])
+    printed = subprocess.run(command, stdout=subprocess.PIPE, check=True, text=True, env=_environment(python)).stdout
+    return json.loads(printed.splitlines()[-1])
 
 
 def has(python, module):
     """Return whether a Python has a module."""
-    if python == sys.executable:
-        return importlib.util.find_spec(module) is not None
     code = f"import importlib.util as u, sys; sys.exit(u.find_spec({module!r}) is None)"
-    return subprocess.run([python, "-c", code], check=False).returncode == 0
+    found = subprocess.run([python, "-c", code], check=False, stderr=subprocess.DEVNULL, env=_environment(python))
+    return found.returncode == 0
+
+
+def _environment(python):
+    return {key: value for key, value in os.environ.items() if key != "PYTHONPATH" or python == sys.executable}
+
+
+def compare(name, peer, python, rounds):
+    """Return the record of a peer: steps per second of both, and the median of the ratios by round."""
+    pairs = [(measured(sys.executable, name, "ours"), measured(python, name, "peer")) for _ in range(rounds)]
+    ours, theirs = (min(pair[side]["seconds"] for pair in pairs) for side in (0, 1))
+    about = {key: getattr(peer, key) for key in ("game", "computes", "our_game", "we_compute")}
+    ratio = statistics.median(their["seconds"] / our["seconds"] for our, their in pairs)
+    return {"version": pairs[0][1]["version"], **about, "steps": 1 / theirs, "our_steps": 1 / ours, "ratio": ratio}
 
 
 def main():
-    """Run each peer that is installed, in turn with ours, and print a table."""
+    """Run each peer that is installed, in turn with ours, and print a line of JSON for each."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("names", nargs="*", help="run only these peers")
+    parser.add_argument("names", nargs="*", help="run only peers whose name begins with one of these")
     parser.add_argument("--python", action="append", default=[], help="the Python of an environment with peers")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--one", help=argparse.SUPPRESS)
@@ -276,20 +339,12 @@ def main():
     if options.one:
         one(options.one, options.side)
         return
-    print(f"{'peer':24}{'version':>10}{'peer, steps/s':>16}{'ours, steps/s':>16}{'ours / peer':>14}")
-    for name, (module, _, make) in PEERS.items():
-        if options.names and name not in options.names:
+    for name, peer in PEERS.items():
+        if options.names and not name.startswith(tuple(options.names)):
             continue
-        python = next((one for one in [*options.python, sys.executable] if has(one, module)), None)
-        if python is None or make is None:
-            print(f"{name:24}  {'is not installed' if python is None else 'is installed; there is no game for it yet'}")
-            continue
-        pairs = [
-            (measured(sys.executable, name, "ours"), measured(python, name, "peer")) for _ in range(options.rounds)
-        ]
-        ours, theirs = (min(pair[side]["seconds"] for pair in pairs) for side in (0, 1))
-        ratio = statistics.median(their["seconds"] / our["seconds"] for our, their in pairs)
-        print(f"{name:24}{pairs[0][1]['version']:>10}{1 / theirs:>16,.0f}{1 / ours:>16,.0f}{ratio:>14.2f}", flush=True)
+        python = next((one for one in [*options.python, sys.executable] if has(one, peer.module)), None)
+        found = {"error": "not installed"} if python is None else compare(name, peer, python, options.rounds)
+        print(json.dumps({"name": name, **found}), flush=True)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
     python benchmarks/planning.py grid_tag              # 24 games by the script and by the search, the same seeds
     python benchmarks/planning.py pursuit --games 4 --first 1
     python benchmarks/planning.py speed                 # a turn of a model, in turn with `ctx.game.step`
+    python benchmarks/planning.py gains                 # 24 games of each scenario
     python benchmarks/planning.py budget --seconds 0.05 --games 500   # how long decisions take, by CPU and wall time
 
 Scenarios, teams, seeds and budgets are fixed here; settings were chosen on other seeds. Each game is played twice with
@@ -129,15 +130,17 @@ def budget(seconds, decisions, name="grid_tag"):
 
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("case", choices=[*CASES, "speed", "budget"])
+    parser.add_argument("case", choices=[*CASES, "gains", "speed", "budget"])
     parser.add_argument("--games", type=int, default=24)
     parser.add_argument("--first", type=int, default=FIRST_SEED, help="the seed of the first game")
     parser.add_argument("--workers", type=int, default=None, help="processes; as many as there are cores")
-    parser.add_argument("--seconds", type=float, default=0.05, help="the budget of each decision")
+    parser.add_argument("--seconds", type=float, nargs="+", default=[0.05], help="budgets of each decision")
     given = parser.parse_args()
     if given.case == "budget":
-        budget(given.seconds, given.games)
+        for seconds in given.seconds:
+            budget(seconds, given.games)
     elif given.case == "speed":
         speed()
     else:
-        compare(given.case, given.games, given.first, given.workers)
+        for name in CASES if given.case == "gains" else [given.case]:
+            compare(name, given.games, given.first, given.workers)

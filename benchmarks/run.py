@@ -1,15 +1,16 @@
 """Measure GAMMS against floors: what bare Python or NumPy needs for the same result. `make bench` runs it.
 
     python benchmarks/run.py                     # every case, with its ratio to its floor
-    python benchmarks/run.py --peer OTHER/python # and against the `gamms` that another Python has (1.0.0, a release)
+    python benchmarks/run.py --peer OTHER/python # and against an earlier release that another Python has
 
 `catalog.py` lists the cases. Cases and floors take turns in one process; the figures are medians over rounds, the ratio
-is the median of the ratios by round, with the least and the greatest. The clock is CPU time. Cases use only what 1.0.0
-has, too.
+is the median of the ratios by round, with the least and the greatest. The clock is CPU time. `upstream.py` compares
+with 1.0.0.
 """
 
 import argparse
 import json
+import os
 import statistics
 import subprocess
 import sys
@@ -63,9 +64,10 @@ def run_here(names, rounds):
 
 
 def run_in(python, arguments):
-    """The same in the environment of another Python."""
+    """The same in the environment of another Python, which must not find our package."""
     command = [python, __file__, "--json", *arguments]
-    output = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    paths = {key: value for key, value in os.environ.items() if key != "PYTHONPATH" or python == sys.executable}
+    output = subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True, env=paths).stdout
     return {record["name"]: record for record in map(json.loads, output.splitlines())}
 
 

@@ -33,9 +33,9 @@ def fill(graph, n):
     return len(nodes) + len(edges)
 
 
-def context():
-    """A quiet context in memory."""
-    return gamms.create_context(graph_engine=gamms.graph.Engine.MEMORY, logger_config={"level": "CRITICAL"})
+def context(engine="MEMORY", **options):
+    """A quiet context, by default in memory."""
+    return gamms.create_context(graph_engine=gamms.graph.Engine[engine], logger_config={"level": "CRITICAL"}, **options)
 
 
 def paper_strategy(choice):

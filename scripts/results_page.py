@@ -22,6 +22,8 @@ _GROUPS = {
     "experiments": "Experiments",
 }
 _HEAD = "| case | a … | ours | floor: | takes | ours / floor | aim |\n|---|---|---|---|---|---|---|"
+_TABLES = {"upstream": "## Against gamms 1.0.0", "peers": "## Beside other simulators"}
+_ENGINES = ("SQLITE", "MEMORY")
 _INTRODUCTION = """# Results
 
 Written by `make reproduce` (`scripts/reproduce.py --expect`) from [its raw data](results). Each case takes turns with
@@ -33,12 +35,18 @@ def page(results: Path = RESULTS) -> str:
     """Return the page of a folder with raw data, in Markdown."""
     machine = _read(results / "machine.json")
     records = [one for one in _read(results / "cases.json")["output"] if "ratio" in one]
+    upstream, peers = (
+        _read(results / f"{name}.json") if (results / f"{name}.json").exists() else None for name in _TABLES
+    )
     parts = [_INTRODUCTION, _on(machine), "## Aims that are missed", _missed(records)]
+    parts += ["## Slower than others", _slower(_records(upstream), _records(peers))] if upstream or peers else []
     for group, title in _GROUPS.items():
         rows = [_row(one) for one in records if one["name"].startswith(f"{group}:")]
         parts += [f"## {title}", "\n".join([_HEAD, *rows])] if rows else []
+    parts += [_TABLES["upstream"], _against(upstream)] if upstream else []
+    parts += [_TABLES["peers"], _beside(peers)] if peers else []
     for file in sorted(results.glob("*.json")):
-        if file.stem not in {"machine", "cases", "summary"}:
+        if file.stem not in {"machine", "cases", "summary", *_TABLES}:
             parts += [f"## {file.stem.capitalize()}", _printed(_read(file))]
     return "\n\n".join(parts) + "\n"
 
@@ -79,9 +87,74 @@ def _ratio(ratio: float) -> str:
     return f"{ratio:.3g}" if ratio < 100 else f"{ratio:.0f}"
 
 
+def _records(part: dict[str, Any] | None) -> list[dict[str, Any]]:
+    """Return the rows of a part that was run, without what says what was run."""
+    return [one for one in part["output"] if isinstance(one, dict) and "name" in one] if part else []
+
+
+def _slower(upstream: list[dict[str, Any]], peers: list[dict[str, Any]]) -> str:
+    """Say where we are slower than 1.0.0 or another simulator."""
+    lines = [
+        f"* {one['name']}: {_ratio(one[engine]['ratio'])} of the speed of 1.0.0 with {engine}"
+        for one in upstream
+        for engine in _ENGINES
+        if one.get(engine, {}).get("ratio", 1) < 1
+    ]
+    lines += [f"* {one['name']}: {_ratio(one['ratio'])} of its speed" for one in peers if one.get("ratio", 1) < 1]
+    return "\n".join(lines) or "Nowhere in what was measured."
+
+
+def _against(part: dict[str, Any]) -> str:
+    """Return the table of rows of programs that 1.0.0 has run, too."""
+    told = next(one for one in part["output"] if isinstance(one, dict) and "1.0.0" in one and "name" not in one)
+    versions = ", ".join(f"{name} {number}" for name, number in told["1.0.0"].items())
+    head = ["what", "a …", "1.0.0, SQLITE", "MEMORY", "ours", *(f"faster than {one}, aim" for one in _ENGINES)]
+    rows = [head, ["---"] * len(head)]
+    for one in _records(part):
+        sides = [one.get(engine) for engine in _ENGINES]
+        unit, _, of = one["unit"].partition(" ")
+        show = shown if unit == "s" else "{:.3g} bytes".format
+        times = [show(side["1.0.0"]) if side else "" for side in sides]
+        ours = show((sides[1] or sides[0])["ours"])
+        ratios = [_faster(side, aim) if side else "" for side, aim in zip(sides, one["aims"], strict=True)]
+        rows.append([one["name"], of.removeprefix("an ").removeprefix("a "), *times, ours, *ratios])
+    table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
+    return f"{_made(part)}; PYTHON has {versions}. Ours is the same with both.\n\n{table}"
+
+
+def _made(part: dict[str, Any]) -> str:
+    """Say how the data of a part were made."""
+    on = f", commit {part['commit'][:8]}, load {part['load'][0]:.1f}" if part.get("commit") and part.get("load") else ""
+    return f"`{part['command']}`, {part['seconds']:.0f} s{on}"
+
+
+def _faster(side: dict[str, Any], aim: float | None) -> str:
+    """Return how many times as fast we are, with the least and the greatest, and what was aimed at."""
+    ratios = [_ratio(side[name]) for name in ("ratio", "least", "greatest")]
+    return f"{ratios[0]} [{ratios[1]}, {ratios[2]}]" + ("" if aim is None else f", {aim:g}")
+
+
+def _beside(part: dict[str, Any]) -> str:
+    """Return the table of other simulators; those that were not measured are named with the reason."""
+    rows = [
+        "| | what it computes in a step of an agent | steps/s | ours | what ours computes | steps/s | ours / peer |"
+    ]
+    rows.append("|" + "---|" * 7)
+    for one in _records(part):
+        if "ratio" not in one:
+            rows.append(f"| {one['name']} | {one['error']} | | | | | |")
+            continue
+        theirs, ours = (f"{float(f'{one[side]:.3g}'):,.0f}" for side in ("steps", "our_steps"))
+        rows.append(
+            f"| {one['name']} ({one['version']}): {one['game']} | {one['computes']} | {theirs} "
+            f"| {one['our_game']} | {one['we_compute']} | {ours} | {_ratio(one['ratio'])} |"
+        )
+    return f"{_made(part)}. These are not the same games.\n\n" + "\n".join(rows)
+
+
 def _printed(part: dict[str, Any]) -> str:
     lines = [one if isinstance(one, str) else json.dumps(one) for one in part["output"]]
-    return "\n".join([f"`{part['command']}`, {part['seconds']:.0f} s:", "", "```text", *lines, "```"])
+    return "\n".join([f"{_made(part)}:", "", "```text", *lines, "```"])
 
 
 if __name__ == "__main__":

@@ -25,3 +25,29 @@ def test_a_ratio_above_its_aim_is_named_first(results_page):
     case = {"name": "teams: a walk", "against": "NumPy", "ratio": 0.05, "aim": 1 / 40}
     assert results_page._missed([case]) == "* a walk: 1 / 20 of NumPy, aim 1 / 40"
     assert results_page._missed([case | {"aim": 0.05}]) == "None of those that have one."
+
+
+def test_where_ours_is_slower_than_1_0_0_or_a_peer_is_named_first(results_page):
+    slow = {"name": "a context", "MEMORY": {"ratio": 0.5}, "SQLITE": {"ratio": 8.0}}
+    peers = [{"name": "A", "ratio": 0.25}, {"name": "B", "ratio": 2.0}, {"name": "C", "error": "not installed"}]
+    lines = ["* a context: 0.5 of the speed of 1.0.0 with MEMORY", "* A: 0.25 of its speed"]
+    assert results_page._slower([slow], peers) == "\n".join(lines)
+    assert results_page._slower([], peers[1:]) == "Nowhere in what was measured."
+
+
+def test_a_row_against_1_0_0_has_both_engines_their_ratios_and_aims(results_page):
+    side = {"1.0.0": 2e-3, "ours": 1e-3, "ratio": 2.0, "least": 1.5, "greatest": 2.5}
+    row = {"name": "a look", "unit": "s a look", "aims": [1, 3], "SQLITE": side, "MEMORY": side}
+    size = {"name": "a file", "unit": "bytes an agent-step", "aims": [None, None], "MEMORY": side}
+    part = {"command": "c", "seconds": 1, "output": [{"1.0.0": {"gamms": "1.0.0"}, "ours": {}}, row, size]}
+    table = results_page._against(part).splitlines()[-2:]
+    assert table[0] == "| a look | look | 2 ms | 2 ms | 1 ms | 2 [1.5, 2.5], 1 | 2 [1.5, 2.5], 3 |"
+    assert table[1] == "| a file | agent-step |  | 0.002 bytes | 0.001 bytes |  | 2 [1.5, 2.5] |"
+
+
+def test_raw_data_do_not_say_where_other_pythons_are(monkeypatch):
+    monkeypatch.syspath_prepend(str(ROOT / "scripts"))
+    import reproduce
+
+    assert reproduce._unnamed(["--peer", "/home/me/python", "--python=/x/y"]) == ["--peer", "PYTHON", "--python=PYTHON"]
+    sys.modules.pop("run", None)
