@@ -175,7 +175,7 @@ def test_a_file_says_what_is_played(folder):
         ("scenario: game.yaml\nentries: {}\nseeds: 2:0\n", "cup.yaml: seeds: seeds are 0:50 or 1,2,5, and '2:0'"),
         (
             "scenario: game.yaml\nentries: {a: entries.py:hunt, b: entries.py:hnt}\nseeds: 1\n",
-            "the entry 'b', entries.py:hnt: there is no function 'hnt'",
+            f"the entry 'b': there is no function 'hnt' in {Path.cwd() / 'entries.py'}. Did you mean 'hunt'?",
         ),
     ):
         (folder / "cup.yaml").write_text(text)

@@ -123,7 +123,7 @@ def _python_entry(name: str, texts: list[str], places: _Places) -> Entry:
     file, _, function = texts[0].rpartition(":")
     place = places[0]
     reference = f"{place[0]}:{function}" if place else texts[0]
-    found, _ = chosen(reference, f"the entry {name!r}, {texts[0]}")
+    found, _ = chosen(reference, f"the entry {name!r}")
     readable = str(place[1]) if place else _package(found.module)
     digest = _digest([f"{file.rpartition('/')[2]}:{function}"], [readable])
     return Entry(name, reference, (), (readable,), digest)
