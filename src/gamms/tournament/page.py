@@ -13,12 +13,17 @@ from gamms.tournament.table import Table, points_of
 PAGE = "index.html"
 _MOST_FAULTS = 1_000  # games that are listed with their fault
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 75em; padding: 0 1em; color: #1b1b1b; }
-table { border-collapse: collapse; margin: 1em 0; } th, td { padding: .25em .7em; border-bottom: 1px solid #ddd; }
-th { text-align: left; } th, td small { white-space: nowrap; } .s { overflow-x: auto; } small { color: #555; }
+:root { color-scheme: light dark; }
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2em auto; max-width: 75em; padding: 0 1em; }
+table { border-collapse: collapse; margin: 1em 0; } th, td { padding: .25em .7em; border-bottom: 1px solid #8886; }
+th { text-align: left; } th, td small { white-space: nowrap; } .s { overflow-x: auto; } small { opacity: .75; }
 td.n { text-align: right; font-variant-numeric: tabular-nums; }
-a { text-decoration: none; } .w { color: #006d2c; } .d { color: #666; } .l { color: #a50f15; }
+a { text-decoration: none; }
+.w { color: light-dark(#006d2c, #7fd79b); }
+.d { color: light-dark(#666, #aaa); }
+.l { color: light-dark(#a50f15, #ff9a94); }
 """
+_OPENING = '<!doctype html><html lang=en><meta charset=utf-8><meta name=viewport content="width=device-width">'
 
 
 def write_page(table: Table, folder: Path, title: str) -> None:
@@ -31,7 +36,7 @@ def write_page(table: Table, folder: Path, title: str) -> None:
         _faults(table, folder),
         _games(table, folder),
     ]
-    head = f"<!doctype html><html lang=en><meta charset=utf-8><title>{escape(title)}</title><style>{_STYLE}</style>"
+    head = f"{_OPENING}<title>{escape(title)}</title><style>{_STYLE}</style>"
     policy = "<meta http-equiv=Content-Security-Policy content=\"default-src 'none'; style-src 'unsafe-inline'\">"
     missing = f"<p>Not enforced on this system: {escape('; '.join(table.not_enforced))}.</p>"
     body = f"<h1>{escape(title)}</h1>{missing if table.not_enforced else ''}{''.join(sections)}"
