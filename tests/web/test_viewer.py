@@ -42,6 +42,16 @@ def test_keys_step_play_and_zoom(page, game):
     assert page.value("gamms.views[0].scene.camera.scale") == pytest.approx(scale)
 
 
+def test_the_map_is_clear_of_the_cards_at_its_upper_corners(page):
+    page.value("gamms.settings.fit()")
+    overlaps = """(({camera}) => {
+      const [left, top] = camera.toScreen(camera.box.left, camera.box.top);
+      const [right] = camera.toScreen(camera.box.right, 0);
+      return camera.covered.map((one) => one.right > left && one.left < right && one.bottom > top);
+    })(gamms.views[0].scene)"""
+    assert page.value(overlaps) == [False, False]
+
+
 def test_dragging_the_timeline_shows_any_turn(page, game):
     box = page.value(
         "(({x, y, width, height}) => [x, y, width, height])(document.querySelector('.track').getBoundingClientRect())"

@@ -281,10 +281,19 @@ export class App {
     const bar = (this.controls.bar.offsetHeight || 64) + 12 + strip;
     for (const { scene } of this.views) {
       scene.camera.insets = { left: 0, top: this.isWide ? 0 : 64, right: 0, bottom: bar };
+      scene.camera.covered = this.covered();
       scene.resize();
     }
     this.controls.renew();
     this.needsPaint = true;
+  }
+
+  /** Return what cards cover of the upper corners of the only view. */
+  covered() {
+    if (!this.isWide || this.views.length > 1) return [];
+    const area = this.views[0].canvas.getBoundingClientRect(), cards = [this.controls.head, this.settings.element, this.player?.element];
+    const boxes = cards.flatMap((card) => (card?.offsetHeight ? [card.getBoundingClientRect()] : []));
+    return boxes.map((box) => ({ left: box.left - area.left, right: box.right - area.left, bottom: box.bottom - area.top }));
   }
 
   /** @param {number} now */

@@ -3,6 +3,8 @@
 const CLOSEST = 40; // how far beyond the scale at which all is seen one can zoom, in typical edges across the view
 const MARGIN = 0.05;
 
+/** @typedef {{left: number, right: number, bottom: number}} Covered pixels, from the upper edge on */
+
 export class Camera {
   /** @param {{left: number, bottom: number, right: number, top: number}} box what is seen at first @param {number} unit */
   constructor(box, unit) {
@@ -14,6 +16,7 @@ export class Camera {
     this.scale = 1; // pixels per world unit
     this.isFitted = true;
     this.insets = { left: 0, top: 0, right: 0, bottom: 0 };
+    /** @type {Covered[]} */ this.covered = []; // by cards at the upper corners
   }
 
   /** @param {number} width @param {number} height CSS pixels */
@@ -23,14 +26,34 @@ export class Camera {
     if (this.isFitted) this.fit();
   }
 
-  /** Show the whole map, clear of what covers the edges of the view. */
+  /** Show the whole map as large as it can be, clear of what covers the edges and the upper corners of the view. */
   fit() {
-    const { left, bottom, right, top } = this.box, { insets } = this;
+    const { insets, covered } = this, middle = this.width / 2, isLeft = (/** @type {Covered} */ one) => one.left + one.right < 2 * middle;
+    const lefts = [insets.left, ...covered.filter(isLeft).map((one) => one.right)];
+    const rights = [insets.right, ...covered.filter((one) => !isLeft(one)).map((one) => this.width - one.left)];
+    const tops = [insets.top, ...covered.map((one) => one.bottom)];
+    let most = 0, best = insets;
+    for (const left of lefts) for (const right of rights) for (const top of tops) {
+      this.#fitInto({ left, right, top, bottom: insets.bottom });
+      if (this.scale > most && covered.every((one) => this.#isClearOf(one))) [most, best] = [this.scale, { left, right, top, bottom: insets.bottom }];
+    }
+    this.#fitInto(best);
+    this.isFitted = true;
+  }
+
+  /** @param {Covered} one */
+  #isClearOf(one) {
+    const [left, top] = this.toScreen(this.box.left, this.box.top), [right] = this.toScreen(this.box.right, this.box.top);
+    return right < one.left || left > one.right || top > one.bottom;
+  }
+
+  /** @param {{left: number, top: number, right: number, bottom: number}} insets */
+  #fitInto(insets) {
+    const { left, bottom, right, top } = this.box;
     const free = { width: Math.max(this.width - insets.left - insets.right, 50), height: Math.max(this.height - insets.top - insets.bottom, 50) };
     this.scale = (1 - 2 * MARGIN) * Math.min(free.width / Math.max(right - left, this.unit), free.height / Math.max(top - bottom, this.unit));
     this.x = (left + right) / 2 - (insets.left - insets.right) / 2 / this.scale;
     this.y = (bottom + top) / 2 + (insets.top - insets.bottom) / 2 / this.scale;
-    this.isFitted = true;
   }
 
   /** Move by pixels. @param {number} dx @param {number} dy */

@@ -296,6 +296,7 @@ export class Player {
     for (const { scene } of this.app.views) {
       const { camera } = scene, covered = this.#isAtBottom ? this.element.offsetHeight : 0;
       camera.insets.bottom = Math.max(camera.insets.bottom, covered + this.app.controls.bar.offsetHeight + 60 * Number(covered > 0));
+      camera.covered = this.app.covered();
       if (camera.isFitted) camera.fit();
       const nearest = Math.min(...others.map((one) => Math.hypot(one.x - x, one.y - y))) * camera.scale;
       const margin = 12, top = margin + camera.insets.top, bottom = camera.height - camera.insets.bottom - margin;
