@@ -143,7 +143,13 @@ class Page:
 
 @contextmanager
 def browser():
-    """Start a browser; yield a page, which is used again for each test."""
+    """Start a browser; yield a page, which is used again for each test.
+
+    Raises:
+        FileNotFoundError: there is no Chromium.
+    """
+    if CHROMIUM is None:
+        raise FileNotFoundError("There is no command chromium, chromium-browser or google-chrome: install Chromium.")
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as folder:
         environment = {**os.environ, "HOME": folder}
         process = subprocess.Popen(
