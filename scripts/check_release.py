@@ -27,6 +27,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 EXTRAS: dict[str, list[str]] = PROJECT["optional-dependencies"]
 LARGE = {"train", "torch", "torchrl", "onnx", "ray"}
+NOT_HERE = {"solve"} if os.name == "nt" else set()  # there are no wheels of OpenSpiel for Windows
 FILES = {
     "LICENSE",
     "NOTICE",
@@ -92,7 +93,7 @@ def main() -> int:
                 print(f"{python}: not found here, skipped")
                 continue
             for extras in _sets(options):
-                constraints = _constraints(folder, extras) if options.oldest else []
+                constraints = _constraints(folder, extras, options.first) if options.oldest else []
                 said = _checked(folder / "environment", python, [wheel, *constraints], extras, options.first)
                 which = "oldest" if options.oldest else "newest"
                 print(f"{Path(python).name:10} {which} {','.join(extras) or 'no extra':40} {said}", flush=True)
@@ -117,7 +118,7 @@ def _options() -> argparse.Namespace:
 
 def _sets(options: argparse.Namespace) -> list[list[str]]:
     """Return the sets of extras to install, each into an environment of its own."""
-    single = sorted(EXTRAS.keys() - {"dev"} - (set() if options.large else LARGE))
+    single = sorted(EXTRAS.keys() - {"dev"} - (set() if options.large else LARGE) - NOT_HERE)
     wanted = options.extras or ["none", *single, "all"]
     if not options.large and options.extras is None:
         print(f"skipped without --large: {', '.join(sorted(LARGE))}")
@@ -191,10 +192,11 @@ def _commands(python: Path, games: Path, extras: list[str]) -> list[tuple[str, l
     return [*commands, *((extra, [python, "-c", PROBES[extra]]) for extra in sorted(wanted))]
 
 
-def _constraints(folder: Path, extras: list[str]) -> list[str | Path]:
-    """Write the lower bounds of what is to be installed as a file of constraints."""
+def _constraints(folder: Path, extras: list[str], first: list[str]) -> list[str | Path]:
+    """Write the lower bounds of what is to be installed, and was not installed before, as a file of constraints."""
     lines = PROJECT["dependencies"] + [one for extra in _with_named(extras) for one in EXTRAS[extra]]
     bounds = {match[1]: match[2] for one in lines if (match := re.match(r"([\w-]+)>=([\d.]+)", one))}
+    bounds = {name: bound for name, bound in bounds.items() if not any(one.startswith(f"{name}==") for one in first)}
     file = folder / "oldest.txt"
     file.write_text("".join(f"{name}=={bound}\n" for name, bound in bounds.items()), encoding="utf-8")
     return ["--constraint", file]
