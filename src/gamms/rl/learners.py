@@ -3,6 +3,7 @@
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import suppress
 from functools import partial
+from itertools import pairwise
 from pathlib import Path
 from types import CodeType, FunctionType, ModuleType
 from typing import Any, NamedTuple, Self, cast
@@ -181,7 +182,8 @@ class Learners:
         if self._hand is not None:
             self._hand.begin(self.games, self.deeds)
         self._seed: int | None = None  # of the game that `begin_next` began last
-        self._sizes = [len(view.agents) for view in views]
+        ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
+        self._columns = [slice(first, last) for first, last in pairwise(ends)]  # of the agents of each team
         self.is_there: BoolArray = self._put(np.ones(self._shape, np.bool_))
         self._can_come = not views[0].roster.is_first.all()
         self._remember()
@@ -265,10 +267,11 @@ class Learners:
         plays = was_alive & ~was_over[:, None]
         counts = plays | ~was_over[:, None] if self.may_return else plays
         is_out = ~self.alive & ~self.is_over[:, None] & (not self.may_return)
+        truncated = self.games.truncated
         return Played(
             self._xp.where(plays, joined(self._xp, earned), 0.0),
-            counts & (self.games.terminated[:, None] | is_out),
-            counts & self.games.truncated[:, None],
+            counts & ((self.is_over & ~truncated)[:, None] | is_out),
+            counts & truncated[:, None],
         )
 
     def are_legal(self, actions: Array) -> BoolArray:
@@ -392,7 +395,7 @@ class Learners:
 
     @property
     def _shape(self) -> tuple[int, int]:
-        return len(self.games), sum(self._sizes)
+        return len(self.games), self._columns[-1].stop
 
     def _put(self, array: Array) -> Any:
         """Return an array of NumPy as one of the library of the games."""
@@ -412,8 +415,7 @@ class Learners:
 
     def _by_team(self, of_all: Array) -> list[Any]:
         """Return the columns of each team, views of an array (games, agents)."""
-        ends = np.cumsum(self._sizes).tolist()
-        return [of_all[:, end - size : end] for end, size in zip(ends, self._sizes, strict=True)]
+        return [of_all[:, columns] for columns in self._columns]
 
     def _checked(self, given: Array, view: ArrayView, what: str) -> Any:
         """Return what a function of the caller gave, if it fits, as an array of the library of the games."""

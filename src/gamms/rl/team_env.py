@@ -1,6 +1,7 @@
 """The environment of PettingZoo: the agents of one team, or of several, that learn in one game."""
 
 from copy import deepcopy
+from itertools import compress
 from typing import Any
 
 import numpy as np
@@ -43,6 +44,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
             agent: deepcopy(kinds[flies]) for agent, flies in of_agents
         }  # each samples by itself
         self.action_spaces = {agent: action_space(learners, self._number[agent]) for agent in self.possible_agents}
+        self._parts = [np.flatnonzero(learners.flies == flies) for flies in (False, True)]
         self._idle = {agent: 0 * space.sample() for agent, space in self.action_spaces.items()}
         self.state_space = spaces.Box(-np.inf, np.inf, self.state().shape, np.float32)
 
@@ -78,9 +80,8 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         """
         for name in as_mapping(actions, "actions"):
             self._known(name)
-        parts = [np.flatnonzero(self.learners.flies == flies) for flies in (False, True)]
         given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
-        heads = heads_of(self.learners, [(agents, [given[number] for number in agents]) for agents in parts])
+        heads = heads_of(self.learners, [(agents, [given[number] for number in agents]) for agents in self._parts])
         legal = are_legal(self.learners, heads)[0].tolist()
         was_legal = dict(zip(self.possible_agents, legal, strict=True))
         played = self.learners.step(*heads)
@@ -128,7 +129,7 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
         """Return the agents that are alive, or may come back."""
         learners = self.learners
         are_in = learners.is_there[0] if learners.may_return else learners.alive[0]
-        return [name for name, is_in in zip(self.possible_agents, are_in, strict=True) if is_in]
+        return list(compress(self.possible_agents, are_in.tolist()))
 
     def _answers(self, names: list[str]) -> tuple[Observed, Observed]:
         """Return what these agents observe, and their infos."""
