@@ -84,11 +84,16 @@ class Streets:
         """Counts, the width of rows of targets, these targets, and their offsets where there are no rows: width 0."""
         # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, and no
         # offsets are read where rows of targets are about as long as each other (benchmarks/README.md, teams).
-        most = int(self.counts.max(initial=1))
-        is_even = len(self.counts) * most <= 2 * len(self.targets)
-        targets = self.legal.ravel() if is_even else self.targets
-        counts, offsets = self.counts.astype(np.min_scalar_type(most)), self.offsets.astype(np.int32)
-        return counts, most if is_even else 0, targets.astype(np.int32), offsets
+        nodes, most = len(self.counts), int(self.counts.max(initial=1))
+        targets, offsets = self.targets.astype(np.int32), self.offsets.astype(np.int32)
+        is_even = nodes * most <= 2 * len(targets)
+        if is_even:
+            places = np.repeat(np.arange(nodes, dtype=np.int32) * np.int32(most) - offsets[:-1], self.counts)
+            places += np.arange(len(targets), dtype=np.int32)
+            rows = np.zeros(nodes * most, np.int32)
+            rows[places] = targets
+            targets = rows
+        return self.counts.astype(np.min_scalar_type(most)), most if is_even else 0, targets, offsets
 
     def counts_of(self, rows: IntArray) -> RowArray:
         """Return how many nodes are legal from each of some nodes, in as few bytes as that fits into."""
