@@ -77,9 +77,11 @@ with gamms.create_context() as ctx:
     assert printed(source, tmp_path, program) == "0.5\n[1.0, 0.75, 0.5]\n0.5"
 
 
+GUIDE = (Path(__file__).parents[1] / "CONTRIBUTING.md").read_text(encoding="utf-8")
 COUNT = '''
 """AGENT_COUNT: how many other agents are near."""
 
+from gamms.ir.sensed import SensorView
 from gamms.sensor.ground import AgentSensor
 
 
@@ -90,10 +92,18 @@ class AgentCountSensor(AgentSensor):
         """Count them."""
         super().sense(node_id)
         self._last[0] = len(self._last[0])
+
+    def last_view(self):
+        """Let it be drawn where it looks; the agents are no longer in its data."""
+        return SensorView(outline=self.outline())
 '''
+
+KIND = "    SensorType.AGENT_COUNT: Kind(AgentCountSensor, _RANGE, _DETECTION),\n"
 
 
 def test_a_kind_of_sensor_takes_one_file_and_a_line_in_the_catalog(tmp_path):
+    assert COUNT in GUIDE
+    assert KIND in GUIDE
     source = changed(
         tmp_path,
         ("typing/sensor_engine.py", "    CUSTOM = 0\n", "    CUSTOM = 0\n    AGENT_COUNT = 99\n"),
@@ -105,7 +115,7 @@ def test_a_kind_of_sensor_takes_one_file_and_a_line_in_the_catalog(tmp_path):
         (
             "sensor/catalog.py",
             "    SensorType.AGENT_RANGE: ",
-            "    SensorType.AGENT_COUNT: Kind(AgentCountSensor, _RANGE, _DETECTION),\n    SensorType.AGENT_RANGE: ",
+            f"{KIND}    SensorType.AGENT_RANGE: ",
         ),
     )
     (source / "gamms" / "sensor" / "count.py").write_text(COUNT.lstrip())
@@ -113,11 +123,14 @@ def test_a_kind_of_sensor_takes_one_file_and_a_line_in_the_catalog(tmp_path):
 import gamms
 from gamms.sensor import SensorType
 
-with gamms.create_context(seed=1) as ctx:
+with gamms.create_context(seed=1, logger_config={"filename": "log"}) as ctx:
     ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
     ctx.sensor.create_sensor("c", SensorType.AGENT_COUNT, sensor_range=10)
     for name, node in {"anna": 0, "ben": 1, "cleo": 8}.items():
         ctx.agent.create_agent(name, start_node_id=node, sensors=["c"] if name == "anna" else [])
     print(ctx.agent.get_agent("anna").get_state()["sensor"]["c"][1])
+    gamms.testing.check_sensor(ctx.sensor.get_sensor("c"), 0)
+    ctx.visual.save("seen.svg")
 """
     assert printed(source, tmp_path, program) == "1"
+    assert "could not be drawn" not in (tmp_path / "log").read_text()
