@@ -6,6 +6,7 @@ import pytest
 from batch_scenes import plain, scene
 
 from gamms.errors import BadValue
+from gamms.game.batch import games as games_of_batches
 from gamms.game.batch import scalar_strategies
 from gamms.strategies import chase
 
@@ -202,9 +203,26 @@ def test_strategies_that_prepare_games_are_played_one_by_one():
     assert not same({"red": strategy}).is_in_arrays
 
 
-def test_few_games_with_scalar_strategies_are_played_one_by_one(monkeypatch):
-    monkeypatch.setattr(scalar_strategies, "FEWEST", 3)
-    for number, slow in {2: "the strategy explore, with fewer than 3 games", 3: None}.items():
-        with scene([TAG]).batch(number, strategies={"red": explore, "blue": explore}) as games:
-            assert games.is_in_arrays is (slow is None)
-            assert slow in (None, games.slow)
+def bonus(ctx):
+    ctx.game.scores["turns"] += 1
+
+
+@pytest.mark.parametrize(
+    ("strategies", "is_called", "faster"),
+    [
+        ({"red": explore, "blue": explore}, False, 16),
+        ({"red": follow}, False, 64),
+        ({}, True, 32),
+        ({"red": explore, "blue": explore}, True, None),
+    ],
+)
+def test_games_that_are_faster_one_by_one_are_played_to_their_ends_so(strategies, is_called, faster, monkeypatch):
+    monkeypatch.setattr(games_of_batches, "why_slower", scalar_strategies.why_slower)
+    for number in [100] if faster is None else [faster - 1, faster]:
+        with scene([TAG], max_turns=1).build(seed=1, strategies=strategies) as ctx:
+            if is_called:
+                ctx.game.add(bonus)
+            with ctx.game.batch(number) as games:
+                assert games.is_in_arrays  # turn by turn, arrays are faster in any case
+                games.run()
+                assert games.is_in_arrays is (number == faster)

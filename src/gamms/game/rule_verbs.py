@@ -69,7 +69,7 @@ class RuleVerbs(Settings):
     @property
     def agents(self) -> list[IAgent]:
         """The living agents, in the order of their names."""
-        return [slot.agent for slot in self._turns.order().slots]
+        return self._turns.living()
 
     @property
     def moves(self) -> dict[str, Move]:

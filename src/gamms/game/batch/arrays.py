@@ -484,8 +484,8 @@ class ArrayEngine:
         )
 
 
-def why_not_in_arrays(game: PlayedGame, num_games: int) -> str | None:
-    """Return what keeps so many games of a kind from being played in arrays, in words; None: nothing."""
+def why_not_in_arrays(game: PlayedGame) -> str | None:
+    """Return what keeps games from being played in arrays, in words; None: nothing."""
     settings, asked, scalar = game.settings(), teams_asked(game), called_one_by_one(game)
     reasons = [
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
@@ -496,7 +496,7 @@ def why_not_in_arrays(game: PlayedGame, num_games: int) -> str | None:
         (game.turn > 0 or bool(game.scores), "a game that has begun"),
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
-    not_asked = why_not_asked(game, [agent for agent in game.agents if agent.team in asked], num_games)
+    not_asked = why_not_asked(game, [agent for agent in game.agents if agent.team in asked])
     not_called = why_not_called(game)
     found = [why_not_moved(game), why_not_sent(settings["channels"]), *(why for is_so, why in reasons if is_so)]
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]

@@ -18,7 +18,7 @@ from gamms.game.batch.given import Acting, Given, as_given
 from gamms.game.batch.libraries import ArrayLibrary
 from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
-from gamms.game.batch.scalar_strategies import FEWEST
+from gamms.game.batch.scalar_strategies import FEWEST, why_slower
 from gamms.game.batch.state import Columns
 from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import refusing_changes
@@ -77,7 +77,7 @@ class Batch:
         most_agents: MostAgents | None = None,
     ) -> None:
         self._source, self.seeds, self.library = source, seeds, library
-        self.slow, asked = source.follows_seed or why_not_in_arrays(source.game, len(seeds)), teams_asked(source.game)
+        self.slow, asked = source.follows_seed or why_not_in_arrays(source.game), teams_asked(source.game)
         self._roster = Roster.of(source.game.agents)
         if most_agents is not None:
             self._roster = Roster.of(source.game.agents, _reserved(self._roster, most_agents))
@@ -95,6 +95,9 @@ class Batch:
         scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
         if scalar and not self._is_one_by_one:
             self.slow = scalar[0]
+        agents = [agent for agent in source.game.agents if agent.team in asked]
+        why = why_slower(source.game, agents, len(seeds), are_called=bool(called_one_by_one(source.game)))
+        self._why_slower = why if library is None and not self._is_one_by_one else None  # to be played to the ends
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
         is_kept = as_bool(record, "record") or (scalar and not self._is_one_by_one)
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
@@ -204,7 +207,7 @@ class Batch:
         )
 
     def run(self, progress: bool = False) -> None:
-        """Play all games to their ends.
+        """Play all games to their ends: one after the other where that is faster, unless some turns were played.
 
         Args:
             progress: show how far it is on a line of stderr, where that is a terminal.
@@ -215,6 +218,9 @@ class Batch:
         game = self._source.game
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
+        if self._why_slower is not None and not self._steps:
+            self.slow, self._why_slower, self._is_said = self._why_slower, None, True
+            self._engine = OneByOneEngine(self._source.game, self._roster, self.seeds)
         with progress_line() as show:
             if isinstance(self._engine, OneByOneEngine):
                 self._run_one_by_one(self._engine, show if progress else None)

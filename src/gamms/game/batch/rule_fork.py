@@ -23,6 +23,7 @@ from gamms.plain import why_not_plain
 from gamms.text import shown
 from gamms.typing import IAgent
 
+_MOST_ORDERS = 1000  # sets of living agents of which it is kept what a turn needs of them
 _MOST_EXACT = 1 << 53  # scores in arrays are floats
 Admit = Callable[[IAgent, Sequence[Any]], str | None]
 """Lets arrays have an agent that has come, with its sensors as they are described; or returns why they cannot."""
@@ -160,7 +161,7 @@ class RuleFork:
         access = [self.ctx.agent.storage.turn_access(agent) for agent in self._agents]
         self._held = [one.last for one in access] + [result for one in access for *_, result in one.carried]
         self._heading, self._all = list(self._block.heading), Selection(list(range(len(self.rows))))
-        self._order: TurnOrder | None = None
+        self._orders: dict[tuple[bool, ...], TurnOrder] = {}  # by which agents live
         self._equipped, self._sensors = self._equipment(), self.ctx.sensor.storage.described()
         self._fixed, self._counted = self._what_is_fixed(), self._what_is_counted()
 
@@ -307,9 +308,13 @@ class RuleFork:
             starts, ends = [starts[number] for number in members], [ends[number] for number in members]
         known = columns.actions[at]
         actions = {i: known[number] for i, number in enumerate(members) if number in known} if known else {}
-        if self._order is None or self._order.structure_version != self._block.structure_version:
-            self._order = self.parts.turns.order()
-        return TurnMoves(self._order, starts, ends, actions)
+        living = tuple(took_part)
+        order = self._orders.get(living)
+        if order is None:
+            if len(self._orders) >= _MOST_ORDERS:
+                self._orders.clear()
+            order = self._orders[living] = self.parts.turns.order()
+        return TurnMoves(order, starts, ends, actions)
 
     def _know_facts(self) -> None:
         """Have the facts of the start; those that array forms publish are not known."""

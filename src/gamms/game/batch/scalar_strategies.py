@@ -33,7 +33,10 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IAgent
 from gamms.typing.sensor_engine import ISensor
 
-FEWEST, FEWEST_IN_CONTEXT = 16, 64  # games that are faster in arrays, also where strategies may need their context
+# From how many games on arrays are not slower, see decision 0057: where agents are asked, where their strategies may
+# need their context, and where rules are called.
+FEWEST, FEWEST_IN_CONTEXT, FEWEST_CALLED = 16, 64, 32
+_MOST_ASKED = 4  # one in so many agents, where rules are called, too
 _FAILURES = ("illegal", "errors", "overruns")  # counts of what goes wrong when agents decide
 
 
@@ -392,19 +395,38 @@ def _draws_elsewhere(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool
     )
 
 
-def why_not_asked(game: PlayedGame, agents: Sequence[IAgent], num_games: int) -> str | None:
-    """Return why agents cannot be asked one by one in so many games in arrays, in words; None: they can."""
+def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are_called: bool) -> str | None:
+    """Return why so many games, played to their ends, would be slower in arrays, in words; None: they would not.
+
+    Args:
+        game: of the batch.
+        asked: the agents that are asked one by one.
+        num_games: how many.
+        are_called: whether rules have no array form.
+    """
+    plans = game.settings()["plans"]
+    deciders = [decider_of(agent, plans) for agent in asked]
+    fewest = FEWEST if deciders else 1
+    if any(getattr(one, "__closure__", one) is not None for one in deciders):
+        fewest = FEWEST_IN_CONTEXT
+    if are_called:
+        if len(asked) * _MOST_ASKED > len(game.agents):
+            return "rules and strategies without array forms"
+        fewest = max(fewest, FEWEST_CALLED)
+    return f"fewer than {fewest} games" if num_games < fewest else None
+
+
+def why_not_asked(game: PlayedGame, agents: Sequence[IAgent]) -> str | None:
+    """Return why agents cannot be asked one by one in games in arrays, in words; None: they can."""
     settings = game.settings()
     by_metres = settings["speed_unit"] != "edges"
     sensors = [(agent, sensor) for agent in agents for sensor in getattr(agent, "sensors", {}).values()]
     deciders = [decider_of(agent, settings["plans"]) for agent in agents]
-    fewest = FEWEST_IN_CONTEXT if any(getattr(one, "__closure__", one) is not None for one in deciders) else FEWEST
     reasons = [
         (any(hasattr(one, "prepare") for one in deciders), "what it prepares in a game"),
         (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
         (any(_draws_elsewhere(one, by, by_metres=by_metres) for by, one in sensors), "sensors that err or report late"),
         (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),
         (not settings["team_memory"], "team_memory=False"),
-        (num_games < fewest, f"fewer than {fewest} games"),
     ]
     return next((why for is_so, why in reasons if is_so), None)
