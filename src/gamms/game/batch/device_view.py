@@ -61,6 +61,14 @@ class DeviceStreets(Streets):
         found = self._sorted[xp.where(places < nodes, places, nodes - 1)]
         return xp.reshape(xp.where(self._row_ids[found] == flat, found, -1), ids.shape)
 
+    def counts_of(self, rows: Tensor) -> Tensor:
+        """Return how many nodes are legal from each of some nodes."""
+        return self.counts[rows]
+
+    def step(self, rows: Tensor, actions: Tensor) -> Tensor:
+        """Return where actions lead, each the number of a legal node."""
+        return self.targets[self.offsets[rows] + actions]
+
     def action_to(self, rows: Tensor, targets: Tensor) -> Tensor:
         """Return the number of a legal node, by rows; -1 where it is not legal."""
         xp, most = self.library.xp, self.legal_rows.shape[1]
