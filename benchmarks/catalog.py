@@ -152,6 +152,8 @@ CASES = [
     ),
     Case("teams: conflicts of 20,000 on 400,000 nodes", "agent-step", teams.conflicts(20_000, 632), FREE),
     Case("teams: conflicts of 20,000 on 40,000 nodes", "agent-step", teams.conflicts(20_000, 200), FREE),
+    Case("teams: conflicts of 20,000 side by side", "agent-step", teams.conflicts(20_000, 200, apart=False), FREE),
+    Case("teams: conflicts of 100,000 on 1,000,000 nodes", "agent-step", teams.conflicts(100_000, 1000), FREE),
     Case("scenario: load Helsinki at 10 m", "map", cases.helsinki, "plain dicts of the same tuples"),
     Case("scenario: film Helsinki, 1280 x 720", "frame", film, "encoding its frames alone", 1.25),
     Case("scenario: window, first of 100,000 edges", "frame", first_frame, "drawing each street once"),

@@ -79,11 +79,11 @@ def walk(agents, side, *, is_keyed):
     return make
 
 
-def conflicts(agents, side):
-    """Return the case of turns with conflicts, against the same without; agents begin anywhere."""
+def conflicts(agents, side, *, apart=True):
+    """Return the case of turns with conflicts, against the same without; agents begin anywhere, or side by side."""
 
     def make():
-        nodes = np.random.default_rng(1).permutation(side * side)[:agents]
+        nodes = np.random.default_rng(1).permutation(side * side)[:agents] if apart else np.arange(agents)
         return game(agents, side, by_stream, nodes, Conflicts(1)), game(agents, side, by_stream, nodes)
 
     return make

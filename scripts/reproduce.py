@@ -46,6 +46,7 @@ PARTS = {  # what is run -> its command
     "planning": ["benchmarks/planning.py", "speed"],
     "values": ["benchmarks/solve.py"],
     "spectators": ["benchmarks/spectators.py", "100", "{rounds}"],
+    "sizes": ["benchmarks/sizes.py"],
     "pages": ["benchmarks/viewer.py"],
     "cases": ["benchmarks/run.py", "--json", "--rounds", "{rounds}"],
 }

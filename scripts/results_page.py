@@ -22,7 +22,7 @@ _GROUPS = {
     "experiments": "Experiments",
 }
 _HEAD = "| case | a … | ours | floor: | takes | ours / floor | aim |\n|---|---|---|---|---|---|---|"
-_TABLES = {"upstream": "## Against gamms 1.0.0", "peers": "## Beside other simulators"}
+_TABLES = {"upstream": "## Against gamms 1.0.0", "peers": "## Beside other simulators", "sizes": "## Single things"}
 _ENGINES = ("SQLITE", "MEMORY")
 _INTRODUCTION = """# Results
 
@@ -35,7 +35,7 @@ def page(results: Path = RESULTS) -> str:
     """Return the page of a folder with raw data, in Markdown."""
     machine = _read(results / "machine.json")
     records = [one for one in _read(results / "cases.json")["output"] if "ratio" in one]
-    upstream, peers = (
+    upstream, peers, sizes = (
         _read(results / f"{name}.json") if (results / f"{name}.json").exists() else None for name in _TABLES
     )
     parts = [_INTRODUCTION, _on(machine), "## Aims that are missed", _missed(records)]
@@ -45,6 +45,7 @@ def page(results: Path = RESULTS) -> str:
         parts += [f"## {title}", "\n".join([_HEAD, *rows])] if rows else []
     parts += [_TABLES["upstream"], _against(upstream)] if upstream else []
     parts += [_TABLES["peers"], _beside(peers)] if peers else []
+    parts += [_TABLES["sizes"], _alone(sizes)] if sizes else []
     for file in sorted(results.glob("*.json")):
         if file.stem not in {"machine", "cases", "summary", *_TABLES}:
             parts += [f"## {file.stem.capitalize()}", _printed(_read(file))]
@@ -120,6 +121,15 @@ def _against(part: dict[str, Any]) -> str:
         rows.append([one["name"], of.removeprefix("an ").removeprefix("a "), *times, ours, *ratios])
     table = "\n".join(f"| {' | '.join(row)} |" for row in rows)
     return f"{_made(part)}; PYTHON has {versions}. Ours is the same with both.\n\n{table}"
+
+
+def _alone(part: dict[str, Any]) -> str:
+    """Return the table of figures that are measured against nothing."""
+    rows = [f"{_made(part)}.", "", "| | |", "|---|---|"]
+    for one in _records(part):
+        figure = shown(one["value"]) if one["unit"] == "s" else f"{one['value']:,.3g} {one['unit']}"
+        rows.append(f"| {one['name']} | {figure} |")
+    return "\n".join(rows)
 
 
 def _made(part: dict[str, Any]) -> str:

@@ -59,7 +59,7 @@ class BaseAgent(Guarded, IAgent):
     """An agent of any kind; a subclass says where it begins, where it is and how it acts."""
 
     # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,
-    # because setting an attribute asks whether a strategy is running (benchmarks/README.md, w2).
+    # because setting an attribute asks whether a strategy is running (benchmarks: the loop).
     __slots__ = (
         *("_block", "_carried", "_ctx", "_last", "_near", "_phase", "_row", "_sensor_list", "_shared"),
         "strategy",
@@ -239,7 +239,7 @@ class BaseAgent(Guarded, IAgent):
                 f"The state of agent {self.name!r} has no 'action': its strategy must set state['action'] to "
                 f"{self._ACTION}."
             ) from None
-        # NOTE: a plain node id comes first: it is every move of most games (benchmarks/README.md, w2).
+        # NOTE: a plain node id comes first: it is every move of most games (benchmarks: the loop).
         if type(action) is int and action in self._near:
             block.move(self._row, action)
         else:
@@ -276,7 +276,7 @@ class BaseAgent(Guarded, IAgent):
                 raise AttributeError(f"{key!r} cannot be set when an agent is created.")
         values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, _NOT_SHARED, (), [{}], None)
         for name, value in zip(_AT_FIRST, values, strict=True):
-            object.__setattr__(self, name, value)  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md)
+            object.__setattr__(self, name, value)  # NOTE: a third of the time of `__setattr__` (benchmarks)
         return ctx.graph.graph
 
     @abstractmethod

@@ -83,7 +83,7 @@ class AgentEngine(Guarded, IAgentEngine):
     @property
     def positions(self) -> Positions:
         """Where all agents are; not for strategies. Ask again after agents were created or deleted."""
-        # NOTE: asked after every single move of the paper's loop (benchmarks/README.md, w3).
+        # NOTE: asked after every single move of the paper's loop (benchmarks: sense).
         if self._phase.agent is not None:
             self._phase.refuse("use ctx.agent.positions")
         if self._block.removed:

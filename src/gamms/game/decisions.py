@@ -243,7 +243,7 @@ class Decisions:
             if template is None or strategy is None:
                 self.ask(i, self.observe(self.slots[i]))
                 continue
-            # NOTE: the usual agent is served in line (benchmarks/README.md, turns); `ask` does the same.
+            # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.
             here = starts[i]
             sensed = {}
             for key, sense, sensor, result in carried:
@@ -448,7 +448,7 @@ class Decisions:
         ends = self.ends
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)
         if question.are_plain and is_known.all():
-            # NOTE: all at once, for teams of many (benchmarks/README.md, teams).
+            # NOTE: all at once, for teams of many (benchmarks: teams).
             if isinstance(ends, memoryview):
                 np.asarray(ends)[... if is_all else indices] = nodes
             elif is_all:

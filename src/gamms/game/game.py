@@ -184,7 +184,7 @@ class Game(RuleVerbs):
         Raises:
             IllegalAction, IllegalMutation, or whatever a strategy or rule raises: see the settings.
         """
-        # NOTE: a generator that need not be lent takes 2 us of a turn of 15 (benchmarks/README.md, turns).
+        # NOTE: a generator that need not be lent takes 2 us of a turn of 15 (benchmarks: turns).
         if not self.ctx.is_seeded:
             return self._take_turn()
         with self._global_random.of(self.ctx):

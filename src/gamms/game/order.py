@@ -222,7 +222,7 @@ class TurnOrder:
 
     def count_moves(self, starts: Sequence[int], ends: Sequence[int]) -> None:
         """Count the agents that have moved."""
-        # NOTE: in C, because all agents are counted in every turn (benchmarks/README.md, turns).
+        # NOTE: in C, because all agents are counted in every turn (benchmarks: turns).
         if isinstance(self._moved, list):
             self._moved = list(map(add, self._moved, map(ne, starts, ends)))
         else:

@@ -44,7 +44,7 @@ class DrawTable:
         row: the first draws in that turn, of the agents in the order in which they were added before it.
     """
 
-    # NOTE: 50 ns for each number; one by one they take 850 ns (benchmarks/README.md, turns).
+    # NOTE: 50 ns for each number; one by one they take 850 ns (benchmarks: turns).
 
     __slots__ = ("_begin", "_block", "_names", "clock", "row", "seed", "turn")
 
@@ -154,7 +154,7 @@ class Draws:
         """
         if not 1 <= n <= 1 << 32:
             raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
-        return (self.bits() >> 32) * n >> 32  # NOTE: `kernels.below` in line (benchmarks/README.md, turns)
+        return (self.bits() >> 32) * n >> 32  # NOTE: `kernels.below` in line (benchmarks: turns)
 
     def choice(self, options: Sequence[T]) -> T:
         """Return one of the options, each as likely.
@@ -233,7 +233,7 @@ class TurnGenerator(Generator):
     """
 
     # NOTE: made when something is drawn, not with the agent: most agents never ask, and a Philox takes 15 us and
-    # 1.7 kB (benchmarks/README.md, turns).
+    # 1.7 kB (benchmarks: turns).
 
     def __init__(self, seed: int, clock: GameState, name: str) -> None:
         self._seed, self._clock, self._name = seed, clock, name
@@ -351,7 +351,7 @@ class GlobalRandom:
             return
         stream = ctx.stream("game", "global")
         random.seed(int(stream.integers(2**62)))
-        # NOTE: making one takes 84 us, which is more than three turns of ten agents (benchmarks/README.md, turns).
+        # NOTE: making one takes 84 us, which is more than three turns of ten agents (benchmarks: turns).
         self._bits, self._spare, self._is_shared = self._spare or np.random.MT19937(), None, False
         set_bit_generator(self._bits)
         np.random.seed(int(stream.integers(2**32)))  # noqa: NPY002 - what programs for 1.0.0 draw from

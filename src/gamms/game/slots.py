@@ -69,7 +69,7 @@ class AgentSlot:
         self.is_plain = not (self.flies or self.travels) and self.speed is None and settings.legal == "edges"
         self._made_of = state, table, facts, settings
         # NOTE: made when they are needed: an agent that a plan of arrays decides for has no state and draws nothing
-        # (benchmarks/README.md, teams).
+        # (benchmarks: teams).
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
         self._template: dict[str, Any] | None = None
@@ -233,7 +233,7 @@ def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
     """Return an equal dict whose copies share one table of keys, with a place for the action.
 
     Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
-    those of 1,000 agents would not stay in the cache (benchmarks/README.md, turns).
+    those of 1,000 agents would not stay in the cache (benchmarks: turns).
     """
     instance = _Layout()
     for key in (*template, "action"):

@@ -83,7 +83,7 @@ class Streets:
     def _narrow(self) -> tuple[RowArray, int, RowArray, RowArray]:
         """Counts, the width of rows of targets, these targets, and their offsets where there are no rows: width 0."""
         # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, and no
-        # offsets are read where rows of targets are about as long as each other (benchmarks/README.md, teams).
+        # offsets are read where rows of targets are about as long as each other (benchmarks: teams).
         nodes, most = len(self.counts), int(self.counts.max(initial=1))
         targets, offsets = self.targets.astype(np.int32), self.offsets.astype(np.int32)
         is_even = nodes * most <= 2 * len(targets)

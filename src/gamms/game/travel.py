@@ -69,7 +69,7 @@ class Roads:
 
     def leaving(self, node: int) -> list[Road]:
         """Return the edges that leave a node, in insertion order."""
-        # NOTE: kept, because each agent looks around in each turn (benchmarks/README.md, travel).
+        # NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
         roads = self._leaving.get(node)
         if roads is None:
             columns, row = self._columns, self._row_of[node]

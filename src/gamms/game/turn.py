@@ -35,7 +35,7 @@ from gamms.typing.sensor_engine import SensorType
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
-_FEWEST_IN_ARRAYS = 32  # agents whose conflicts are resolved in arrays (benchmarks/README.md, teams)
+_FEWEST_IN_ARRAYS = 32  # agents whose conflicts are resolved in arrays (benchmarks: teams)
 _MOST_ARRIVALS = 1000  # in one turn; more, and an agent goes to and fro on edges of no length
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 

@@ -433,7 +433,7 @@ class GraphEngine(Guarded, IGraphEngine):
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the distance by path from one node to another; infinite where there is no path."""
-        graph = self._graph  # NOTE: not by the property, which takes as long as the rest (benchmarks/README.md, Paths)
+        graph = self._graph  # NOTE: not by the property, which takes as long as the rest (benchmarks: Paths)
         return (self.graph if graph is None else graph).distance(source, target, weight)
 
     def place(

@@ -280,7 +280,7 @@ class Graph(Guarded, IGraph):
         if radius == inf:
             return self._among(self._rows_near(x, y, radius))
         # NOTE: rows take a seventh of the memory of nodes and edges, and a third of the time of a search
-        # (benchmarks/README.md, looks of many agents).
+        # (benchmarks: looks of many agents).
         return self._of_rows(*self._discs.get(self._store.revision, (row, radius), lambda: self._disc(x, y, radius)))
 
     def nodes_near(self, x: float, y: float, radius: float) -> NodeColumns:
@@ -334,7 +334,7 @@ class Graph(Guarded, IGraph):
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
         """Return the distance by path from one node to another; infinite where there is no path."""
-        # NOTE: many strategies ask this in each turn, of targets they asked for before (benchmarks/README.md, Paths).
+        # NOTE: many strategies ask this in each turn, of targets they asked for before (benchmarks: Paths).
         cache, store = self._routes.cache, self._store
         if cache.revision == store.revision and type(source) is int and type(target) is int:
             try:

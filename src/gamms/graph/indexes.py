@@ -24,7 +24,7 @@ _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor in
 _MOST_EAGER = 1 << 19  # rows of a table whose values are made in one go; a larger one's as they are asked for
 _MOST_KEPT = 1 << 21
 
-# NOTE: skips the checking constructors; the tables hold checked values (benchmarks/README.md, w3).
+# NOTE: skips the checking constructors; the tables hold checked values (benchmarks: sense).
 _node: Callable[[Any], Node] = partial(tuple.__new__, Node)
 _edge: Callable[[Any], OSMEdge] = partial(tuple.__new__, OSMEdge)
 
@@ -253,7 +253,7 @@ class Indexes:
 
     def edge_value(self, row: int) -> OSMEdge:
         """Return the edge in a row."""
-        # NOTE: without arrays, because agents on edges ask one by one (benchmarks/README.md, travel).
+        # NOTE: without arrays, because agents on edges ask one by one (benchmarks: travel).
         edges, nodes = self._edges, self._nodes
         source, target, polyline = edges.sources[row], edges.targets[row], edges.polylines.get(row)
         if polyline is None:
@@ -281,7 +281,7 @@ class Indexes:
         nodes, edges = self._nodes.living(), self._edges.living()
         if len(nodes) > most:
             return
-        # NOTE: one int object per id, so that looking one up compares no values (benchmarks/README.md, w2).
+        # NOTE: one int object per id, so that looking one up compares no values (benchmarks: the loop).
         ids = self._nodes.array("ids").astype(object)
         offsets, order = kernels.group_rows(self._edges.array("sources")[edges], self._nodes.count)
         targets = ids[self._edges.array("targets")[edges][order]].tolist()

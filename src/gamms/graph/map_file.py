@@ -369,7 +369,7 @@ def _coded(by_row: Mapping[int, Plain]) -> tuple[IntArray, IntArray, list[Plain]
 
 def _keys_of(values: list[Plain], kind: str, name: str) -> Sequence[Hashable]:
     """Return keys that are equal where the bytes of values are."""
-    # NOTE: a city has a million values of a few kinds, often one object for many edges (benchmarks/README.md, Files).
+    # NOTE: a city has a million values of a few kinds, often one object for many edges (benchmarks: Files).
     kinds = set(map(type, values))
     if kinds == {float}:
         bits: list[int] = np.array(values, np.float64).view(np.int64).tolist()  # 0.0 and -0.0 differ

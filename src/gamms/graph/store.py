@@ -37,7 +37,7 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
     asked for, those of all are made at once. Of a large graph the last ones are kept.
     """
 
-    # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks/README.md, w2).
+    # NOTE: a dict with __missing__ answers a known node without a Python call (benchmarks: the loop).
 
     def __init__(self, store: "GraphStore", source: "Neighborhoods | None" = None) -> None:
         self._store = store

@@ -85,7 +85,7 @@ class AgentBlock:
 
     What callers pass is validated before (`typing.actions`), not here. Columns are read directly and written through
     the verbs alone. Those of the agents of a context are lists, because the paper's loop reads and writes them one by
-    one (benchmarks/README.md, w2), but `node` and `previous` of a context with a team, which are views of arrays from
+    one (benchmarks: the loop), but `node` and `previous` of a context with a team, which are views of arrays from
     then on (`use_arrays`).
 
     Args:
@@ -300,7 +300,7 @@ class AgentBlock:
 
     def move(self, row: int, node: int) -> None:
         """Move an agent on the ground; the node it was on is its previous one."""
-        # NOTE: every move of the paper's loop (benchmarks/README.md, w2 and w4).
+        # NOTE: every move of the paper's loop (benchmarks: loop, recording).
         journal = self.journal
         if journal is not PLAIN:
             if not journal.is_silent:

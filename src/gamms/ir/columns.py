@@ -40,7 +40,7 @@ class Selection:
         rows: which.
     """
 
-    # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks/README.md, turns).
+    # NOTE: getters pick whole columns in C: every turn reads and writes all agents (benchmarks: turns).
 
     def __init__(self, rows: list[int]) -> None:
         self.rows = rows
@@ -92,7 +92,7 @@ class Selection:
 
     def write_all(self, column: IntArray, values: Sequence[int]) -> None:
         """Set an array in these rows, which are all there are."""
-        # NOTE: `take` costs a third of an assignment by rows (benchmarks/README.md, teams).
+        # NOTE: `take` costs a third of an assignment by rows (benchmarks: teams).
         np.take(np.asarray(values), self._order, out=column, mode="clip")
 
 

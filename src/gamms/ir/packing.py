@@ -80,7 +80,7 @@ def packed(data: bytes, *, is_noisy: bool = False, is_quick: bool = False) -> by
     """
     if not data:
         return _NOTHING
-    # NOTE: half the time and 1 % more bytes for a city (benchmarks/README.md, city scale).
+    # NOTE: half the time and 1 % more bytes for a city (benchmarks: city scale).
     level, strategy = (
         4 if is_noisy or len(data) > _LARGE else 6,
         zlib.Z_RLE if is_quick else zlib.Z_FILTERED if is_noisy else zlib.Z_DEFAULT_STRATEGY,
@@ -246,7 +246,7 @@ def column(numbers: IntArray) -> bytes:
     count = max(1, (int(zigzag.max()).bit_length() + 7) // 8)
     if count == 1:
         return b"\1" + zigzag.astype(np.uint8).tobytes()
-    # NOTE: a shift for each byte takes a fifth of a copy of every eighth byte (benchmarks/README.md, teams).
+    # NOTE: a shift for each byte takes a fifth of a copy of every eighth byte (benchmarks: teams).
     shifted = ((zigzag >> np.uint64(8 * place)).astype(np.uint8) for place in range(count))
     return b"".join([bytes([count]), *(part.tobytes() for part in shifted)])
 
@@ -406,7 +406,7 @@ def cost_of(data: bytes) -> int:
 
 def _cost_within(data: bytes) -> int:
     """Return what is charged for the containers among the items of a MessagePack array, and for what is in them."""
-    # NOTE: arrays of numbers are most of what agents sense; to open them took ten times as long (benchmarks/README.md).
+    # NOTE: arrays of numbers are most of what agents sense; to open them took ten times as long (benchmarks).
     extension, cost = _extension(), 0
     for item in _flat().decode(data):
         if type(item) is extension and item.code not in _PLAIN_CODES:

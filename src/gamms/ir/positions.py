@@ -175,7 +175,7 @@ class Positions:
 
     def _catch_up(self) -> None:
         """Read what has changed: the occupancy of nodes follows at once, the arrays when they are asked for."""
-        # NOTE: asked after every single move of the paper's loop (benchmarks/README.md, w3).
+        # NOTE: asked after every single move of the paper's loop (benchmarks: sense).
         if self._block.flyers:
             self._block.locate()
         rows = self._log.take()

@@ -192,7 +192,7 @@ def _mix(bits: int) -> int:
 
 
 def _mix_many(bits: BitArray) -> BitArray:
-    # NOTE: in place, but for the first step: 10,000 numbers stay in the cache (benchmarks/README.md, batches).
+    # NOTE: in place, but for the first step: 10,000 numbers stay in the cache (benchmarks: batches).
     shifted = bits >> np.uint64(30)
     mixed: BitArray = bits ^ shifted
     mixed *= np.uint64(_FACTORS[0])

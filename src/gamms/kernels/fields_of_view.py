@@ -101,6 +101,6 @@ def in_cone(
 
 def is_in_cone(dx: float, dy: float, heading: tuple[float, float], fov: float) -> bool:
     """Return `in_cone` of one offset."""
-    # NOTE: NumPy takes longer for a handful of offsets than `math` does (benchmarks/README.md, AGENT_ARC among 10).
+    # NOTE: NumPy takes longer for a handful of offsets than `math` does (benchmarks: AGENT_ARC among 10).
     off_axis = abs(atan2(dy, dx) - atan2(heading[1], heading[0]))
     return min(off_axis, 2.0 * pi - off_axis) <= fov / 2.0 + _RIM or (dx == 0.0 and dy == 0.0)

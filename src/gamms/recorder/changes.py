@@ -279,7 +279,7 @@ class GameChanges:
 
     def detect(self, log: Log) -> None:
         """Add the events that say what else has changed."""
-        # NOTE: most games have no scores, facts or data, and are asked in every turn (benchmarks/README.md, w4).
+        # NOTE: most games have no scores, facts or data, and are asked in every turn (benchmarks: w4).
         values = _VALUES(self._state)
         if self._is_known or any(values):
             for value, (_, kind, detector) in zip(values, self._detectors, strict=True):

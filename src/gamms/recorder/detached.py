@@ -103,7 +103,7 @@ class DetachedState(State):
         self.agents.settle()
 
     def _advance(self, reader: Reader, start: int, stop: int) -> None:
-        if not reader.has_events(start, stop):  # NOTE: most turns (benchmarks/README.md, recordings)
+        if not reader.has_events(start, stop):  # NOTE: most turns (benchmarks: recordings)
             _, numbers, nodes = reader.moves(start, stop)
             if self.agents.are_walkers(numbers):
                 self.agents.move(numbers, nodes)

@@ -483,7 +483,7 @@ class Replayer:
                 name, before = move(number, node)
             except UNFIT as error:
                 raise RecordingError(f"Turn {turn} moves agent number {number}: {reason(error)}") from error
-            # NOTE: not by `records_of`, which takes half as long again (benchmarks/README.md, replay).
+            # NOTE: not by `records_of`, which takes half as long again (benchmarks: replay).
             data = {"agent_name": name, "node_id": before}
             yield {"timestamp": timestamp, "opCode": kinds.AGENT_PREV_NODE, "data": data}
             data = {"agent_name": name, "node_id": node}

@@ -233,5 +233,5 @@ def _look(sensor: str, kind: str, data: object, numbers: Mapping[str, int], node
 
 
 def _are_ids(values: Collection[Any]) -> bool:
-    # NOTE: without a call for each of the many nodes that a sensor sees (benchmarks/README.md, spectators).
+    # NOTE: without a call for each of the many nodes that a sensor sees (benchmarks: spectators).
     return _INT.issuperset(map(type, values)) and (not values or (min(values) in _INT64 and max(values) in _INT64))

@@ -453,7 +453,7 @@ class RecordingSession:
             is_set_next: whether a snapshot follows, which says where the flyers are that a replay has just set.
         """
         # NOTE: in most turns no version has changed, and the fields of the game alone are looked at
-        # (benchmarks/README.md, w4).
+        # (benchmarks: w4).
         log, versions = self._journal.log, self._current_versions()
         has_changed = versions != self._versions
         if has_changed:

@@ -206,7 +206,7 @@ class MovesInArrays:
         if size > _PLACES_PER_MOVE * len(places):
             known, numbers = np.unique(places, return_inverse=True)
         else:
-            # NOTE: a third of the time of sorting them (benchmarks/README.md, teams).
+            # NOTE: a third of the time of sorting them (benchmarks: teams).
             known, number_of = places, np.empty(size, np.int32)
             number_of[places] = np.arange(len(places), dtype=np.int32)
             numbers = number_of.take(places)
@@ -250,7 +250,7 @@ def _in_the_way(starts: IntArray, ends: IntArray, size: int) -> IntArray | None:
 
     They are those to a place on which several end, those to a place that one of these begins on, and so forth.
     """
-    # NOTE: where 2 to 5 % are stopped, this halves what conflicts add to a turn (benchmarks/README.md, teams).
+    # NOTE: where 2 to 5 % are stopped, this halves what conflicts add to a turn (benchmarks: teams).
     if size > _PLACES_PER_MOVE * len(ends):
         return None
     numbers, last = np.arange(len(ends), dtype=np.int32), np.empty(size, np.int32)

@@ -178,7 +178,7 @@ def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
 
 def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:
     """Whether all went one edge or none, to nodes that are not near each other, and no two passed: then none met."""
-    # NOTE: most turns are like that; tracks of all agents take a quarter of a small game (benchmarks/README.md).
+    # NOTE: most turns are like that; tracks of all agents take a quarter of a small game (benchmarks).
     moves: TurnMoves | None = ctx.game.internals.state.moves
     if moves is None or not moves.are_single_steps(ctx.agent.block):
         return False
@@ -278,7 +278,7 @@ def _near(measure: _Measure, ours: list[_Tracked], theirs: list[_Tracked], aeria
     """Yield the pairs that were near enough, at each moment at which one of two agents reached a node."""
     tracks = dict((*ours, *theirs))
     inner = _inner_moments(tracks)
-    if not inner:  # NOTE: and then no two are near in most turns (benchmarks/README.md, turns)
+    if not inner:  # NOTE: and then no two are near in most turns (benchmarks: turns)
         ends_of_sides = ({aerial.get(name, track.path[-1]) for name, track in side} for side in (ours, theirs))
         if not measure(*ends_of_sides):
             return
@@ -371,7 +371,7 @@ def visits_of(track: Track) -> Sequence[Visit]:
     path, times, legs = track
     if legs:
         return meetings.visits_by_legs(track)
-    # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks/README.md, turns).
+    # NOTE: one edge or none is the usual case, and there are as many as agents (benchmarks: turns).
     if len(path) == 1:
         return ((path[0], times[0], 1.0),)
     if len(path) == 2 and path[0] != path[1]:
@@ -435,7 +435,7 @@ def _by_path(search: Callable[[int], Mapping[int, float]]) -> _Measure:
 
 def _points_of(graph: Graph) -> dict[Place, Position]:
     """Return where those nodes of a graph are that were asked for, by id; to be added to."""
-    # NOTE: a look-up in the graph takes 1.3 us, and agents are compared in every turn (benchmarks/README.md, turns).
+    # NOTE: a look-up in the graph takes 1.3 us, and agents are compared in every turn (benchmarks: turns).
     revision, known = _POINTS.get(graph, (None, {}))
     if revision is None or revision != graph.revision or len(known) > _MOST_POINTS:
         known = {}
@@ -468,7 +468,7 @@ def _straight(graph: Graph, limit: float) -> _Measure:
             rows, columns, far = kernels.pairs_within(np.array(a), np.array(b), limit)
             pairs = zip(rows.tolist(), columns.tolist(), far.tolist(), strict=True)
             return {(one[i], other[k]): distance for i, k, distance in pairs}
-        # NOTE: the same numbers, in a fifth of the time for a game of 5 against 5 (benchmarks/README.md, turns).
+        # NOTE: the same numbers, in a fifth of the time for a game of 5 against 5 (benchmarks: turns).
         square, near, ends = limit * limit, _Distances(), list(zip(other, b, strict=True))
         for place, (x, y, z) in zip(one, a, strict=True):
             for there, (end_x, end_y, end_z) in ends:

@@ -560,7 +560,7 @@ def plain_defaults(function: Function) -> dict[str, Plain]:
 
 def _parameters_of(function: Function) -> list[Parameter] | None:
     """Return the parameters of a function; None of one in C that does not say."""
-    # NOTE: asked for each agent at each reset of a scenario, which has few functions (benchmarks/README.md, turns).
+    # NOTE: asked for each agent at each reset of a scenario, which has few functions (benchmarks: turns).
     read = _read_parameters if isinstance(function, FunctionType) else _read_parameters.__wrapped__
     try:
         return read(function)

@@ -227,7 +227,7 @@ class _Team:
 
     def _taken(self, words: BitArray) -> IntArray:
         """Return what `_try` returns where no agent keeps another away."""
-        # NOTE: a list loses a row in 1 us, where `_drawn` takes 50 for one seed (benchmarks/README.md, turns).
+        # NOTE: a list loses a row in 1 us, where `_drawn` takes 50 for one seed (benchmarks: turns).
         left = np.maximum(len(self._free_rows) - np.arange(words.shape[1]), 1)
         numbers = kernels.below_of_words(words.reshape(-1, words.shape[2]), np.tile(left, len(words)))
         drawn = np.full(words.shape[:2], -1)

@@ -293,7 +293,7 @@ class SensorStorage(Guarded):
 
     def _settings(self) -> SensorSettings:
         """Return how the sensors are set now; the same object as long as nothing has changed."""
-        # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks/README.md, snapshots).
+        # NOTE: most snapshots are of games whose sensors stay as they are (benchmarks: snapshots).
         known, changes = self._known_settings, self._counts()
         sensors = tuple(self._engine._sensors.values())
         if known is None or known.changes != changes or known.sensors != sensors:

@@ -46,7 +46,7 @@ class Sensor(Guarded, ISensor):
     """A built-in sensor; a subclass writes `sense`."""
 
     # NOTE: slots, not properties, and what changes with every look in a list, because setting an attribute asks whether
-    # a strategy is running: the paper's loop reads and writes them at every step (benchmarks/README.md, w2).
+    # a strategy is running: the paper's loop reads and writes them at every step (benchmarks: the loop).
     __slots__ = ("_last", "_owner", "_phase", "ctx", "sensor_id", "type")
 
     _called = "sensor"
@@ -65,7 +65,7 @@ class Sensor(Guarded, ISensor):
     def __init__(self, ctx: IContext, sensor_id: str, sensor_type: SensorType) -> None:
         phase = phase_of(ctx)
         phase.refuse("make a sensor")
-        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks/README.md)
+        put = object.__setattr__  # NOTE: a third of the time of `__setattr__` (benchmarks)
         put(self, "_phase", phase)
         put(self, "_last", [None, None])
         put(self, "ctx", ctx)

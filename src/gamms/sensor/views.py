@@ -47,7 +47,7 @@ class Views:
 
     def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
         """Return what a map sensor sees; shared, and therefore not to be changed."""
-        # NOTE: the graph is asked for once: three properties cost a third of a look (benchmarks/README.md, w3).
+        # NOTE: the graph is asked for once: three properties cost a third of a look (benchmarks: sense).
         graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
         revision = graph.revision
         if revision != self._revision or revision is None:
@@ -96,7 +96,7 @@ class Views:
     def _drop(self, words: int) -> None:
         """Forget one in a few views of each kind, until so much memory is free."""
         # NOTE: not the oldest: who looks from more places in turn than are kept would find none of them
-        # (benchmarks/README.md, where it broke).
+        # (benchmarks: where it broke).
         while self._seen and self._words + words > _MOST_WORDS:
             for kind, views in list(self._seen.items()):
                 for place in list(views)[::_PART]:
@@ -373,7 +373,7 @@ class NearbyAgents:
             x, y = coordinates(self._ctx, place)
             ids = [] if radius == inf else self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
         # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
-        # (benchmarks/README.md, 1,000 agents in Helsinki). Few agents are looked up in the set.
+        # (benchmarks: 1,000 agents in Helsinki). Few agents are looked up in the set.
         disc = tuple([self._ids.setdefault(id, id) for id in ids]) if are_many else {*ids}
         kept = disc if radius != inf and len(disc) <= _WIDE else None
         if self._kept > _MOST_IDS:
@@ -405,7 +405,7 @@ class LooksOfAll:
     """Who is around each node with an agent on it, worked out at once for ranges at which many agents look.
 
     These are the ranges of so many looks before agents last moved. In the paper's loop, in which each agent moves after
-    its look, there are none (benchmarks/README.md, where it broke).
+    its look, there are none (benchmarks: where it broke).
     """
 
     def __init__(self) -> None:
@@ -463,7 +463,7 @@ class Travellers:
     """The agents on edges, as sensors find them: by the boxes around their edges, and exactly where that is not enough.
 
     An agent that goes on along its edge changes no box, so that many agents can be asked in the course of a turn
-    (benchmarks/README.md, travel).
+    (benchmarks: travel).
     """
 
     def __init__(self, ctx: IContext) -> None:

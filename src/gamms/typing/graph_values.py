@@ -54,7 +54,7 @@ class OSMEdge(_EdgeFields):
     None in `last`. Use `points` or `linestring`, which hide the difference.
     """
 
-    # NOTE: a tuple of what is there already, because sensing makes hundreds of them (benchmarks/README.md, w3).
+    # NOTE: a tuple of what is there already, because sensing makes hundreds of them (benchmarks: sense).
 
     __match_args__ = ("id", "source", "target", "length", "linestring")
 

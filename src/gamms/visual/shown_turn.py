@@ -117,7 +117,7 @@ class Motion:
     def end_turn(self, number: int) -> None:
         """End a turn, so many of the game: note where agents are; its moves are looked up before they are shown."""
         self._is_current = False
-        # NOTE: games without pictures pay for this in every turn (benchmarks/README.md, w2).
+        # NOTE: games without pictures pay for this in every turn (benchmarks: the loop).
         self._forget_after_reset(number)
         agents, last = self._ctx.agent, self._last
         positions, version = agents.positions, agents.structure_version

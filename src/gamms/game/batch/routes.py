@@ -278,7 +278,7 @@ class RouteTable:
 
     def _add_hops(self, targets: IntArray) -> None:
         """Compute where the ways to some targets lead, whose distances are known."""
-        # NOTE: apart from the distances, because who flees asks for these alone (benchmarks/README.md, learning).
+        # NOTE: apart from the distances, because who flees asks for these alone (benchmarks: learning).
         arcs, ids = self._arcs, self._streets.columns.node_ids
         size = max(1, _AT_ONCE // (len(ids) + len(arcs.ends)))
         for first in range(0, len(targets), size):

@@ -322,7 +322,7 @@ class GameArrays:
 
     def chosen(self, column: Any, games: IntArray, agents: IntArray) -> Any:
         """Return a copy of a column (games, agents) of some games and agents, ascending."""
-        # NOTE: `take` costs half of an index (benchmarks/README.md, batches).
+        # NOTE: `take` costs half of an index (benchmarks: batches).
         of_games = column if len(games) == len(self) else column.take(games, axis=0)
         return of_games.take(agents, axis=1)
 

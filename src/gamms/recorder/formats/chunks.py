@@ -103,7 +103,7 @@ class Layout:
 @lru_cache(maxsize=2)
 def layout_of(numbers: bytes) -> tuple[bytes, Layout]:
     """Return the column and the layout of the bytes of some numbers: most blocks have the same as the one before."""
-    # NOTE: which spares a third of the time of a block with ten agents (benchmarks/README.md, w4).
+    # NOTE: which spares a third of the time of a block with ten agents (benchmarks: w4).
     array = np.frombuffer(numbers, np.int64)
     return column(steps(array)), Layout(array)
 

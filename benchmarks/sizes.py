@@ -1,0 +1,119 @@
+"""How long single things take, and how much memory: what a user waits for once, or pays in each turn.
+
+    python benchmarks/sizes.py            # all, each in a process of its own; a line of JSON for each figure
+    python benchmarks/sizes.py sight
+
+Times are those of the CPU, but for the table of sight, which several processes make: those that pass. Memory is the
+most that the process has had.
+"""
+
+import argparse
+import json
+import os
+import random
+import resource
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+import teams
+from worlds import context
+
+import gamms
+
+
+def million():
+    """A team of a million agents on a million nodes, which a plan of arrays moves."""
+    ctx = teams.lattice(1000)
+    yield "create a million agents", *spent(lambda: ctx.agent.create_team("red", np.arange(1_000_000)))
+    ctx.game.command("red", teams.by_keys, arrays=True)
+    yield "the first turn of a million agents", *spent(ctx.game.step)
+    yield "a later turn", *spent(ctx.game.step, times=5)
+    yield "memory, a million agents on a million nodes", memory(), "MB"
+
+
+def graphs():
+    """A grid of a million nodes from arrays; a look, a path of 300 m, and its file."""
+    found = []
+    yield "a grid of 1,000,000 nodes from arrays", *spent(lambda: found.append(teams.lattice(1000)))
+    ctx, nodes = found[0], iter(random.Random(1).sample(range(1_000_000), 100))
+    sensor = ctx.sensor.create_sensor("near", "RANGE", sensor_range=50.0)
+    yield "the first look in it, RANGE 50 m", *spent(lambda: sensor.sense(next(nodes)))
+    yield "later looks at new places", *spent(lambda: sensor.sense(next(nodes)), times=50)
+    yield "the first path of 300 m", *spent(lambda: ctx.graph.shortest_path(500_500, 500_530))
+    ends = iter([(node, node + 30) for node in random.Random(2).sample(range(1_000_000), 30) if node % 1000 < 970])
+    yield "later paths of 300 m", *spent(lambda: ctx.graph.shortest_path(*next(ends)), times=20)
+    yield "save it", *spent(lambda: ctx.graph.save("grid.gamms"))
+    yield "its file", Path("grid.gamms").stat().st_size / 2**20, "MB"
+    yield "memory of all this", memory(), "MB"
+
+
+def snapshots():
+    """Snapshots and forks of a game of ten agents with two sensors each, after 200 turns on Helsinki."""
+    ctx = context()
+    gamms.osm.helsinki(ctx)
+    nodes = list(ctx.graph.graph.get_nodes())
+    for i in range(10):
+        near = ctx.sensor.create_sensor(f"near_{i}", "NEIGHBOR")
+        far = ctx.sensor.create_sensor(f"far_{i}", "AGENT_RANGE", sensor_range=100.0)
+        agent = ctx.agent.create_agent(f"a_{i}", start_node_id=nodes[i * 700], sensors=[near, far])
+        agent.register_strategy(gamms.strategies.random_walk)
+    ctx.game.run(200)
+    yield "snapshot() and restore(), 10 agents", *spent(lambda: ctx.game.restore(ctx.game.snapshot()), times=100)
+    yield "a fork, 10 agents", *spent(lambda: ctx.game.fork(1), times=20)
+
+
+def sight():
+    """What is visible in Helsinki within 250 m: 8,651 nodes, 3,606 faces."""
+    ctx = context()
+    gamms.osm.helsinki(ctx, buildings=True)
+    nodes = iter(random.Random(1).sample(list(ctx.graph.graph.get_nodes()), 200))
+    sensor = ctx.sensor.create_sensor("eyes", "OCCLUDED_MAP", sensor_range=250.0)
+    sensor.sense(next(nodes))
+    yield "OCCLUDED_MAP 250 m on demand, new places", *spent(lambda: sensor.sense(next(nodes)), times=50)
+    began = time.perf_counter()
+    ctx.graph.visibility(250.0, path="seen.table")
+    yield "its table is made, by the clock", time.perf_counter() - began, "s"
+
+
+PROGRAMS = {program.__name__: program for program in (million, graphs, snapshots, sight)}
+
+
+def spent(work, times=1):
+    """Return the median of the CPU seconds of some calls, and their unit."""
+    found = []
+    for _ in range(times):
+        began = time.process_time()
+        work()
+        found.append(time.process_time() - began)
+    return statistics.median(found), "s"
+
+
+def memory():
+    """Return the most memory that this process has had, in MB."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+
+
+def main():
+    """Run each program in a process of its own."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("programs", nargs="*", help=f"some of {', '.join(PROGRAMS)}")
+    parser.add_argument("--here", action="store_true", help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    for program in options.programs or PROGRAMS:
+        if not options.here:
+            subprocess.run([sys.executable, __file__, "--here", program], check=True)
+            continue
+        with tempfile.TemporaryDirectory() as folder:
+            os.chdir(folder)
+            for name, value, unit in PROGRAMS[program]():
+                print(json.dumps({"name": name, "value": value, "unit": unit}), flush=True)
+            os.chdir("/")
+
+
+if __name__ == "__main__":
+    main()
