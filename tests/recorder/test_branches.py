@@ -3,7 +3,7 @@
 import pytest
 
 from gamms import recorder
-from gamms.errors import UnknownName
+from gamms.errors import BadType, UnknownName
 from gamms.scenario import Scenario
 
 WALK = {"strategy": "gamms.strategies:random_walk"}
@@ -67,3 +67,5 @@ def test_the_game_may_be_built_by_the_caller(played):
         assert table["turns"].tolist() == [12]
         with pytest.raises(UnknownName, match="Did you mean 'blue'"):
             recording.branch(5, strategies={"bleu": [wait]})
+        with pytest.raises(BadType, match=r"build must be a function .* not range\(0, 3\)"):
+            recording.branch(5, build=range(3))

@@ -9,7 +9,7 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_ids, as_int, as_items, as_mapping
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
 from gamms.plugins import Registry
@@ -163,6 +163,8 @@ def branches(
     max_turns: int | None,
 ) -> Iterator[dict[str, Any]]:
     """Yield a row for each seed of each combination of strategies; see `Recording.branch`."""
+    if not callable(build):
+        raise BadType(f"build must be a function that makes a context, such as scenario.build, not {shown(build)}.")
     strategies = as_mapping(strategies, "strategies")
     chosen: list[int | None] = [None] if seeds is None else [*as_ids(seeds, "seeds")]
     for names, combination in _combinations(strategies):
