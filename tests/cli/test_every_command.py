@@ -10,6 +10,7 @@ import typer
 from typer.testing import CliRunner
 
 from gamms import cli
+from gamms.scenario import gallery
 
 NONSENSE = "n\x1b[31mönsense"
 FILES = [
@@ -127,3 +128,11 @@ def test_help_can_be_read_on_a_narrow_terminal_and_in_any_encoding(name, charset
     done = CliRunner(charset=charset, env={"COLUMNS": "20"}).invoke(cli.app, [*name.split(), "--help"])
     assert (done.exit_code, done.stderr) == (0, "")
     assert name in done.stdout
+
+
+def test_tables_lose_nothing_on_a_narrow_terminal():
+    done = CliRunner(env={"COLUMNS": "20"}).invoke(cli.app, ["gallery"])
+    lines = done.stdout.split("\n\n")[0].splitlines()
+    assert max(map(len, lines)) <= 20
+    names = "".join(line.split("  ")[0].strip() if not line.startswith("  ") else "" for line in lines[1:])
+    assert names == "".join(gallery())

@@ -14,7 +14,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gamms.cli import app
-from gamms.errors import BadValue, UnknownName, WriteConflict
+from gamms.errors import BadType, BadValue, UnknownName, WriteConflict
 from gamms.scenario import Scenario, ScenarioError
 from gamms.tournament import Table, run
 from gamms.tournament.page import write_page
@@ -86,6 +86,8 @@ def test_a_tournament_that_is_refused_leaves_no_folder(folder):
     before = set(folder.rglob("*"))
     with pytest.raises(ScenarioError, match=r"no function 'nope' in .*entries\.py\. It has"):
         played("new/out", entries={"hunt": "entries.py:hunt", "nope": "entries.py:nope"})
+    with pytest.raises(BadType, match="record must be True or False"):
+        played("new/out", record="games")
     with pytest.raises(BadValue, match="no such program"):
         played("new/out", entries={"hunt": "entries.py:hunt", "nope": ["entries.py", "nope"]})
     assert set(folder.rglob("*")) == before

@@ -3,7 +3,8 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from enum import StrEnum
 from io import TextIOWrapper
 from itertools import pairwise
@@ -207,12 +208,22 @@ class _Command(TyperCommand):
 class _Interruptible(TyperGroup):
     """A group whose commands end with a word when they are interrupted."""
 
+    def make_context(self, *args: Any, **options: Any) -> Any:  # Any: of a library that typer contains
+        with _saying_when_interrupted():
+            return super().make_context(*args, **options)
+
     def invoke(self, ctx: typer.Context) -> Any:  # type: ignore[override] # a click.Context
-        try:
+        with _saying_when_interrupted():
             return super().invoke(ctx)
-        except KeyboardInterrupt:
-            echo("gamms: Interrupted.", err=True)
-            raise typer.Exit(INTERRUPTED) from None
+
+
+@contextmanager
+def _saying_when_interrupted() -> Iterator[None]:
+    try:
+        yield
+    except KeyboardInterrupt:
+        echo("gamms: Interrupted.", err=True)
+        raise typer.Exit(INTERRUPTED) from None
 
 
 class _WithUsual(TyperGroup):

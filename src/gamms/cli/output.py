@@ -167,7 +167,7 @@ def rich_table(header: tuple[str, ...], rows: Iterable[tuple[str, ...]], *, righ
     """Return a table without lines, all columns but the first aligned right, with the first 500 rows."""
     table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 0))
     for i, title in enumerate(header):
-        table.add_column(title, justify="right" if i and right else "left")
+        table.add_column(title, justify="right" if i and right else "left", overflow="fold")
     every = list(rows)
     for row in every[:_MOST_ROWS]:
         table.add_row(*map(printable_line, row))

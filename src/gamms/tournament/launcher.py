@@ -163,7 +163,9 @@ def _ended(id: int, patience_s: float) -> dict[str, Any]:
             ended = False
             break
         sleep(_STEP_S)
-    os.killpg(id, signal.SIGKILL)  # with what it has started, where the system cannot forbid that
+    with suppress(ProcessLookupError):  # of one that has not begun a group yet
+        os.killpg(id, signal.SIGKILL)  # with what it has started, where the system cannot forbid that
+    os.kill(id, signal.SIGKILL)
     _, status, used = os.wait4(id, 0)
     return {"status": status, "ended": ended, "cpu_s": used.ru_utime + used.ru_stime}
 

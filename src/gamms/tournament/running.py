@@ -85,6 +85,7 @@ def run(  # noqa: PLR0913 - each option is independent of the others
     base = Path.cwd() if folder is None else as_path(folder, "folder").absolute()
     allowed = _allowed(scenario, move_seconds, memory_mb)
     number = None if rounds is None else as_count(rounds, "rounds", 1)
+    games = where / "games" if as_bool(record, "record") else None
     chosen, is_own = executor_for(executor, workers)
     with locked(where):
         private = [one for one in (scenario.file, scenario.folder) if one is not None]
@@ -94,7 +95,6 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         with scenario.build(seed=numbers[0]) as ctx:
             found = found_entries(entries, base, where, private)
             ctx.graph.save(where / _MAP)
-        games = where / "games" if as_bool(record, "record") else None
         settings = Settings(scenario, where / _MAP, where / _SCRATCH, allowed, games, where / "logs", max_memory())
         plan = {"entries": {one.name: one.digest for one in found}, "seeds": numbers, "rounds": number}
         runner = _Runner(settings, chosen, workers, Journal(where), manifest)
