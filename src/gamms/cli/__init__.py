@@ -25,6 +25,9 @@ def main() -> None:
         if sys.stderr is not None:
             sys.stderr.write("gamms: Interrupted.\n")
         sys.exit(128 + signal.SIGINT)  # 130, as shells say it of Ctrl-C
+    finally:
+        # `python -m` ends by the signal itself if Ctrl-C came while a text was run as code, until another one is run.
+        exec("")  # noqa: S102
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:

@@ -65,11 +65,11 @@ def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: It
     if len(texts) < 2:
         raise BadValue(f"A tournament needs two entries at least, not {len(texts)}.")
     files = {name: [_file_in(text, base) for text in some] for name, some in texts.items()}
-    for name, (file, *_) in files.items():
+    for name, (text, *_) in texts.items():
         if isinstance(given[name], str):  # an error names the file, not its copy
-            chosen(
-                texts[name][0] if file is None else f"{file}:{texts[name][0].rpartition(':')[2]}", f"the entry {name!r}"
-            )
+            file = files[name][0]
+            reference = text if file is None else f"{file}:{text.rpartition(':')[2]}"
+            chosen(reference, f"the entry {name!r}")
     is_new, entries = not (out / "entries").exists(), []
     try:
         for number, name in enumerate(sorted(texts)):
