@@ -39,8 +39,12 @@ def ask(study, code, browser="the first browser", **more):
     address, _, token = study.link("x").partition("#")
     url = address.partition("?")[0] + "participant"
     body = json.dumps({"code": code, "secret": f"a secret of {browser}".replace(" ", "-"), **more}).encode()
-    with build_opener(ProxyHandler({})).open(Request(url, body, {"Authorization": f"Bearer {token}"})) as answer:
-        return json.load(answer)["value"]
+    try:
+        with build_opener(ProxyHandler({})).open(Request(url, body, {"Authorization": f"Bearer {token}"})) as answer:
+            return json.load(answer)["value"]
+    except HTTPError as error:
+        error.close()
+        raise
 
 
 def play(study, code):
