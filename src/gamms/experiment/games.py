@@ -4,18 +4,16 @@ import json
 import pickle
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import cached_property, lru_cache
+from functools import lru_cache
 from time import perf_counter
 from typing import Any, NamedTuple
 
 from gamms.errors import BadValue, TooLarge
-from gamms.experiment.variants import Function, Variant
-from gamms.game.batch.forms import form_of
+from gamms.experiment.variants import Variant
 from gamms.game.result import Result
 from gamms.limits import allowing
 from gamms.plain import Plain, as_json, to_plain
 from gamms.scenario import Scenario
-from gamms.scenario.code import Found, first_of, function_of
 from gamms.text import printable_line, reason
 
 Row = dict[str, Plain]
@@ -65,7 +63,7 @@ class Player:
         """Play games; one that raises is a row with an error."""
         begin = perf_counter()
         with allowing(self._settings.max_memory):
-            rows = self._in_arrays(seeds) if len(seeds) >= _FEW and self._is_for_arrays else None
+            rows = self._in_arrays(seeds) if len(seeds) >= _FEW else None
             rows = [self._alone(seed) for seed in seeds] if rows is None else rows
         return Played(rows, perf_counter() - begin)
 
@@ -76,9 +74,11 @@ class Player:
             return {"error": _error(error)}
 
     def _in_arrays(self, seeds: Sequence[int]) -> list[Row] | None:
-        """Return the rows of games that are played at once; None: one of them has raised."""
+        """Return the rows of games that are played at once; None: they cannot be, or one of them has raised."""
         try:
             with self._scenario.batch(seeds=seeds, strategies=self._strategies) as games:
+                if not games.is_in_arrays:
+                    return None
                 games.run()
                 return [row_of(games.result(number), self._settings.collect) for number in range(len(seeds))]
         except TooLarge:
@@ -86,23 +86,6 @@ class Player:
             return [*self.play(seeds[:half]).rows, *self.play(seeds[half:]).rows]
         except (Exception, SystemExit):  # noqa: BLE001 - played one by one, the game that raises is a row
             return None
-
-    @cached_property
-    def _is_for_arrays(self) -> bool:
-        """Whether the games can be played in a batch, and are the same there as one by one.
-
-        A batch makes strategies and rules once for all games. Those of GAMMS draw nothing then; a function of the
-        user's that makes one may, so only functions that have an array form themselves are played in batches.
-        """
-        try:
-            if not all(_makes_no_draws(one, self._scenario) for one in self._scenario.code()):
-                return False
-            if not all(_is_plain_strategy(one) for one in self._strategies.values()):
-                return False
-            with self._scenario.batch(1, strategies=self._strategies) as games:
-                return games.is_in_arrays
-        except (Exception, SystemExit):  # noqa: BLE001 - one by one it is in the rows
-            return False
 
 
 def play(task: Task) -> Played:
@@ -162,12 +145,3 @@ def _error(error: BaseException) -> str:
 def without_address(text: str) -> str:
     """Return a text without where objects lie in memory, the same in every process."""
     return _ADDRESS.sub("", text)
-
-
-def _makes_no_draws(found: Found, scenario: Scenario) -> bool:
-    return found.module.partition(".")[0] == "gamms" or form_of(function_of(found, scenario.folder)) is not None
-
-
-def _is_plain_strategy(function: Function) -> bool:
-    module = getattr(function, "__module__", None) or ""
-    return module.partition(".")[0] == "gamms" or (form_of(function) is not None and first_of(function) != "ctx")
