@@ -87,7 +87,8 @@ def sense(kind, n, *, again=False, agents=1):
         rng = random.Random(3)
         for i in range(agents):
             ctx.agent.create_agent(f"a_{i}", start_node_id=rng.randrange(n * n))
-        sensor = ctx.sensor.create_sensor("x", kind, sensor_range=50.0, fov=2.5)
+        fov = {"fov": 2.5} if kind.name.endswith("ARC") else {}
+        sensor = ctx.sensor.create_sensor("x", kind, sensor_range=50.0, **fov)
         owner = ctx.agent.get_agent("a_0")
         owner.register_sensor("x", sensor)
         owner.orientation = (0.6, 0.8)

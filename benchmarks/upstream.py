@@ -30,6 +30,12 @@ import gamms
 
 ENGINES, SIDE = ("SQLITE", "MEMORY"), 100
 AREA = Path(__file__).parents[1] / "tests" / "osm_online" / "data" / "kluuvi.osm.gz"
+OTHERS = (  # sensors of other agents: kind, name of the row, field of view
+    ("AGENT", "AGENT", 2 * math.pi),
+    ("AGENT", "AGENT of fov 2.5", 2.5),
+    ("AGENT_RANGE", "AGENT_RANGE 50 m", 2 * math.pi),
+    ("AGENT_ARC", "AGENT_ARC 50 m", 2.5),
+)
 AIMS = {  # row -> how many times as fast as SQLITE, and as MEMORY, it was to be
     **{f"the paper's loop, {agents} agents": (14, 2) for agents in ("10", "100", "1,000", "10,000")},
     "RANGE 50 m, first look from a node": (150, None),
@@ -81,8 +87,8 @@ def looks(engine):
     yield "… from networkx", "s an item", attach(ctx)
     owner = ctx.agent.create_agent("a_0", start_node_id=0)
     fresh = iter(rng.sample(range(SIDE * SIDE), 400))
-    for kind in ("RANGE", "ARC"):
-        sensor = _sensor(ctx, owner, ST[kind])
+    for kind, fov in (("RANGE", 2 * math.pi), ("ARC", 2.5)):
+        sensor = _sensor(ctx, owner, ST[kind], fov=fov)
         owner.orientation = (0.6, 0.8)
         first = [_timed(lambda sensor=sensor, node=node: sensor.sense(node)) for node in islice(fresh, 15)]
         yield f"{kind} 50 m, first look from a node", "s a look", statistics.median(first)
@@ -99,8 +105,8 @@ def looks(engine):
             ctx.agent.create_agent(f"a_{i}", start_node_id=rng.randrange(SIDE * SIDE))
             for i in range(len(others), agents)
         ]
-        for kind, about in (("AGENT", "AGENT"), ("AGENT_RANGE", "AGENT_RANGE 50 m"), ("AGENT_ARC", "AGENT_ARC 50 m")):
-            sensor = _sensor(ctx, owner, ST[kind])
+        for kind, about, fov in OTHERS:
+            sensor = _sensor(ctx, owner, ST[kind], fov=fov)
             yield f"{about} among {agents:,}", "s a look", per_call(lambda sensor=sensor: sensor.sense(5050))
 
             def moved(sensor=sensor, other=others[-1]):
@@ -250,10 +256,10 @@ def _timed(work):
     return time.process_time() - began
 
 
-def _sensor(ctx, owner, kind, metres=50.0):
+def _sensor(ctx, owner, kind, metres=50.0, fov=2 * math.pi):
     """Return a sensor of an agent; all have a name of their own."""
-    name = f"x_{kind.name}_{len(list(ctx.agent.create_iter()))}"
-    sensor = ctx.sensor.create_sensor(name, kind, sensor_range=metres, fov=2.5)
+    name = f"x_{kind.name}_{fov}_{len(list(ctx.agent.create_iter()))}"
+    sensor = ctx.sensor.create_sensor(name, kind, sensor_range=metres, fov=fov)
     owner.register_sensor(name, sensor)
     return sensor
 
