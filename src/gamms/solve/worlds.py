@@ -449,7 +449,8 @@ class ContextWorld:
         block = game.ctx.agent.block
         covered = [block.progress[block.row_of(name)] for name in self.roster.names if name in agents]
         scores = dict(state.scores) if self.with_scores else None
-        memories = (state.memories, state.team_memories)
+        # An empty memory is that of an agent that was not asked yet.
+        memories = [{name: one for name, one in kept.items() if one} for kept in (state.memories, state.team_memories)]
         facts = (state.facts, state.agent_facts, state.team_facts)
         map = game.ctx.graph.columns()  # rules may close roads
         roads = map.offsets.tobytes() + map.targets.tobytes()
