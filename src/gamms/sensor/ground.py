@@ -26,7 +26,7 @@ from gamms.typing.sensor_engine import ISensor, SensorType
 
 ALL_AROUND: Heading = (0.0, 0.0)
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
-_FEW = 8  # agents: more are compared as arrays
+_FEW = 24  # agents: more are compared as arrays
 
 
 class GroundSensor(Sensor):

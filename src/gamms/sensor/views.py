@@ -340,6 +340,9 @@ class NearbyAgents:
         if revision != self._revision or revision is None:
             self._forget(revision)
         positions, looks = self._ctx.agent.positions, self._looks
+        if radius == inf:
+            self._checked_place(place)
+            return positions, positions.living.tolist()
         are_many = len(positions.names) >= _MANY_AGENTS
         if are_many and type(place) is int and looks.are_frequent(radius, positions):
             found = looks.known(radius, place, self.coordinates)
@@ -348,8 +351,7 @@ class NearbyAgents:
         try:
             disc = self._discs[radius][place]
         except (KeyError, TypeError):  # not known, or not hashable
-            known = place if isinstance(place, tuple) else as_int(place, "The id of a node")
-            disc = self._disc(known, radius, are_many=are_many)
+            disc = self._disc(self._checked_place(place), radius, are_many=are_many)
         if disc is None:
             return positions, self._compared(place, radius)
         rows = positions.rows_on(disc)
@@ -358,6 +360,11 @@ class NearbyAgents:
         if positions.travellers:
             rows = sorted([*rows, *self._travellers.within(positions, coordinates(self._ctx, place), radius)])
         return positions, rows
+
+    def _checked_place(self, place: Place) -> Place:
+        known = place if isinstance(place, tuple) else as_int(place, "The id of a node")
+        coordinates(self._ctx, known)  # it is there
+        return known
 
     def _forget(self, revision: int | None) -> None:
         self.coordinates()  # which finds agents on removed nodes
@@ -368,14 +375,14 @@ class NearbyAgents:
 
     def _disc(self, place: Place, radius: float, *, are_many: bool) -> Collection[int] | None:
         """Return the ids of the nodes in a disc; None where there are too many to remember."""
-        ids = None if radius == inf else self._views.known_ids(place, radius)
+        ids = self._views.known_ids(place, radius)
         if ids is None:
             x, y = coordinates(self._ctx, place)
-            ids = [] if radius == inf else self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
+            ids = self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
         # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
         # (benchmarks: 1,000 agents in Helsinki). Few agents are looked up in the set.
         disc = tuple([self._ids.setdefault(id, id) for id in ids]) if are_many else {*ids}
-        kept = disc if radius != inf and len(disc) <= _WIDE else None
+        kept = disc if len(disc) <= _WIDE else None
         if self._kept > _MOST_IDS:
             self._discs.clear()
             self._kept = 0
