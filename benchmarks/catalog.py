@@ -112,7 +112,6 @@ CASES = [
         "agent-step",
         learning.many_games_in_two_processes,
         "one process",
-        0.6,
     ),
     Case(
         "learning: a game of two pursuers in an environment",

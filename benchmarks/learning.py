@@ -30,14 +30,17 @@ def many_games(games=1024, turns=100):
     return ours, lambda: steps_of(one, turns)
 
 
-def many_games_in_two_processes(games=4096, turns=20):
-    """A vector environment of two processes, against this process alone: seconds on a clock, as both play at once."""
+def many_games_in_two_processes(games=4096, turns=200):
+    """A vector environment of two processes, against this process alone: seconds on a clock, as both play at once.
+
+    In so many turns most games end once, and begin again.
+    """
     from gamms import rl
 
     envs = [rl.vector_env(scenario(), num_games=games, team="red", workers=workers) for workers in (2, 1)]
     choices = np.random.default_rng(1).integers(4, size=(turns, envs[0].num_envs))
 
-    def played(env, warm=300):
+    def played(env, warm=600):
         env.reset(seed=1)
         for turn in range(warm):  # most tables of distances are made then
             env.step(choices[turn % turns])
