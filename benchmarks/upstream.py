@@ -74,7 +74,7 @@ def build_and_loop(engine):
             for _ in range(turns):
                 turn(ctx)
 
-        spent = statistics.median(_timed(play) for _ in range(2 if engine == "SQLITE" else 4))
+        spent = statistics.median(_timed(play) for _ in range(4))
         yield f"the paper's loop, {agents:,} agents", "s an agent-step", spent / turns / agents
         for agent in list(ctx.agent.create_iter()):
             ctx.agent.delete_agent(agent.name)
