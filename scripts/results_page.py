@@ -38,7 +38,7 @@ def page(results: Path = RESULTS) -> str:
     upstream, peers, sizes = (
         _read(results / f"{name}.json") if (results / f"{name}.json").exists() else None for name in _TABLES
     )
-    parts = [_INTRODUCTION, _on(machine), "## Aims that are missed", _missed(records)]
+    parts = [_INTRODUCTION, _on(machine), "## Aims that are missed", _missed(records, _records(upstream))]
     parts += ["## Slower than others", _slower(_records(upstream), _records(peers))] if upstream or peers else []
     for group, title in _GROUPS.items():
         rows = [_row(one) for one in records if one["name"].startswith(f"{group}:")]
@@ -64,9 +64,15 @@ def _on(machine: dict[str, Any]) -> str:
     )
 
 
-def _missed(records: Iterable[dict[str, Any]]) -> str:
+def _missed(records: Iterable[dict[str, Any]], upstream: list[dict[str, Any]]) -> str:
     rows = [one for one in records if one["aim"] is not None and one["ratio"] > one["aim"]]
     lines = [f"* {_name(one)}: {_ratio(one['ratio'])} of {one['against']}, aim {_ratio(one['aim'])}" for one in rows]
+    lines += [
+        f"* {one['name']}: {_ratio(one[engine]['ratio'])} of the speed of 1.0.0 with {engine}, aim {aim}"
+        for one in upstream
+        for engine, aim in zip(_ENGINES, one["aims"], strict=True)
+        if aim and engine in one and one[engine]["ratio"] < aim
+    ]
     return "\n".join(lines) or "None of those that have one."
 
 

@@ -23,8 +23,10 @@ def test_the_tables_of_the_page_are_those_of_the_raw_data(results_page):
 
 def test_a_ratio_above_its_aim_is_named_first(results_page):
     case = {"name": "teams: a walk", "against": "NumPy", "ratio": 0.05, "aim": 1 / 40}
-    assert results_page._missed([case]) == "* a walk: 1 / 20 of NumPy, aim 1 / 40"
-    assert results_page._missed([case | {"aim": 0.05}]) == "None of those that have one."
+    look = {"name": "a look", "aims": [14, 2], "SQLITE": {"ratio": 13.0}, "MEMORY": {"ratio": 2.0}}
+    lines = ["* a walk: 1 / 20 of NumPy, aim 1 / 40", "* a look: 13 of the speed of 1.0.0 with SQLITE, aim 14"]
+    assert results_page._missed([case], [look, {"name": "a size", "aims": [None, 3]}]) == "\n".join(lines)
+    assert results_page._missed([case | {"aim": 0.05}], []) == "None of those that have one."
 
 
 def test_where_ours_is_slower_than_1_0_0_or_a_peer_is_named_first(results_page):
