@@ -94,7 +94,7 @@ class Context(Guarded, typing.IContext):
         self._alive = False
         self._seed = int.from_bytes(os.urandom(6), "little")
         self.is_seeded = False  # whether the caller has given the seed
-        self.seed_uses = 0  # how often the seed was asked for, or something that follows from it
+        self._seed_uses = 0
         self._rng: Generator | None = None
         self._game: Game | None = None
 
@@ -201,8 +201,13 @@ class Context(Guarded, typing.IContext):
     @property
     def seed(self) -> int:
         """The seed of all random streams of this context."""
-        vars(self)["seed_uses"] += 1  # reading is not refused while agents decide
+        self._seed_uses += 1
         return self._seed
+
+    @property
+    def seed_uses(self) -> int:
+        """How often the seed or a stream of it was read: what is made without follows from no seed."""
+        return self._seed_uses
 
     @property
     def rng(self) -> "Generator":
@@ -232,7 +237,7 @@ class Context(Guarded, typing.IContext):
         Raises:
             BadType: a name that is neither a string nor an integer, and may differ from run to run.
         """
-        vars(self)["seed_uses"] += 1  # reading is not refused while agents decide
+        self._seed_uses += 1
         plain = (str(name) if isinstance(name, str) else as_int(name, "The name of a stream") for name in names)
         return kernels.stream(self._seed, *plain)
 

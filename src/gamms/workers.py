@@ -18,13 +18,18 @@ from gamms.errors import BadValue, GammsError
 P = ParamSpec("P")
 
 _LOOK_S = 1.0  # how often a process that says nothing is looked at
-_IN_WORKER = "GAMMS_EXPERIMENT_WORKER"
+_IN_WORKER = "GAMMS_WORKER"
 # Ctrl-C is for the process that has started this one, also while it imports.
 _SCRIPT = """import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
 from gamms.workers import serve
 serve()
 """
+
+
+def cores() -> int:
+    """Return how many cores this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 class WorkerDied(BrokenExecutor):

@@ -45,9 +45,9 @@ def run(
 ) -> None:
     """Play each variant with each seed, or go on with it."""
     from gamms import experiment
-    from gamms.experiment.executors import cores
     from gamms.experiment.files import read_experiment, seeds_of
     from gamms.experiment.folders import JOURNAL, rows_in, shard_folder, shard_of
+    from gamms.workers import cores
 
     planned = read_experiment(file, allow or ())
     folder = out or planned.out or Path(f"{file.stem}-results")

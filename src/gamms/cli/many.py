@@ -76,10 +76,9 @@ def imported(strategies: Strategies) -> dict[str, Callable[..., Any]]:
 
 def play(game: "Scenario", seeds: Sequence[int], strategies: Strategies, out: Path, jobs: int | None) -> None:
     """Play a game for each seed, write `result_<seed>.json` and `results.csv`, and print a table and a summary."""
-    teams = list(game.spec.teams)
-    from gamms.experiment.executors import cores
+    from gamms.workers import cores
 
-    played = []
+    teams, played = list(game.spec.teams), []
     with made_folder(out):
         for seed, result in _results(game, seeds, strategies, jobs or cores()):
             result.save(out / f"result_{seed}.json")

@@ -38,9 +38,9 @@ def suite(
 ) -> None:
     """Play a strategy on the ten tasks of the benchmark suite."""
     from gamms import suite as suites
-    from gamms.experiment.executors import cores
     from gamms.experiment.files import seeds_of
     from gamms.suite.results import measured_references
+    from gamms.workers import cores
 
     count = cores() if workers is None else workers or None
     if strategy == "references":

@@ -26,9 +26,9 @@ def tournament(
 ) -> None:
     """Let entries play each other, confined."""
     from gamms import scenario, tournament
-    from gamms.experiment.executors import cores
     from gamms.experiment.files import seeds_of
     from gamms.scenario import documents
+    from gamms.workers import cores
 
     with documents.named(file):
         values: Any = checked_keys(file, documents.read(file), "tournament", _REQUIRED, _KEYS)

@@ -1,6 +1,5 @@
 """Where games are played: in this process, in worker processes, or by an executor of the caller's, such as Ray's."""
 
-import os
 import threading
 from collections.abc import Callable
 from concurrent.futures import Executor, Future, ThreadPoolExecutor
@@ -14,11 +13,6 @@ from gamms.workers import Worker, WorkerDied, task_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
-
-def cores() -> int:
-    """Return how many cores this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:

@@ -58,12 +58,13 @@ class Player:
     def __init__(self, settings: Settings, variant: Variant) -> None:
         self._settings, self._strategies = settings, variant.strategies
         self._scenario = variant.of(settings.scenario)
+        self._is_for_arrays = True  # until a batch says that it is not
 
     def play(self, seeds: Sequence[int]) -> Played:
         """Play games; one that raises is a row with an error."""
         begin = perf_counter()
         with allowing(self._settings.max_memory):
-            rows = self._in_arrays(seeds) if len(seeds) >= _FEW else None
+            rows = self._in_arrays(seeds) if self._is_for_arrays and len(seeds) >= _FEW else None
             rows = [self._alone(seed) for seed in seeds] if rows is None else rows
         return Played(rows, perf_counter() - begin)
 
@@ -77,7 +78,8 @@ class Player:
         """Return the rows of games that are played at once; None: they cannot be, or one of them has raised."""
         try:
             with self._scenario.batch(seeds=seeds, strategies=self._strategies) as games:
-                if not games.is_in_arrays:
+                self._is_for_arrays = games.is_in_arrays
+                if not self._is_for_arrays:
                     return None
                 games.run()
                 return [row_of(games.result(number), self._settings.collect) for number in range(len(seeds))]

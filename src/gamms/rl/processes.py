@@ -146,10 +146,8 @@ class ProcessesEnv(GamesEnv):
             for number, task in enumerate(tasks):
                 self._of(number, Worker.send, task)
             errors = [self._of(number, Worker.receive)[1] for number in range(len(tasks))]
-        except (
-            BaseException
-        ):  # after Ctrl-C, too: what is still to come would be taken for the answers of the next turn
-            self.close()
+        except BaseException:
+            self.close()  # after Ctrl-C, too: answers still to come would be taken for those of the next turn
             raise
         for number, error in enumerate(errors):
             if error is not None:
