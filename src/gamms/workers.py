@@ -3,12 +3,13 @@
 import os
 import pickle
 import runpy
+import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import BrokenExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing.connection import wait
 from typing import Any, BinaryIO, ParamSpec, cast
@@ -19,9 +20,10 @@ P = ParamSpec("P")
 
 _LOOK_S = 1.0  # how often a process that says nothing is looked at
 _IN_WORKER = "GAMMS_WORKER"
-# Ctrl-C is for the process that has started this one, also while it imports.
 _SCRIPT = """import signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
+if hasattr(signal, "pthread_sigmask"):
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 from gamms.workers import serve
 serve()
 """
@@ -45,9 +47,10 @@ class Worker:
 
     def __init__(self) -> None:
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-        self._process = subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us
-            [sys.executable, "-c", _SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
-        )
+        with _ctrl_c_waits():
+            self._process = subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us
+                [sys.executable, "-c", _SCRIPT], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment
+            )
         self.pid = self._process.pid
 
     def ask(self, task: bytes) -> tuple[bool, Any]:
@@ -94,6 +97,19 @@ class Worker:
     def _died(self) -> WorkerDied:
         self.end()
         return WorkerDied(f"the process that played it ended, with exit code {self._process.returncode}")
+
+
+@contextmanager
+def _ctrl_c_waits() -> Iterator[None]:
+    """Let a process that is started meanwhile begin with Ctrl-C blocked, as it is for the one that starts it."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def task_of(fn: Callable[P, object], /, *args: P.args, **kwargs: P.kwargs) -> bytes:

@@ -1,6 +1,7 @@
 """Programs that let worker processes play."""
 
 import os
+import signal
 import subprocess
 import sys
 import time
@@ -11,6 +12,7 @@ import small_hunts
 from small_hunts import HUNT
 
 from gamms import experiment
+from gamms.workers import Worker, task_of
 
 HERE = Path(__file__).parent
 PROGRAM = """
@@ -44,6 +46,18 @@ def test_functions_of_the_script_are_there_in_workers(tmp_path):
     printed, error = said_by(tmp_path, "if True:", own)
     assert not printed
     assert 'under if __name__ == "__main__":' in error
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Ctrl-C is another signal there")
+def test_ctrl_c_is_not_for_a_worker_not_even_while_python_starts_there():
+    worker = Worker()
+    try:
+        for wait_s in (0.0, 0.01, 0.02, 0.05):
+            time.sleep(wait_s)
+            os.kill(worker.pid, signal.SIGINT)
+        assert worker.ask(task_of(len, "four")) == (True, 4)
+    finally:
+        worker.end()
 
 
 KILLED = """
