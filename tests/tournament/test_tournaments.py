@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+from glob import glob
 from pathlib import Path
 
 import numpy as np
@@ -105,12 +106,16 @@ if __name__ == "__main__":
 
 
 def children(of):
-    try:
-        tasks = list(Path(f"/proc/{of}/task").iterdir())
-        below = [int(one) for task in tasks for one in (task / "children").read_text().split()]
-    except OSError:
-        return []
+    files = glob(f"/proc/{of}/task/*/children")  # noqa: PTH207 - passes over what has ended meanwhile
+    below = [int(one) for file in files for one in read(file).split()]
     return below + [one for child in below for one in children(child)]
+
+
+def read(file):
+    try:
+        return Path(file).read_bytes()
+    except OSError:  # the thread or the process has ended meanwhile
+        return b""
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
@@ -127,7 +132,7 @@ def test_a_killed_worker_and_a_killed_runner_change_nothing(folder):
             time.sleep(0.02)
 
     wait_for_more_than(0)
-    workers = [one for one in children(process.pid) if b"gamms.workers" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    workers = [one for one in children(process.pid) if b"gamms.workers" in read(f"/proc/{one}/cmdline")]
     os.kill(workers[0], signal.SIGKILL)
     wait_for_more_than(len(journal.read_bytes().splitlines()))
     below = children(process.pid)
