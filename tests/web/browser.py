@@ -23,7 +23,12 @@ _FLAGS = (
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # there is no network but for this machine
 )
 _SECONDS = 30.0
+_LEFT = re.compile("navigated or closed|context was destroyed|Cannot find context")
 _IS_READ = "document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead"
+
+
+class PageLeftError(AssertionError):
+    """The page was left for another one before it could answer."""
 
 
 class Page:
@@ -41,6 +46,8 @@ class Page:
         while True:
             found = json.loads(self._socket.recv(timeout=_SECONDS))
             if found.get("id") == self._number:
+                if _LEFT.search(found.get("error", {}).get("message", "")):
+                    raise PageLeftError(found)
                 assert "error" not in found, found
                 return found["result"]
             self._note(found)
@@ -95,9 +102,15 @@ class Page:
     def wait(self, expression):
         """Wait until an expression is true."""
         end = time.monotonic() + _SECONDS
-        while not self.value(f"Boolean({expression})"):
+        while not self._is_true(expression):
             assert time.monotonic() < end, f"{expression} did not become true; {self.messages}"
             time.sleep(0.02)
+
+    def _is_true(self, expression):
+        try:
+            return self.value(f"Boolean({expression})")
+        except PageLeftError:
+            return False
 
     def settle(self):
         """Wait until the next frames are painted."""
