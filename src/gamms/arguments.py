@@ -3,7 +3,7 @@
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from enum import Enum
 from itertools import islice
 from numbers import Real
@@ -321,10 +321,14 @@ def as_path(value: object, name: str) -> "Path":
 
 
 _MANY = 16  # keywords
+_MISSPELT = 0.8  # how much a keyword is like the one that is meant: `start` is an attribute, and not `strategy`
 
 
-def misspelt(given: Iterable[str], known: Iterable[str]) -> list[str]:
-    """Return a sentence for each given keyword that is unknown but looks like a known one; of many, for the first."""
-    known = list(known)
+def misspelt(given: Collection[str], known: Collection[str]) -> list[str]:
+    """Return a sentence for each given keyword that is unknown but looks like a known one; of many, for the first.
+
+    Any keyword may be given here, so that only those are named that are very much like one that is missing.
+    """
+    missing = [name for name in known if name not in given]
     unknown = islice((name for name in given if name not in known), _MANY)
-    return [f"Unknown keyword {shown(name)}.{hint}" for name in unknown if (hint := nearest(name, known))]
+    return [f"Unknown keyword {shown(name)}.{hint}" for name in unknown if (hint := nearest(name, missing, _MISSPELT))]

@@ -63,17 +63,18 @@ def _rebuilt(kind: type[GammsError], args: tuple[Any, ...], attributes: dict[str
 
 
 _FEW = 8  # names that an error message lists
+_ALIKE = 0.6  # how much, from 0 to 1, a name has to be like the one that it is taken for
 _GUESSES = 2  # names that it asks for: of more that are as much like it, none
 _LONG = 80  # characters of a name that are compared
 _MANY = 1 << 10  # names that are searched for a similar one: of more, the search would take longer than the call
 
 
-def nearest(name: object, known: Iterable[object]) -> str:
+def nearest(name: object, known: Iterable[object], alike: float = _ALIKE) -> str:
     """Return the hint of an error message: the known names most like `name`; nothing if none is, or too many are."""
     from difflib import SequenceMatcher, get_close_matches
 
     wanted, names = _searchable(name), [_searchable(one) for one in islice(known, _MANY)]
-    near = get_close_matches(wanted, names, n=_GUESSES + 1)
+    near = get_close_matches(wanted, names, _GUESSES + 1, alike)
     ratios = [SequenceMatcher(None, one, wanted).ratio() for one in near]
     best = [one for one, ratio in zip(near, ratios, strict=True) if ratio == ratios[0]]
     best = best or [one for one in names if len(wanted) > 2 and wanted in one.split("_")]  # `range`: `sensor_range`

@@ -159,6 +159,13 @@ def test_a_misspelt_keyword_is_warned_about_and_kept_as_an_attribute(ctx, heard)
     assert "Unknown keyword 'sensor'. Did you mean 'sensors'?" in heard[0]
 
 
+@pytest.mark.parametrize("name", ["start", "home", "node", "squad", "post", "stage"])
+def test_an_attribute_that_is_no_misspelt_keyword_is_not_warned_about(ctx, heard, name):
+    assert getattr(ctx.agent.create_agent("a", start_node_id=0, **{name: 3}), name) == 3
+    ctx.agent.create_team("red", [0, 1], columns={name: 3})
+    assert not heard
+
+
 def test_a_strategy_can_be_given_at_once(ctx):
     agent = ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state.update(action=1))
     agent.step()

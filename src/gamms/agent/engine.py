@@ -38,6 +38,7 @@ _KEYWORDS = dict.fromkeys(
         *("position", "quat"),
     )
 )
+_OF_TEAMS = dict.fromkeys(("start_node_id", "sensors", "team", "strategy"))  # what a team has besides its columns
 
 
 class AgentEngine(Guarded, IAgentEngine):
@@ -155,7 +156,7 @@ class AgentEngine(Guarded, IAgentEngine):
         kind = self._kind_of(name, kwargs) if not _KINDS_OF_KEYWORDS.isdisjoint(kwargs) else AgentType.BASIC
         sensors = self._found_sensors(name, kwargs.pop("sensors")) if "sensors" in kwargs else {}
         strategy = kwargs.pop("strategy", None)
-        hints = [] if _KEYWORDS.keys() >= kwargs.keys() else misspelt(kwargs, _KEYWORDS)
+        hints = [] if _KEYWORDS.keys() >= kwargs.keys() else misspelt(given, _KEYWORDS)
         for needed, what in _NEEDED[kind].items():
             if needed not in kwargs:
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
@@ -248,7 +249,7 @@ class AgentEngine(Guarded, IAgentEngine):
         if strategy is not None:
             as_function_of(strategy, "A strategy", "the state")
             self._phase.strategy_changes += 1
-        for hint in misspelt(values, _KEYWORDS):
+        for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
             self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is kept as an attribute.")
         block.use_arrays()
         block.add_all(names, nodes, team)
