@@ -1,6 +1,8 @@
 """What every command does with nonsense, whatever it is for: a new command is tested here as soon as it is listed."""
 
+import os
 import shutil
+from contextlib import contextmanager
 from inspect import signature
 from pathlib import Path
 from typing import get_args
@@ -120,6 +122,38 @@ def test_a_file_that_cannot_be_used_is_named_and_nothing_is_written(name, place)
         failed(done)
         shown = [repr(wrong)[1:-1], wrong.replace("\x1b", "\\u001b"), Path(wrong).name, f"'{Path(wrong).suffix}'"]
         assert any(one in done.stderr for one in shown), (wrong, done.stderr)
+
+
+@contextmanager
+def without_privileges():
+    """Let the process be of a user who is not root, who may read everything."""
+    is_root = os.geteuid() == 0
+    if is_root:
+        os.setresuid(65534, 65534, 0)
+    try:
+        yield
+    finally:
+        if is_root:
+            os.setresuid(0, 0, 0)
+
+
+@every_command
+@pytest.mark.skipif(not hasattr(os, "setresuid"), reason="needs permissions of files")
+def test_a_file_that_may_not_be_read_ends_a_command_like_one_that_is_not_there(name, place):
+    arguments = arguments_of(name)
+    for suffix in (".yaml", ".ggr", ".gamms") if arguments else ():
+        locked = place / f"locked{suffix}"
+        locked.touch(0o000)
+        try:
+            missing = run(*name.split(), *[f"nope{suffix}"] * len(arguments))
+            with without_privileges():
+                done = run(*name.split(), *[locked.name] * len(arguments))
+        finally:
+            locked.unlink()
+        if missing.exit_code == 0:  # a name of something to be made
+            shutil.rmtree(place / f"nope{suffix}")
+            continue
+        failed(done, missing.stderr.split()[0], codes=(missing.exit_code,))  # gamms: or Usage:
 
 
 @every_command

@@ -60,6 +60,8 @@ def guarded(command: Callable[..., None]) -> Callable[..., None]:
             raise typer.Exit(1) from None
 
     known = signature(command)
+    for hint in (hint for one in known.parameters.values() for hint in getattr(one.annotation, "__metadata__", ())):
+        hint.readable = False  # a file that may not be read is an error of the system, as is one that is not there
     options = (("max_memory", None, _MaxMemory), ("traceback", False, _Traceback))
     added = [Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=of) for name, default, of in options]
     run.__signature__ = known.replace(parameters=[*known.parameters.values(), *added])  # type: ignore[attr-defined] # what typer reads
@@ -102,7 +104,7 @@ def _own_frames(frames: StackSummary) -> list[FrameSummary]:
 def _is_compiled(frame: FrameSummary) -> bool:
     """Return whether a frame is of a compiled library, which names its source as its makers had it."""
     return frame.filename.endswith((".pyx", ".pxi")) or not (
-        frame.filename.startswith("<") or Path(frame.filename).exists()
+        frame.filename.startswith("<") or os.path.exists(frame.filename)  # noqa: PTH110 - in 3.11, Path.exists may raise
     )
 
 
