@@ -1,5 +1,8 @@
 """The viewer in a browser, from a file and without a network: it plays, seeks, and obeys mouse, fingers and keys."""
 
+import json
+
+import numpy as np
 import pytest
 
 import gamms
@@ -256,6 +259,61 @@ def test_fog_below_flyers_is_where_their_sensors_report_agents(chromium, flown, 
         found = page.value(f"[...{scene}.sightOfTeam.nodes].map((row) => {scene}.world.nodeIds[row])")
         assert set(found) == nodes, name
         assert 3 < len(nodes) < 70
+    assert page.messages == []
+
+
+@pytest.fixture(scope="module")
+def hilly(tmp_path_factory):
+    """A game on hills with a tunnel, between obstacles of all shapes, and the nodes on which sensors report agents."""
+    path, covered, rng = tmp_path_factory.mktemp("hilly") / "hilly.ggr", {}, np.random.default_rng(4)
+    with gamms.create_context(seed=1, game={"speed_unit": "metres"}) as ctx:
+        graph = gamms.graph.grid(9, 9)
+        for node, place in graph.nodes(data=True):
+            place["z"] = float(rng.integers(0, 40) / 4)
+            place["underground"] = int(node % 9 == 4) + 2 * int(node == 10)
+        ctx.graph.attach_networkx_graph(graph)
+        middles, sizes = rng.uniform(0.0, 80.0, (30, 1, 3)) * (1, 1, 0.15), rng.uniform(-8.0, 8.0, (30, 4, 3))
+        walls = [[(25, y, 9), (25, y + 30, 9), (25, y, 0), (25, y + 30, 0)] for y in (12, 52)]
+        walls.append([(30, 50, 20), (30, 70, 5), (30, 50, 2), (30, 70, 2)])  # through nodes, below a slope
+        ctx.graph.add_obstacles([*walls, *(middles + sizes).tolist()])
+        for number in range(20):
+            name, node = f"eye {number}", int(rng.integers(81))
+            keywords = {"sensor_range": float(rng.uniform(20, 70)), "observer_height": float(rng.uniform(0.5, 9))}
+            keywords |= {"fov": 1.5, "orientation": (0.6, 0.8)} if number % 5 == 1 else {}
+            keywords |= {0: {"at": (33.0, 41.5)}, 1: {"at": 13}}.get(number, {})
+            eye = ctx.sensor.create_sensor(name, "OCCLUDED_AGENT", **keywords)
+            flies = {"type": "AERIAL", "position": (52.0, 48.0, 30.0), "speed": 1.0} if number in (2, 3) else {}
+            node = {4: 39, 5: 10, 6: 57}.get(number, node)  # in tunnels, and on a wall
+            travels = {"speed": 4.0, "strategy": along} if number > 13 else {}  # they are on edges then
+            ctx.agent.create_agent(name, start_node_id=node, team=name, sensors={"eye": eye}, **flies, **travels)
+        ctx.record.start(path, sensed=True)
+        ctx.game.run(max_turns=1)
+        ctx.record.stop()
+        for name, agent in ctx.agent.agents.items():
+            node, place = agent.current_node_id, ctx.game.observation(name).get("xy")
+            covered[name] = sorted({*agent.sensors["eye"].coverage(place or node).node_ids.tolist(), node})
+    return path, covered
+
+
+def along(state):
+    """Go to a neighbour."""
+    state["action"] = state["legal"][-1]
+
+
+def test_fog_past_obstacles_is_that_of_sensors_where_ground_and_obstacles_have_heights(chromium, hilly, tmp_path):
+    path, covered = hilly
+    with recorder.open(path) as recording:
+        recording.save(tmp_path / "hilly.html", turn=1)
+    page = chromium.open(tmp_path / "hilly.html")
+    replay, scene = "gamms.views[0].replay", "gamms.views[0].scene"
+    found = page.value(
+        f"{json.dumps(list(covered))}.map((team) => [...{replay}.knowledge.sight({replay}.state, team).nodes]"
+        f".map((row) => {scene}.world.nodeIds[row]))"
+    )
+    assert dict(zip(covered, map(sorted, found), strict=True)) == covered
+    assert len({len(nodes) for nodes in covered.values()}) > 10
+    page.value("gamms.change({fog: 'eye 7', sensors: true}), gamms.select('eye 7')")
+    page.settle()
     assert page.messages == []
 
 

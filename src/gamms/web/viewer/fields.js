@@ -9,11 +9,15 @@ const RAYS = 360; // of an outline past walls
 const MOST_KNOWN = 20000; // fields that are remembered
 const SLACK = 1e-9;
 const RIM = 1e-12; // radians: what lies on the rim of a cone is inside
+const BLUR = 1e-6; // radians, and a share of the range: walls are looked for so much beside a direction
+const LEAST = 1e-9, GRAIN = 1e-11, ROUNDING = 2 ** -48, MOST_SLACK = 1e-5; // of crossings, as in kernels/occlusion.py
 const TURNS = 96, SHARES = [0, 0.25, 0.5, 0.75, 1]; // of the rays by which the shadow of a cone is found
 const AHEAD = [1, 0, 0, 0];
 
 /** @typedef {import("./state.js").Agent} Agent @typedef {{type: string, keywords: Map<string, any>}} Sensor */
-/** @typedef {{x: number, y: number, far: number, ahead: number | null, fov: number, height: number | null, eye: Eye | null}} Field `ahead` null: all around; `height` of the sight lines, null: through walls; `eye` null: on the ground */
+/** @typedef {{x: number, y: number, far: number, ahead: number | null, fov: number, lines: Lines | null, eye: Eye | null}} Field `ahead` null: all around; `lines` null: through walls; `eye` null: on the ground */
+/** @typedef {{z: number, above: number, tunnel: number}} Lines of sight: how high they begin, how far above the ground they end, and in which tunnel */
+/** @typedef {{wall: number, least: number}} Near a wall: where its corners begin, and how near it is at least, from above */
 /** @typedef {{z: number, axis: number[] | null}} Eye in the air; `axis` is where it looks, null: all around */
 
 /**
@@ -23,18 +27,25 @@ const AHEAD = [1, 0, 0, 0];
 export function fieldOf(world, agent, { type, keywords }) {
   const range = keywords.get("sensor_range"), at = keywords.get("at") ?? null, fov = keywords.get("fov") ?? 2 * Math.PI;
   if (!(range > 0) || !Number.isFinite(range)) return null;
-  const [x, y] = at === null ? placeOf(world, agent) : placeAt(world, at);
-  if (!Number.isFinite(x)) return null;
+  const isPast = type.startsWith("OCCLUDED");
   if (type.includes("AERIAL")) {
-    const z = at === null ? agent.position[2] : at[2];
+    const [x, y] = at === null ? placeOf(world, agent) : at, z = at === null ? agent.position[2] : at[2];
     const quat = at === null ? product(agent.quat, keywords.get("quat") ?? AHEAD) : keywords.get("quat") ?? AHEAD;
+    if (!Number.isFinite(x) || !Number.isFinite(z)) return null;
     const eye = { z, axis: fov >= 2 * Math.PI ? null : directionOf(quat) };
-    return Number.isFinite(z) ? { x, y, far: range, ahead: null, fov, height: type.startsWith("OCCLUDED") ? z : null, eye } : null;
+    return { x, y, far: range, ahead: null, fov, lines: isPast ? { z, above: 0, tunnel: 0 } : null, eye };
   }
+  const node = typeof at === "number" ? at : at === null && (agent.flies || !(agent.share > 0)) ? agent.node : null; // it looks from
+  const [x, y] = node !== null ? placeAt(world, node) : at ?? placeOf(world, agent);
+  if (!Number.isFinite(x)) return null;
   const [cos, sin] = keywords.get("orientation") ?? [1, 0], [ownCos, ownSin] = at === null ? headingOf(world, agent) : [1, 0];
   const isRound = fov >= ROUND || (ownCos === 0 && ownSin === 0);
   const ahead = isRound ? null : Math.atan2(cos * ownSin + sin * ownCos, cos * ownCos - sin * ownSin);
-  return { x, y, far: range, ahead, fov, height: type.startsWith("OCCLUDED") ? keywords.get("observer_height") ?? 1.6 : null, eye: null };
+  if (!isPast) return { x, y, far: range, ahead, fov, lines: null, eye: null };
+  const row = (node === null ? undefined : world.rowOf.get(node)) ?? world.nearest(x, y), above = keywords.get("observer_height") ?? 1.6;
+  const own = node === null && at === null ? world.rowOf.get(agent.node) ?? row : row; // on an edge: the node that it passed last
+  const tunnel = node === null && at !== null ? 0 : world.tunnels[own];
+  return { x, y, far: range, ahead, fov, lines: { z: world.heights[row] + above, above, tunnel }, eye: null };
 }
 
 /** Return Hamilton's product of two quaternions. @param {ArrayLike<number>} a @param {ArrayLike<number>} b */
@@ -49,11 +60,10 @@ function directionOf(quat) {
   return [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
 }
 
-/** @param {World} world @param {any} at the id of a node, or x and y @returns {[number, number]} */
-function placeAt(world, at) {
-  const row = typeof at === "number" ? world.rowOf.get(at) : undefined;
-  if (row !== undefined) return [world.xy[2 * row], world.xy[2 * row + 1]];
-  return typeof at === "number" ? [NaN, NaN] : [at[0], at[1]];
+/** @param {World} world @param {number} id @returns {[number, number]} */
+function placeAt(world, id) {
+  const row = world.rowOf.get(id);
+  return row === undefined ? [NaN, NaN] : [world.xy[2 * row], world.xy[2 * row + 1]];
 }
 
 /** The fields of view on a map. */
@@ -62,6 +72,7 @@ export class Fields {
   constructor(world) {
     this.world = world;
     this.squares = new Squares(world);
+    this.hills = world.heights.reduce(([low, high], z) => [Math.min(low, z), Math.max(high, z)], [Infinity, -Infinity]);
     /** @type {Map<string, number[]>} */ this.known = new Map();
   }
 
@@ -70,15 +81,14 @@ export class Fields {
     const key = JSON.stringify(field);
     const known = this.known.get(key);
     if (known !== undefined) return known;
-    const { x, y, far, eye } = field;
-    const { xy } = this.world;
+    const { x, y, far, lines, eye } = field;
+    const { xy, heights, tunnels } = this.world;
     const walls = this.#walls(field);
     const found = this.squares.within(x, y, far).filter((row) => {
       const [dx, dy] = [xy[2 * row] - x, xy[2 * row + 1] - y];
-      if (eye === null) return (dx === 0 && dy === 0) || (isAhead(field, dx, dy) && reach(walls, dx, dy, 0) >= 1 - SLACK);
-      const dz = this.world.heightOf(row) - eye.z;
-      if (!isInCone(field, eye.axis, [dx, dy, dz])) return false;
-      return walls === null || (!this.world.isUnderground(row) && reach(walls, dx, dy, dz) >= 1 - SLACK);
+      if (eye !== null ? !isInCone(field, eye.axis, [dx, dy, heights[row] - eye.z]) : (dx !== 0 || dy !== 0) && !isAhead(field, dx, dy)) return false;
+      if (lines === null) return true;
+      return tunnels[row] === lines.tunnel && this.#reach(field, walls, xy[2 * row], xy[2 * row + 1], heights[row] + lines.above) === Infinity;
     });
     if (this.known.size >= MOST_KNOWN) this.known.clear();
     this.known.set(key, found);
@@ -87,37 +97,52 @@ export class Fields {
 
   /** Return the corners of a field past walls, or of the shadow of a cone in the air. @param {Field} field @returns {number[]} x, y, x, y, … */
   outline(field) {
-    const { x, y, far, ahead, fov, eye } = field;
+    const { x, y, far, ahead, fov, lines, eye } = field;
     if (eye !== null) return shadowOf(field, eye);
     const walls = this.#walls(field);
     const [first, width] = ahead === null ? [0, 2 * Math.PI] : [ahead - fov / 2, fov];
     const corners = ahead === null ? [] : [x, y];
     for (let i = 0; i <= RAYS; i++) {
       const angle = first + (width * i) / RAYS, dx = far * Math.cos(angle), dy = far * Math.sin(angle);
-      const share = Math.min(reach(walls, dx, dy, 0), 1);
+      const share = Math.min(this.#reach(field, walls, x + dx, y + dy, lines?.z ?? 0), 1);
       corners.push(x + share * dx, y + share * dy);
     }
     return corners;
   }
 
-  /**
-   * Return the walls in a field, by directions, with how high they begin and end above the eye; null: they hide nothing.
-   * @param {Field} field @returns {number[][] | null}
-   */
-  #walls({ x, y, far, height, eye }) {
-    const { walls } = this.world;
-    if (height === null) return null;
-    /** @type {number[][]} */
+  /** Return the walls in a field by directions, the nearest first. @param {Field} field @returns {Near[][]} */
+  #walls({ x, y, far, lines }) {
+    /** @type {Near[][]} */
     const found = Array.from({ length: SECTORS }, () => []);
-    for (let i = 0; i < walls.length; i += 6) {
-      if (eye === null && (walls[i + 4] > height || walls[i + 5] < height)) continue;
-      const [ax, ay, bx, by] = [walls[i] - x, walls[i + 1] - y, walls[i + 2] - x, walls[i + 3] - y];
-      if (Math.min(ax, bx) > far || Math.max(ax, bx) < -far || Math.min(ay, by) > far || Math.max(ay, by) < -far) continue;
-      const begin = Math.atan2(ay, ax), turn = Math.atan2(ax * by - ay * bx, ax * bx + ay * by);
-      const first = Math.floor(sectorOf(Math.min(begin, begin + turn))), last = Math.floor(sectorOf(Math.max(begin, begin + turn)));
-      for (let sector = first; sector <= last; sector++) found[((sector % SECTORS) + SECTORS) % SECTORS].push(ax, ay, bx, by, walls[i + 4] - height, walls[i + 5] - height);
+    if (lines === null) return found;
+    const { walls, wallBoxes: boxes } = this.world, [lowest, highest] = this.hills;
+    const low = Math.min(lines.z, lowest + lines.above), high = Math.max(lines.z, highest + lines.above), near = [];
+    for (let i = 0, box = 0; i < walls.length; i += 12, box += 6) {
+      if (boxes[box + 4] > high || boxes[box + 5] < low) continue;
+      const least = Math.hypot(Math.max(boxes[box] - x, x - boxes[box + 1], 0), Math.max(boxes[box + 2] - y, y - boxes[box + 3], 0));
+      if (least <= far) near.push({ wall: i, least });
+    }
+    for (const one of near.sort((a, b) => a.least - b.least)) {
+      const ways = [0, 3, 6, 9].map((at) => [walls[one.wall + at] - x, walls[one.wall + at + 1] - y]), [dx, dy] = ways[0];
+      const turns = ways.map(([ex, ey]) => Math.atan2(dx * ey - dy * ex, dx * ex + dy * ey)), begin = Math.atan2(dy, dx);
+      const isAround = Math.max(...turns) - Math.min(...turns) > Math.PI - BLUR || ways.some(([ex, ey]) => Math.hypot(ex, ey) < BLUR * far);
+      const first = isAround ? 0 : Math.floor(sectorOf(begin + Math.min(...turns) - BLUR));
+      const last = isAround ? SECTORS - 1 : Math.floor(sectorOf(begin + Math.max(...turns) + BLUR));
+      for (let sector = first; sector <= last; sector++) found[((sector % SECTORS) + SECTORS) % SECTORS].push(one);
     }
     return found;
+  }
+
+  /** Return the share of a sight line after which the first wall stands in it; Infinity: none does. @param {Field} field @param {Near[][]} walls @param {number} x where it ends @param {number} y @param {number} z */
+  #reach({ x: x0, y: y0, far, lines }, walls, x, y, z) {
+    let least = Infinity;
+    if (lines === null) return least;
+    const origin = [x0, y0, lines.z], line = [x - x0, y - y0, z - lines.z], length = Math.hypot(line[0], line[1]);
+    for (const near of walls[((Math.floor(sectorOf(Math.atan2(line[1], line[0]))) % SECTORS) + SECTORS) % SECTORS]) {
+      if (near.least > Math.min(least, 1) * length + BLUR * far) break;
+      least = Math.min(least, crossing(this.world.walls, near.wall, origin, line));
+    }
+    return least;
   }
 }
 
@@ -189,19 +214,42 @@ function turnOf(a, b, c) {
 }
 
 /**
- * Return the share of a way after which the first wall stands in it; Infinity: none does.
- * @param {number[][] | null} walls @param {number} dx @param {number} dy @param {number} dz
+ * Return the share of a line at which a wall blocks it, Infinity: it does not. As `kernels/occlusion.py`, operation by operation.
+ * @param {Float64Array} corners @param {number} wall where its corners begin @param {number[]} origin @param {number[]} line
  */
-function reach(walls, dx, dy, dz) {
-  if (walls === null) return Infinity;
-  const near = walls[((Math.floor(sectorOf(Math.atan2(dy, dx))) % SECTORS) + SECTORS) % SECTORS];
+function crossing(corners, wall, origin, line) {
+  const [right, left, lowRight, lowLeft] = [wall, wall + 3, wall + 6, wall + 9].map((at) => [corners[at], corners[at + 1], corners[at + 2]]);
+  const toObserver = minus(origin, left), middle = minus(lowRight, left), length = extent(line);
+  const size = extent(left.map((one, axis) => Math.max(one, right[axis], lowRight[axis], lowLeft[axis]) - Math.min(one, right[axis], lowRight[axis], lowLeft[axis])));
   let least = Infinity;
-  for (let i = 0; i < near.length; i += 6) {
-    const [ex, ey] = [near[i + 2] - near[i], near[i + 3] - near[i + 1]];
-    const cross = dx * ey - dy * ex;
-    if (cross === 0) continue;
-    const share = (near[i] * ey - near[i + 1] * ex) / cross, along = (near[i] * dy - near[i + 1] * dx) / cross;
-    if (share > SLACK && along >= -SLACK && along <= 1 + SLACK && share < least && near[i + 4] <= share * dz && share * dz <= near[i + 5]) least = share;
+  for (const [first, second] of [[minus(right, left), middle], [middle, minus(lowLeft, left)]]) {
+    const across = cross(line, second), turned = cross(toObserver, first), signed = dot(first, across);
+    const det = Math.abs(signed), sign = signed < 0 ? -1 : 1;
+    const u = sign * dot(toObserver, across), v = sign * dot(line, turned), t = sign * dot(second, turned);
+    if (!(det >= Math.max(GRAIN * length * size * size, LEAST) && det < Infinity)) continue; // it runs along the triangle
+    const missedBy = Math.max(u + v - det, t - det, -u, -v, -t);
+    if (!(missedBy <= MOST_SLACK * det)) continue;
+    if (missedBy > 0) {
+      const far = 2 * extent(origin) + extent(toObserver) + size;
+      const doubt = Math.min(ROUNDING * far * size, (MOST_SLACK * det) / (length + size));
+      if (Math.max(u + v - det, -u, -v) > doubt * length || Math.max(t - det, -t) > doubt * size) continue;
+    }
+    least = Math.min(least, Math.max(t / det, 0));
   }
   return least;
+}
+
+/** @param {number[]} a @param {number[]} b */
+function minus(a, b) {
+  return [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+}
+
+/** @param {number[]} a @param {number[]} b */
+function dot(a, b) {
+  return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/** @param {number[]} vector */
+function extent(vector) {
+  return Math.abs(vector[0]) + Math.abs(vector[1]) + Math.abs(vector[2]);
 }

@@ -298,7 +298,7 @@ export class Scene {
     const [px, py] = isCarried ? camera.toScreen(disc.x, disc.y) : camera.toScreen(field.x, field.y);
     const { far, ahead, fov } = field;
     to.beginPath();
-    if (field.height !== null || field.eye !== null) {
+    if (field.lines !== null || field.eye !== null) {
       const corners = replay.knowledge.fields.outline(field);
       for (let i = 0; i < corners.length; i += 2) to.lineTo(...camera.toScreen(corners[i], corners[i + 1]));
     } else if (ahead !== null) {

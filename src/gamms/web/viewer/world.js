@@ -35,7 +35,10 @@ export class World {
     const base = state.get("base_map") ?? new Map();
     const own = state.get("face_corners");
     this.buildings = footprints(own.length ? own : base.get("face_corners") ?? own, own.length ? state.get("face_types") : base.get("face_types") ?? []);
-    this.walls = wallsOf(own);
+    this.walls = own; // x, y, z of four corners each
+    this.wallBoxes = boxesOf(own);
+    this.heights = this.#numbersOfNodes("z"); // of the ground
+    this.tunnels = this.#numbersOfNodes("underground").map(Math.trunc); // 0: on the surface
     this.shapes = shapesOf(base);
     this.#check();
     this.isMetric = this.crs !== null && this.crs !== "EPSG:4326" && this.crs !== "OGC:CRS84";
@@ -75,16 +78,21 @@ export class World {
     return rows[low] === row ? values[codes[low]] : undefined;
   }
 
-  /** Return how high the ground is at a node. @param {number} row */
-  heightOf(row) {
-    const height = this.attribute("node", "z", row);
-    return Number.isFinite(height) ? height : 0;
+  /** Return a number for each node, 0 where it has none. @param {string} name of an attribute @returns {Float64Array} */
+  #numbersOfNodes(name) {
+    const found = new Float64Array(this.nodeIds.length), [rows, codes, values] = this.attributes.node.get(name) ?? [[], [], []];
+    for (let i = 0; i < rows.length; i++) if (Number.isFinite(values[codes[i]])) found[rows[i]] = values[codes[i]];
+    return found;
   }
 
-  /** Whether a node is in a tunnel. @param {number} row */
-  isUnderground(row) {
-    const depth = this.attribute("node", "underground", row);
-    return Number.isFinite(depth) && depth !== 0;
+  /** Return the row of the node nearest to a place, the first of several. @param {number} x @param {number} y */
+  nearest(x, y) {
+    let [best, least] = [-1, Infinity];
+    for (let row = 0; row < this.nodeIds.length; row++) {
+      const far = Math.hypot(this.xy[2 * row] - x, this.xy[2 * row + 1] - y);
+      if (far < least) [best, least] = [row, far];
+    }
+    return best;
   }
 
   /** Return the edge from one node to another, as rows; undefined where there is none. @param {number} from @param {number} to */
@@ -176,11 +184,14 @@ function bendsOf(state, edges) {
   return found;
 }
 
-/** Return the obstacles from above: x, y, x, y of the ends, base and top of each. @param {Float64Array} corners as of `footprints` */
-function wallsOf(corners) {
+/** Return the least and the greatest x, y and z of each obstacle. @param {Float64Array} corners as of `footprints` */
+function boxesOf(corners) {
   const found = new Float64Array(corners.length / 2);
   for (let i = 0, at = 0; i < corners.length; i += 12) {
-    for (const one of [corners[i], corners[i + 1], corners[i + 3], corners[i + 4], Math.min(corners[i + 8], corners[i + 11]), Math.max(corners[i + 2], corners[i + 5])]) found[at++] = one;
+    for (let axis = i; axis < i + 3; axis++) {
+      found[at++] = Math.min(corners[axis], corners[axis + 3], corners[axis + 6], corners[axis + 9]);
+      found[at++] = Math.max(corners[axis], corners[axis + 3], corners[axis + 6], corners[axis + 9]);
+    }
   }
   return found;
 }
