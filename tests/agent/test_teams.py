@@ -128,3 +128,38 @@ def test_one_plan_of_arrays_decides_for_a_large_team(ctx):
     last = [ctx.graph.graph.neighborhoods[node][-1] for node in team.node_ids.tolist()]
     ctx.game.step()
     assert team.node_ids.tolist() == last
+
+
+def test_a_plan_of_arrays_sees_where_members_were_put_since_they_moved(ctx):
+    team, seen = ctx.agent.create_team("red", [0, 1, 2]), []
+
+    def plan(arrays):
+        seen.append(arrays.nodes.tolist())
+        return arrays.choose(arrays.draw.below(arrays.counts))
+
+    ctx.game.command("red", plan, arrays=True)
+    ctx.game.step()
+    snapshot, nodes = ctx.game.snapshot(), team.node_ids.tolist()
+    ctx.agent.get_agent("red_1").current_node_id = 24
+    ctx.game.step()
+    ctx.game.step()
+    ctx.game.restore(snapshot)
+    ctx.game.step()
+    assert seen[1] == [nodes[0], 24, nodes[2]]
+    assert seen[3] == nodes
+
+
+def test_moves_of_a_snapshot_stay_when_a_member_is_put_elsewhere_before_it_moves(ctx):
+    team = ctx.agent.create_team("red", [0, 1, 2])
+    ctx.game.command("red", lambda arrays: arrays.choose(arrays.counts - 1), arrays=True)
+    ctx.game.step()
+    snapshot, nodes = ctx.game.snapshot(), team.node_ids.tolist()
+
+    def put(ctx):
+        ctx.agent.get_agent("red_1").current_node_id = 24
+
+    ctx.game.add(put, phase="deeds")
+    ctx.game.step()
+    assert ctx.agent.get_agent("red_1").current_node_id == 24
+    ctx.game.restore(snapshot)
+    assert [move.end for move in ctx.game.moves.values()] == nodes

@@ -1,8 +1,8 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
-from collections.abc import Awaitable, Callable, Hashable, Mapping, MutableSequence, Sequence
+from collections.abc import Awaitable, Callable, Mapping, MutableSequence, Sequence
 from copy import deepcopy
-from functools import cached_property
+from functools import cached_property, partial
 from operator import itemgetter
 from time import perf_counter
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -50,23 +50,22 @@ class TeamArrays:
 
     def __init__(
         self,
-        team: Hashable,
+        commanded: Commanded,
         turn: int,
         seed: int,
-        names: tuple[str, ...],
         nodes: IntArray,
         legal: LegalNodes | None,
         facts: Mapping[str, Any],
         team_memory: dict[Any, Any],
     ) -> None:
-        self.team: Any = team  # programs look it up in dicts of their own
-        self.turn, self.names = turn, names
+        self.team: Any = commanded.team  # programs look it up in dicts of their own
+        self.turn, self.names = turn, commanded.deciders.names
         self._legal = legal
         self.nodes: IntArray = nodes.view()
         self.nodes.setflags(write=False)
         self._chosen: IntArray | None = None
         self.facts, self.team_memory = facts, team_memory
-        self.draw = TeamDraws(seed, names, turn)
+        self.draw = TeamDraws(partial(commanded.draw_keys, seed), turn)
         self._seed = seed
 
     @property
@@ -304,8 +303,8 @@ class Decisions:
             slots = [self.slots[i] for i in indices]
             legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
         known = memory_copy(self._state.team_memories.get(commanded.team, {}))
-        names, facts = commanded.deciders.names, FactsOf(self._state, commanded.team, None)
-        given = TeamArrays(commanded.team, self._state.turn, seed, names, nodes, legal, facts, known)
+        facts = FactsOf(self._state, commanded.team, None)
+        given = TeamArrays(commanded, self._state.turn, seed, nodes, legal, facts, known)
         self._put_plan(commanded, given)
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:

@@ -12,6 +12,7 @@ from gamms.game.order import ResolvedAction, TurnOrder
 from gamms.game.slots import LazySlots
 from gamms.game.streets import Streets
 from gamms.ir.agents import AgentBlock, Motion, Progress
+from gamms.ir.columns import copied_column
 from gamms.ir.graph import IntArray
 from gamms.kernels.draws import BitArray
 from gamms.typing.agent_engine import IAgent
@@ -138,7 +139,7 @@ class TurnMoves:
         return (
             not (block.flyers or block.travellers or any(map(_is_long, self.actions.values())))
             and order.structure_version == block.structure_version
-            and order.selection.of(block.node) == self.ends
+            and order.nodes() == self.ends
         )
 
     def by_name(self) -> dict[str, Move]:
@@ -252,7 +253,7 @@ class TurnMoves:
 
     def give_up(self, block: AgentBlock) -> None:
         """Let agents that are elsewhere than where their moves begin stay there."""
-        nodes = self.order.selection.of(block.node)
+        nodes, self.starts = self.order.nodes(), copied_column(self.starts)
         for i, (start, node) in enumerate(zip(self.starts, nodes, strict=True)):
             action = self.actions.get(i)
             was_put = action is not None and action.begun is not None and block.on_edge(self.slots[i].row) is None

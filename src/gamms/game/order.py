@@ -28,14 +28,30 @@ from gamms.typing.context import HostContext
 from gamms.typing.game import Leg, Track
 
 
-class Commanded(NamedTuple):
-    """The agents of a team that a plan decides for."""
+class Commanded:
+    """The agents of a team that a plan decides for.
 
-    team: Hashable
-    plan: Plan
-    indices: Sequence[int]  # of their slots
-    deciders: Deciders
-    are_plain: bool  # whether all move along one edge, on the ground
+    Attributes:
+        team, plan: as given.
+        indices: of their slots.
+        are_plain: whether all move along one edge, on the ground.
+        deciders: their names.
+    """
+
+    def __init__(
+        self, team: Hashable, plan: Plan, indices: Sequence[int], names: Sequence[str], *, are_plain: bool
+    ) -> None:
+        self.team, self.plan, self.indices, self.are_plain = team, plan, indices, are_plain
+        self.deciders = Deciders(f"The plan of team {shown(team)}", tuple(names))
+        self._draw_keys: tuple[int, BitArray] | None = None  # a seed, and the keys
+
+    def draw_keys(self, seed: int) -> BitArray:
+        """Return the keys of what they draw in games of a seed, (agents,); see `kernels.first_key_rows`."""
+        # NOTE: looking them up by 100,000 names takes as long as the draws of a turn (benchmarks: teams).
+        if self._draw_keys is None or self._draw_keys[0] != seed:
+            purpose = np.array([kernels.purpose_key(seed, "agent")], np.uint64)
+            self._draw_keys = seed, kernels.first_key_rows(purpose, kernels.name_keys(self.deciders.names))
+        return self._draw_keys[1]
 
 
 class Used(NamedTuple):
@@ -111,17 +127,15 @@ class Part:
         for team, indices in of_team.items():
             if team in plans and indices:
                 is_all = len(indices) == len(slots)
-                names = tuple(slots.names if is_all else [slots.names[i] for i in indices])
+                names = slots.names if is_all else [slots.names[i] for i in indices]
                 are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
-                deciders = Deciders(f"The plan of team {shown(team)}", names)
-                self.commanded.append(
-                    Commanded(team, plans[team], range(len(slots)) if is_all else indices, deciders, are_plain)
-                )
-        members, flying = set(self.members) if slots.flying or slots.paced else set[int](), set(slots.flying)
+                members = range(len(slots)) if is_all else indices
+                self.commanded.append(Commanded(team, plans[team], members, names, are_plain=are_plain))
+        mine, flying = set(self.members) if slots.flying or slots.paced else set[int](), set(slots.flying)
         ground = [i for i in self.members if i not in flying] if flying else self.members
         self.on_ground = None if len(ground) == len(slots) else list(ground)
         self.ground = Selection(slots.rows if len(ground) == len(slots) else [slots.rows[i] for i in ground])
-        self.paced = [i for i in slots.paced if i in members]
+        self.paced = [i for i in slots.paced if i in mine]
 
     def of_ground(self, values: Any) -> Any:
         """Return those values, one per slot, that are of agents on the ground."""
@@ -178,6 +192,7 @@ class TurnOrder:
         self.selection = self.whole.ground if has_all else Selection(rows)
         self._of_team: dict[Hashable, Selection] = {}
         self._moved: Any = None  # a list, or an array where there are many
+        self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
         self.restart_counts()
 
     def of_side(self, side: Hashable | Callable[[IAgent], object]) -> Selection:
@@ -220,13 +235,20 @@ class TurnOrder:
     def _all_teams(self) -> list[Any]:
         return self.slots.teams if isinstance(self.slots, LazySlots) else [slot.team for slot in self.slots]
 
+    def nodes(self) -> Any:
+        """Return the node of each agent, by slot: a list, or a view of an array that is not to be written to."""
+        version, ends = self._ended
+        return ends if version == self.block.version else self.selection.of(self.block.node)
+
     def count_moves(self, starts: Sequence[int], ends: Sequence[int]) -> None:
-        """Count the agents that have moved."""
+        """Count the agents that have moved, which have come to the nodes where these moves end."""
         # NOTE: in C, because all agents are counted in every turn (benchmarks: turns).
         if isinstance(self._moved, list):
             self._moved = list(map(add, self._moved, map(ne, starts, ends)))
         else:
             self._moved += np.asarray(starts) != np.asarray(ends)
+            if not self.block.flyers:
+                self._ended = self.block.version, ends
 
     def count_blocked(self, stopped: IntArray) -> None:
         """Count agents that conflicts have stopped, where slots are made when they are needed."""
@@ -265,9 +287,8 @@ def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> boo
 
 def _commanded(slots: Sequence[AgentSlot], team: Hashable, plan: Plan) -> Commanded:
     indices = [i for i, slot in enumerate(slots) if slot.team == team]
-    names = tuple([slots[i].name for i in indices])
     are_plain = all(slots[i].is_plain for i in indices)
-    return Commanded(team, plan, indices, Deciders(f"The plan of team {shown(team)}", names), are_plain)
+    return Commanded(team, plan, indices, [slots[i].name for i in indices], are_plain=are_plain)
 
 
 SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding

@@ -5,7 +5,7 @@ from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
-from functools import lru_cache, wraps
+from functools import wraps
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
@@ -188,33 +188,27 @@ class ArrayDraws:
         return kernels.below_many(self.bits(), bounds)
 
 
-@lru_cache(maxsize=64)
-def _keys_of(names: tuple[str, ...]) -> BitArray:
-    return kernels.name_keys(names)
-
-
 class TeamDraws(ArrayDraws):
     """The keyed draws of several agents: each call gives one number for each agent, (agents,).
 
     They are those that the agents get from their `state["draw"]` in the same turn, call by call.
 
     Args:
-        seed: of the game.
-        names: of the agents.
+        first_keys: returns the keys of the agents (agents,); see `kernels.first_key_rows`.
         turn: the number of turns that were played.
     """
 
-    def __init__(self, seed: int, names: tuple[str, ...], turn: int) -> None:
-        self._purpose, self._names, self._turn = kernels.purpose_key(seed, "agent"), names, turn
-        self._keys: BitArray | None = None
+    def __init__(self, first_keys: Callable[[], BitArray], turn: int) -> None:
+        self._first_keys, self._turn = first_keys, turn
+        self._keys: BitArray | None = None  # of this turn
         self._count = 0
 
     def bits(self) -> BitArray:
         """Return 64 random bits for each agent."""
         if self._keys is None:
-            self._keys = _keys_of(self._names)
+            self._keys = kernels.later_key_rows(self._first_keys(), np.array([self._turn]))
         self._count += 1
-        return kernels.draw_bits_many(self._purpose, self._keys, self._turn, self._count - 1)
+        return kernels.bits_at_rows(self._keys, self._count - 1)
 
 
 def _draws_at(seed: int, name: str, turn: int, count: int) -> Draws:

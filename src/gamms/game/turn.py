@@ -327,7 +327,7 @@ class TurnEngine:
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
-        starts, state = order.selection.of(order.block.node), self._state
+        starts, state = order.nodes(), self._state
         decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
         if part.paced:
             self._stand_on_edges(order, part, decisions)

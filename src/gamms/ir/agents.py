@@ -144,9 +144,7 @@ class AgentBlock:
         self.trusts_nodes = False
         self.graph = graph
         self._row_of: dict[str, int] = {}
-        self._buffers: dict[
-            str, IntArray
-        ] = {}  # of columns that are views of arrays, which are longer than they need to be
+        self._buffers: dict[str, IntArray] = {}  # of columns that are views of arrays, which may be longer
         self._changed: set[int] = set()  # rows; not published yet
         self._have_all_changed = False
         self._logs: list[ChangeLog] = []
@@ -339,9 +337,10 @@ class AgentBlock:
 
     def _move_arrays(self, rows: Selection, nodes: Sequence[int]) -> None:
         node, previous = np.asarray(self.node), np.asarray(self.previous)
-        if len(rows.rows) == len(node):
-            previous[:] = node
-            rows.write_all(node, nodes)
+        if len(rows.rows) == len(node):  # NOTE: nothing is copied (benchmarks: teams).
+            rows.write_all(previous, nodes)
+            self._buffers.update(node=self._buffers["previous"], previous=self._buffers["node"])
+            self.node, self.previous = self.previous, self.node
             self._have_all_changed = True
         else:
             previous[rows.array] = node[rows.array]
