@@ -44,10 +44,11 @@ class DecidePhase:
         strategy_changes: how often the strategy of an agent was set.
     """
 
-    __slots__ = ("agent", "owner_changes", "sensor_changes", "strategy_changes")
+    __slots__ = ("agent", "moment", "owner_changes", "sensor_changes", "strategy_changes")
 
     def __init__(self) -> None:
         self.agent: Any = None
+        self.moment: object = None
         self.sensor_changes = self.owner_changes = self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":

@@ -154,29 +154,52 @@ def test_sensors_made_by_hand_sense_like_those_of_the_engine(ctx):
     assert agents.data == {}
 
 
-def test_many_agents_that_look_equally_far_see_those_within_that_range_in_every_turn():
+@pytest.fixture(params=[40, 300])
+def crowd(request):
+    """Agents on a grid of 20 x 20 nodes, 10 m apart, which sense each other within 30 m and jump anywhere."""
     ctx = gamms.create_context(seed=1)
     ids = np.arange(400)
     ctx.graph.add_nodes(ids, (ids % 20) * 10.0, (ids // 20) * 10.0)
-    starts = np.random.default_rng(1).integers(400, size=300).tolist()
-    for i, start in enumerate(starts):
+    for i, start in enumerate(np.random.default_rng(1).integers(400, size=request.param).tolist()):
         near = ctx.sensor.create_sensor(f"near_{i}", "agent_range", sensor_range=30.0)
-        ctx.agent.create_agent(f"a_{i}", start_node_id=start, sensors={"near": near})
-    agents = list(ctx.agent.create_iter())
-    agents[7].alive = False
-    seen = {}
-
-    def jump(state):
-        seen[state["name"]] = list(state["sensor"]["near"][1].items())
-        state["action"] = state["draw"].below(400)
-
-    for agent in agents:
-        agent.register_strategy(jump)
+        ctx.agent.create_agent(f"a_{i}", start_node_id=start, sensors={"near": near}, strategy=jump)
     ctx.game.legal = "any"
+    return ctx
+
+
+def jump(state):
+    state["memory"]["seen"] = list(state["sensor"]["near"][1].items())
+    state["sensor"]["near"][1].clear()
+    state["action"] = state["draw"].below(400)
+
+
+def around(at, name):
+    """Who is within 30 m of an agent, by a scan of all."""
+    x, y = at[name] % 20, at[name] // 20
+    return [(one, n) for one, n in at.items() if (n % 20 - x) ** 2 + (n // 20 - y) ** 2 <= 9 and one != name]
+
+
+def test_many_agents_that_look_equally_far_see_those_within_that_range_in_every_turn(crowd):
+    agents = list(crowd.agent.create_iter())
+    agents[7].alive = False
     for _ in range(3):
         at = {agent.name: agent.current_node_id for agent in agents if agent.alive}
-        ctx.game.step()
-        for name, node in at.items():
-            x, y = node % 20, node // 20
-            others = [(one, n) for one, n in at.items() if (n % 20 - x) ** 2 + (n // 20 - y) ** 2 <= 9 and one != name]
-            assert seen[name] == others
+        crowd.game.step()
+        assert {name: crowd.game.memories[name]["seen"] for name in at} == {name: around(at, name) for name in at}
+
+
+def test_rules_that_move_agents_and_look_see_what_has_changed(crowd):
+    agents = {agent.name: agent for agent in crowd.agent.create_iter()}
+    names, seen = list(agents)[:40], []
+
+    def gather(ctx):
+        for name in names:
+            if seen or name != names[0]:
+                agents[name].current_node_id = (agents[name].current_node_id + ctx.game.turn) % 400
+            at = {one: agent.current_node_id for one, agent in agents.items()}
+            crowd.sensor.get_sensor("near_0").sense(at[names[0]])
+            seen.append(crowd.sensor.get_sensor("near_0").data == dict(around(at, names[0])))
+
+    crowd.game.add(gather)
+    crowd.game.run(max_turns=3)
+    assert seen == [True] * 3 * len(names)

@@ -332,6 +332,7 @@ class TurnEngine:
         if part.paced:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
+        self._phase.moment = decisions if part.see_world_only else None
         try:
             sees_first = observers or not part.see_world_only
             seen = self._observe_first(order, part, observers) if sees_first else None
@@ -343,7 +344,7 @@ class TurnEngine:
                     self._loop = EventLoop()
                 decisions.collect(self._loop)
         finally:
-            self._phase.agent, self.is_deciding = None, False
+            self._phase.agent, self._phase.moment, self.is_deciding = None, None, False
             if decisions.awaited:
                 decisions.drop()
         unsent = self._take_outboxes(order, part, decisions.failed) if order.used.channels else []

@@ -493,7 +493,8 @@ class AgentBlock:
     @property
     def version(self) -> int:
         """A number that changes whenever a node, position, team or life of an agent may have."""
-        self.publish()
+        if self._changed or self._have_all_changed:
+            self.publish()
         return self._version
 
     def subscribe(self) -> ChangeLog:

@@ -34,7 +34,10 @@ class Positions:
         block: the agents.
     """
 
-    __slots__ = ("_block", "_by_name", "_by_node", "_flyer_xyz", "_flyers", "_log", "_node_ids", "_node_of", "_stale")
+    __slots__ = (
+        *("_block", "_by_name", "_by_node", "_flyer_xyz", "_flyers", "_log", "_moved", "_node_ids", "_node_of"),
+        *("_renamed", "_stale"),
+    )
 
     def __init__(self, block: AgentBlock) -> None:
         self._block, self._log = block, block.subscribe()
@@ -46,8 +49,10 @@ class Positions:
     @property
     def version(self) -> int:
         """A number that changes whenever a node, position, team or life of an agent may have."""
-        self._catch_up()
-        return self._block.version
+        block = self._block
+        if block.flyers:
+            block.locate()
+        return block.version
 
     @property
     def names(self) -> Sequence[str]:
@@ -151,13 +156,19 @@ class Positions:
         self._catch_up()
         if self._by_node is None:
             self._by_node = {}
-            self._follow(range(len(self._block)))
+            self._moved.update(range(len(self._block)))
+        if self._moved:
+            self._follow(self._moved)
+            self._moved.clear()
         return self._by_node
 
     @property
     def by_name(self) -> Mapping[str, int]:
         """Name -> node id of the living agents, in the order of their creation; those on edges have passed it last."""
         self._catch_up()
+        if self._by_name is not None and self._renamed:
+            self._rename(self._renamed)
+            self._renamed.clear()
         if self._by_name is None:
             names, nodes = self._block.names, self._block.node
             self._by_name = {names[row]: nodes[row] for row in self.living.tolist()}
@@ -174,7 +185,7 @@ class Positions:
         return {names[row]: nodes[row] for row in rows}
 
     def _catch_up(self) -> None:
-        """Read what has changed: the occupancy of nodes follows at once, the arrays when they are asked for."""
+        """Read what has changed; occupancy, names and arrays follow when they are asked for."""
         # NOTE: asked after every single move of the paper's loop (benchmarks: sense).
         if self._block.flyers:
             self._block.locate()
@@ -185,12 +196,14 @@ class Positions:
             if self._stale is not None:
                 self._stale |= rows
             if self._by_node is not None:
-                self._follow(rows)
+                self._moved |= rows
             if self._by_name is not None:
-                self._rename(rows)
+                self._renamed |= rows
 
     def _forget(self) -> None:
         self._by_node, self._by_name, self._node_of = None, None, []
+        self._moved: set[int] = set()  # rows that `_by_node` does not show yet
+        self._renamed: set[int] = set()  # rows that `_by_name` does not show yet
         self._node_ids = self._flyers = _NO_ROWS
         self._flyer_xyz = _NO_XYZ
         self._stale: set[int] | None = None  # rows that the arrays do not show yet; None: any

@@ -84,8 +84,7 @@ def pairs_within(a: FloatArray, b: FloatArray, limit: float) -> tuple[IntArray, 
         rows, others = (part.reshape(-1) for part in np.indices((len(a), len(b))))
     else:
         (x, y), (x1, y1) = (np.clip(points[:, :2], -_FAR, _FAR).T for points in (a, b))
-        here, there = Area(x, y, np.zeros(len(x), np.int64)), Area(x1, y1, np.zeros(len(x1), np.int64))
-        parts = [*near_each_other(here, there, limit)]
+        parts = [*near_each_other(Area(x, y), Area(x1, y1), limit)]
         rows, others = (np.concatenate([part[side] for part in parts]) for side in (0, 1))
     with np.errstate(over="ignore"):
         dx, dy, dz = (a[rows] - b[others]).T
@@ -100,12 +99,12 @@ class Area(NamedTuple):
     Attributes:
         x: (points,) finite.
         y: (points,) likewise.
-        group: (points,) the number of the map, from 0.
+        group: (points,) the number of the map, from 0; None: all are on one.
     """
 
     x: FloatArray
     y: FloatArray
-    group: IntArray
+    group: IntArray | None = None
 
 
 def near_each_other(a: Area, b: Area, limit: float) -> Iterator[tuple[IntArray, IntArray]]:
@@ -115,7 +114,7 @@ def near_each_other(a: Area, b: Area, limit: float) -> Iterator[tuple[IntArray, 
 
     Args:
         a: points.
-        b: others.
+        b: others, with groups if the points have some.
         limit: not negative, at most 1e150; so are all coordinates.
 
     Yields:
@@ -127,9 +126,11 @@ def near_each_other(a: Area, b: Area, limit: float) -> Iterator[tuple[IntArray, 
         dy *= dy
         dx += dy
         is_near = dx <= limit * limit
-        is_near &= a.group[:, None] == b.group
-        rows, others = np.nonzero(is_near)
-        yield rows, others
+        if a.group is not None:
+            is_near &= a.group[:, None] == b.group
+        pairs = np.flatnonzero(is_near)
+        row = pairs // len(b.x)
+        yield row, pairs - row * len(b.x)
         return
     first, last, order = _stripes(a, b, limit)
     counts = last - first
@@ -167,13 +168,15 @@ def _stripes(a: Area, b: Area, limit: float) -> tuple[IntArray, IntArray, IntArr
     size = max(limit * (1.0 + 1e-9) + least, span / _MOST_CELLS_OF_AREA)
     wide, tall = (int((top - bottom) / size) + 4 for bottom, top in zip(low, high, strict=True))
     near, keys = (
-        (points.group * tall + ((points.y - low[1]) / size).astype(np.int64) + 1) * wide
+        ((0 if points.group is None else points.group * tall) + ((points.y - low[1]) / size).astype(np.int64) + 1)
+        * wide
         + ((points.x - low[0]) / size).astype(np.int64)
         + 1
         for points in (a, b)
     )
     order = np.argsort(keys, kind="stable")
-    cells = (1 + max(int(a.group.max()), int(b.group.max()))) * tall * wide
+    groups = 1 if a.group is None or b.group is None else 1 + max(int(a.group.max()), int(b.group.max()))
+    cells = groups * tall * wide
     near = near[:, None] + wide * np.array([-1, 0, 1])
     if cells <= _POINTS_PER_CELL * (len(a.x) + len(b.x)):
         begins = np.zeros(cells + 1, np.int64)

@@ -16,9 +16,10 @@ from gamms.kernels import Quaternion
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor
 from gamms.sensor.ground import map_view
+from gamms.sensor.nearby import memory_of
 from gamms.sensor.sensor import Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import ground_at, memory_of, on_ground
+from gamms.sensor.views import ground_at, on_ground
 from gamms.typing import AgentType, IAerialAgent, IContext
 from gamms.typing.graph_engine import Surroundings
 from gamms.typing.sensor_engine import SensorType

@@ -45,25 +45,31 @@ class DetectionModel(Guarded):
 
     _called = "sensor.notice"
 
+    team: object = None
+    exclude: object = None
+    _detection: Detection = None
+    _chance: Chance | None = None
+    _position_noise_m: float | None = None
+    _false_alarm_rate: float | None = None
+    _delay_turns: int | None = None
+    _is_trial = False  # whether looks leave no trace
+    _reports_all = True
+
     def __init__(self, sensor_id: str, phase: DecidePhase = UNDECIDED) -> None:
-        self._phase = UNDECIDED  # until it is made, which is no change
-        self._sensor_id = sensor_id
-        self.team: object = None
-        self.exclude: object = None
-        self._detection: Detection = None
-        self._chance: Chance | None = None
-        self._position_noise_m: float | None = None
-        self._false_alarm_rate: float | None = None
-        self._delay_turns: int | None = None
-        self._is_trial = False  # whether looks leave no trace
+        self._sensor_id, self._phase = sensor_id, phase
         self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
-        self._phase = phase
 
     def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""
         super().__setattr__(name, value)
         if name[0] != "_":
             self._phase.sensor_changes += 1
+            self._reports_all = self.team is None and self.exclude is None and not self.needs_look
+
+    @property
+    def reports_all(self) -> bool:
+        """Whether it reports every agent in view as it is."""
+        return self._reports_all
 
     @property
     def needs_chance(self) -> bool:

@@ -13,9 +13,9 @@ from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
 from gamms.sensor.catalog import KINDS, SHARED_KEYWORDS, SYNONYMS
 from gamms.sensor.function import FunctionSensor
 from gamms.sensor.ground import AgentSensor, MapSensor, NeighborSensor, OccludedAgentSensor, OccludedMapSensor
+from gamms.sensor.nearby import Memory
 from gamms.sensor.sensor import Sensor
 from gamms.sensor.sighting_errors import forget_delayed
-from gamms.sensor.views import Memory
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType, owner_of, refuse_no_sensor

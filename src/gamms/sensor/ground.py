@@ -17,9 +17,10 @@ from gamms.ir.positions import Positions
 from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor, teams_in
+from gamms.sensor.nearby import memory_of
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, is_unhidden, memory_of, nodes_ahead
+from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, is_unhidden, nodes_ahead
 from gamms.typing import IAgent, IContext
 from gamms.typing.graph_engine import NodeColumns, Surroundings
 from gamms.typing.sensor_engine import ISensor, SensorType
@@ -312,13 +313,14 @@ class AgentSensor(DetectingSensor, GroundSensor):
             self._phase.refuse("call sensor.sense")
         place = self.place(node_id) if node_id is None or self._at is not None else node_id
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        if self.range == inf and heading == ALL_AROUND and not self._is_occluded and self._notice is None:
-            data, look = self._all_agents(place), None
+        look, notice, nearby = None, self._notice, self._memory.nearby
+        if heading == ALL_AROUND and (notice is None or notice.reports_all) and not self._is_occluded:
+            data = nearby.by_name(place, self.range)
         else:
             positions, rows, look = self._found(place, heading)
             data = positions.found(rows)
             if positions.travellers and (look is None or not self.notice.has_errors):
-                data.update(self._memory.nearby.on_edges(positions, rows))
+                data.update(nearby.on_edges(positions, rows))
         if self._owner is not None and self._at is None:
             data.pop(self._owner, None)
         if look is not None and self.notice.has_errors:
@@ -408,11 +410,6 @@ class AgentSensor(DetectingSensor, GroundSensor):
         for i, node in enumerate(kept):
             agents[i] = getattr(node, "xy", agents[i])
         return SensorView(agents=agents, names=self._names(), outline=self.outline())
-
-    def _all_agents(self, place: Place) -> dict[str, int]:
-        if not isinstance(place, tuple) and not self.ctx.graph.graph.has_node(place):
-            raise UnknownName("node", place)
-        return self._memory.nearby.nodes_by_name()
 
     def _sighting(self, node_id: int) -> int:
         return node_id

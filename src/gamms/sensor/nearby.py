@@ -1,0 +1,404 @@
+"""The agents that are near a place, remembered as long as agents and the graph stay as they are.
+
+`Memory` is all that the built-in sensors of a context share.
+"""
+
+from collections.abc import Callable, Collection
+from itertools import count
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms import kernels
+from gamms.arguments import as_int
+from gamms.deciding import phase_of
+from gamms.errors import UnknownName
+from gamms.ir.columns import ChangeLog
+from gamms.ir.graph import FloatArray
+from gamms.ir.obstacles import BoolArray
+from gamms.ir.positions import Positions
+from gamms.sensor.views import Place, Views, ViewsPastObstacles, coordinates, on_ground
+from gamms.typing import IContext
+from gamms.typing.graph_engine import IGraph
+from gamms.typing.on_edges import Line, PassedNode
+
+_MOST_IDS = 1 << 22  # of nodes: what may be remembered in all
+_SLACK = 1e-6  # map units: boxes are compared with this tolerance, because places on an edge are rounded
+_SHARE = 8  # of agents that look: where so many did, the others will, too
+_SEVERAL_AGENTS = 32  # so many are found for all that look
+_MANY_AGENTS = 128  # so many are looked up by node
+_FAR = 1e150  # of which squares are infinite
+_WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
+
+
+class Coordinates(NamedTuple):
+    """Where all agents are in space, in the order of their creation."""
+
+    xyz: FloatArray  # (agents, 3)  of the node or the place on an edge, on the ground, or of an agent that flies
+    is_flying: BoolArray  # (agents,)
+    is_outside: BoolArray  # (agents,)  not in a tunnel
+
+
+class NearbyAgents:
+    """The agents of one context, as sensors find them."""
+
+    def __init__(self, ctx: IContext, views: Views) -> None:
+        self._ctx, self._phase = ctx, phase_of(ctx)
+        self._views = views
+        self._graph: IGraph | None = None
+        self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
+        self._places: FloatArray | None = None
+        self._coordinates: Coordinates | None = None  # at these places
+        self._travellers = Travellers(ctx)
+        self._positions: Positions | None = None  # of which the looks are
+        self._version = 0  # of them
+        self._moment: object = None  # in which it was looked whether they are still so
+        self._looks: dict[float, LooksAtRange] = {}
+        self._checked: tuple[Positions | None, int | None] = (None, None)  # that no agent is on a removed node
+        self._revision: int | None = None  # of the graph that the discs are of
+        self._discs: dict[float, dict[Place, Collection[int] | None]] = {}
+        self._ids: dict[int, int] = {}  # one object per id
+        self._kept = 0
+
+    def places(self) -> FloatArray:
+        """Return where all agents are (agents, 2); those on an edge are between its ends.
+
+        Raises:
+            UnknownName (KeyError): an agent stands on a node that was removed.
+        """
+        positions, graph = self._ctx.agent.positions, self._ctx.graph.graph
+        key = (positions, positions.version, graph.revision)
+        if self._places is None or key != self._key or key[2] is None:
+            xy = self._xy_of(positions)
+            for row in positions.travellers:
+                xy[row] = self._travellers.place(positions, row) or xy[row]
+            self._places, self._key, self._coordinates = xy, key, None
+        return self._places
+
+    def coordinates(self) -> Coordinates:
+        """Return where all agents are in space.
+
+        Raises:
+            UnknownName (KeyError): an agent stands on a node that was removed.
+        """
+        xy, positions = self.places(), self._ctx.agent.positions
+        if self._coordinates is None:
+            # On an edge an agent is as high as the node that it passed last, and in its tunnel.
+            xyz, is_on_surface = on_ground(self._ctx, positions.node_ids, xy)
+            is_flying = np.zeros(len(xy), np.bool_)
+            xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
+            self._coordinates = Coordinates(xyz, is_flying, is_on_surface | is_flying)
+        return self._coordinates
+
+    def xy(self, rows: list[int]) -> FloatArray:
+        """Return where some agents are on the map (rows, 2)."""
+        positions = self._ctx.agent.positions
+        if not positions.travellers:
+            found: FloatArray = self.places()[rows]
+            return found
+        xy = self._xy_of(positions, rows)
+        for i, row in enumerate(rows):
+            xy[i] = self._travellers.place(positions, row) or xy[i]
+        return xy
+
+    def by_name(self, place: Place, radius: float) -> dict[str, int]:
+        """Return a fresh dict of the living agents within a radius of a place: name -> what is reported of it."""
+        if radius < inf:
+            # NOTE: most looks of most games end here (benchmarks: peers).
+            positions, looks = self._catch_up(), self._looks.get(radius)
+            if looks is not None and looks.is_frequent and type(place) is int:
+                known = looks.by_name or looks.name_all(radius, positions, self.places)
+                if place in known:
+                    looks.count += 1
+                    return known[place].copy()
+            positions, rows = self.within(place, radius)
+            nodes = positions.found(rows)
+        else:
+            if not isinstance(place, tuple) and not self._ctx.graph.graph.has_node(place):
+                raise UnknownName("node", place)
+            positions, revision, rows = self._ctx.agent.positions, self._ctx.graph.graph.revision, None
+            if (positions, revision) != self._checked or revision is None:
+                self._xy_of(positions)  # which finds agents on removed nodes
+                self._checked = positions, revision
+            nodes = dict(positions.by_name)
+        if positions.travellers:
+            on_edges = sorted(set(positions.travellers) - set(positions.inactive)) if rows is None else rows
+            nodes.update(self.on_edges(positions, on_edges))
+        return nodes
+
+    def on_edges(self, positions: Positions, rows: list[int]) -> dict[str, int]:
+        """Return what is reported of those agents that are on edges, by their names."""
+        travellers = positions.travellers
+        moving = [row for row in rows if row in travellers] if travellers else []
+        return {positions.names[row]: self._travellers.sighting(positions, row) for row in moving}
+
+    def within(self, place: Place, radius: float) -> tuple[Positions, list[int]]:
+        """Return where agents are, and the rows of those within `radius` of a place, the rim included.
+
+        Raises:
+            UnknownName (KeyError): there is no such node, or an agent stands on one that was removed.
+        """
+        positions = self._catch_up()
+        if radius == inf:
+            self._checked_place(place)
+            return positions, positions.living.tolist()
+        looks = self._looks.get(radius)
+        if looks is None:
+            looks = self._looks[radius] = LooksAtRange()
+        looks.count += 1
+        if looks.is_frequent and type(place) is int:
+            around = looks.look_from_all(radius, positions, self.places)
+            if place in around:
+                return positions, around[place]
+        try:
+            disc = self._discs[radius][place]
+        except (KeyError, TypeError):  # not known, or not hashable
+            disc = self._disc(self._checked_place(place), radius, are_many=len(positions.names) >= _MANY_AGENTS)
+        if disc is None:
+            return positions, self._compared(place, radius)
+        rows = positions.rows_on(disc)
+        looks.found += len(rows)
+        if positions.travellers:
+            rows = sorted([*rows, *self._travellers.within(positions, coordinates(self._ctx, place), radius)])
+        return positions, rows
+
+    def _catch_up(self) -> Positions:
+        """Forget what is no longer so, and return where agents are."""
+        moment = self._phase.moment
+        if moment is not None and moment is self._moment and self._positions is not None:
+            return self._positions
+        graph = self._graph = self._ctx.graph.graph if self._graph is None else self._graph
+        revision, positions = graph.revision, self._ctx.agent.positions
+        if revision != self._revision or revision is None:
+            self._forget(revision)
+        if positions.version != self._version or positions is not self._positions:
+            self._renew_looks(positions)
+        self._moment = moment
+        return positions
+
+    def _renew_looks(self, positions: Positions) -> None:
+        """Note that agents have moved, come or gone."""
+        agents, before, self._looks = len(positions.names), self._looks, {}
+        self._positions, self._version = positions, positions.version
+        if agents >= _SEVERAL_AGENTS:
+            for radius, looks in before.items():
+                if looks.count:
+                    looks.renew(agents)
+                    self._looks[radius] = looks
+
+    def _checked_place(self, place: Place) -> Place:
+        known = place if isinstance(place, tuple) else as_int(place, "The id of a node")
+        coordinates(self._ctx, known)  # it is there
+        return known
+
+    def _forget(self, revision: int | None) -> None:
+        self.places()  # which finds agents on removed nodes
+        self._revision, self._kept = revision, 0
+        self._looks.clear()
+        self._discs.clear()
+        self._ids.clear()
+
+    def _disc(self, place: Place, radius: float, *, are_many: bool) -> Collection[int] | None:
+        """Return the ids of the nodes in a disc; None where there are too many to remember."""
+        ids = self._views.known_ids(place, radius)
+        if ids is None:
+            x, y = coordinates(self._ctx, place)
+            ids = self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
+        # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
+        # (benchmarks: 1,000 agents in Helsinki). Few agents are looked up in the set.
+        disc = tuple([self._ids.setdefault(id, id) for id in ids]) if are_many else {*ids}
+        kept = disc if len(disc) <= _WIDE else None
+        if self._kept > _MOST_IDS:
+            self._discs.clear()
+            self._kept = 0
+        self._discs.setdefault(radius, {})[place] = kept
+        self._kept += 16 + len(kept or ())
+        return kept
+
+    def _compared(self, place: Place, radius: float) -> list[int]:
+        xy, living = self.places(), self._ctx.agent.positions.living
+        dx, dy = (xy[living] - coordinates(self._ctx, place)).T
+        with np.errstate(over="ignore"):  # infinitely far away is far away
+            rows: list[int] = living[dx * dx + dy * dy <= radius * radius].tolist()
+        return rows
+
+    def _xy_of(self, positions: Positions, rows: list[int] | None = None) -> FloatArray:
+        """Return where the nodes are that some agents are on, or have passed last (rows, 2); None: of all."""
+        graph, nodes = self._ctx.graph.graph, positions.node_ids if rows is None else positions.node_ids[rows]
+        try:
+            return graph.positions(nodes)
+        except UnknownName:
+            lost = next(i for i, node in enumerate(nodes.tolist()) if not graph.has_node(node))
+            name = positions.names[lost if rows is None else rows[lost]]
+            raise UnknownName(f"node under agent {name!r}:", int(nodes[lost])) from None
+
+
+class LooksAtRange:
+    """The looks at one range since agents last moved.
+
+    Where there were many before, who is around each node with an agent on it is worked out at once. In the paper's
+    loop, in which each agent moves after its look, there never are (benchmarks: where it broke).
+
+    Attributes:
+        count: how many looks there were.
+        found: how many agents were found.
+        is_frequent: whether `around` is worth its cost.
+        around: node id -> the rows of the living agents within the range, ascending; None: not worked out.
+        by_name: node id -> name -> node id, of the same agents; None: not worked out.
+    """
+
+    __slots__ = ("_pairs", "around", "by_name", "count", "found", "is_frequent")
+
+    def __init__(self) -> None:
+        self.count = self.found = 0
+        self.is_frequent = False
+        self._pairs: tuple[list[int], list[int], list[int]] | None = None
+        self.around: dict[int, list[int]] | None = None
+        self.by_name: dict[int, dict[str, int]] | None = None
+
+    def renew(self, agents: int) -> None:
+        """Begin to count again, now that agents have moved."""
+        looks, found = self.count, self.found
+        self.is_frequent = looks * _SHARE >= agents and found * agents <= looks * _MOST_IDS
+        self.count = self.found = 0
+        self._pairs = self.around = self.by_name = None
+
+    def look_from_all(
+        self, radius: float, positions: Positions, places: Callable[[], FloatArray]
+    ) -> dict[int, list[int]]:
+        """Return `around`; `places` gives where agents are (agents, 2)."""
+        if self.around is None:
+            nodes, numbers, rows = self._pairs_of_all(radius, positions, places)
+            ends = np.searchsorted(numbers, np.arange(len(nodes) + 1)).tolist()
+            self.around = {node: rows[i:end] for node, i, end in zip(nodes, ends, ends[1:], strict=False)}
+        return self.around
+
+    def name_all(
+        self, radius: float, positions: Positions, places: Callable[[], FloatArray]
+    ) -> dict[int, dict[str, int]]:
+        """Return `by_name`; `places` gives where agents are (agents, 2)."""
+        if self.by_name is None:
+            nodes, numbers, rows = self._pairs_of_all(radius, positions, places)
+            found: list[dict[str, int]] = [{} for _ in nodes]
+            names, node_of = positions.names, positions.nodes
+            for i, row in zip(numbers, rows, strict=True):
+                found[i][names[row]] = node_of[row]
+            self.by_name = dict(zip(nodes, found, strict=True))
+        return self.by_name
+
+    def _pairs_of_all(
+        self, radius: float, positions: Positions, places: Callable[[], FloatArray]
+    ) -> tuple[list[int], list[int], list[int]]:
+        """Return the nodes with an agent, and pairs of the number of one of them and the row of an agent around it."""
+        if self._pairs is None:
+            xy = places()
+            if positions.travellers or not max(radius, float(np.abs(xy).max())) < _FAR:
+                self._pairs = [], [], []
+                return self._pairs
+            row_on = dict(zip(positions.nodes, count(), strict=False))
+            looking = xy if len(row_on) == len(xy) else xy[list(row_on.values())]
+            living = positions.living if positions.inactive else None
+            here, there = kernels.Area(*looking.T), kernels.Area(*(xy if living is None else xy[living]).T)
+            parts = [*kernels.near_each_other(here, there, radius)]
+            at, rows = parts[0] if len(parts) == 1 else [np.concatenate(part) for part in zip(*parts, strict=True)]
+            self._pairs = [*row_on], at.tolist(), (rows if living is None else living[rows]).tolist()
+            self.found += len(self._pairs[1])
+        return self._pairs
+
+
+class Travellers:
+    """The agents on edges, as sensors find them: by the boxes around their edges, and exactly where that is not enough.
+
+    An agent that goes on along its edge changes no box, so that many agents can be asked in the course of a turn
+    (benchmarks: travel).
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        self._ctx = ctx
+        self._moved: ChangeLog | None = None
+        self._key: tuple[Positions | None, int | None, int] = (None, None, 0)
+        self._boxes: FloatArray = np.zeros((4, 0))  # (4, agents)  least x, y, greatest x, y; NaN for those on nodes
+        self._edges: dict[
+            int, tuple[Line, float]
+        ] = {}  # by row, of the edge that one is on, or was last, and its length
+        self._places: dict[int, tuple[float, float] | None] = {}  # by row
+
+    def place(self, positions: Positions, row: int) -> tuple[float, float] | None:
+        """Return where an agent is that is on an edge; None for others. Where the edge is gone, it is at its node."""
+        self._catch_up(positions)
+        return self._place(positions, row)
+
+    def within(self, positions: Positions, place: tuple[float, float], radius: float) -> list[int]:
+        """Return the rows of the living agents on edges within `radius` of a place, the rim included, ascending."""
+        self._catch_up(positions)
+        (x, y), reach, (left, low, right, high) = place, radius + _SLACK, self._boxes
+        is_near = (left <= x + reach) & (right >= x - reach) & (low <= y + reach) & (high >= y - reach)
+        found = []
+        for row in np.flatnonzero(is_near).tolist():
+            at_x, at_y = self._place(positions, row) or (inf, inf)
+            dx, dy = at_x - x, at_y - y
+            if dx * dx + dy * dy <= radius * radius and row not in positions.inactive:
+                found.append(row)
+        return found
+
+    def sighting(self, positions: Positions, row: int) -> int:
+        """Return what is reported of an agent: the node that it is on or has passed, and where on an edge it is."""
+        node, progress = positions.nodes[row], positions.on_edge(row)
+        xy = None if progress is None else self.place(positions, row)
+        if progress is None or xy is None or not self._edges[row][0].lengths:
+            return node
+        edge = progress.source, progress.target, progress.edge
+        return PassedNode(node, edge, progress.share * self._edges[row][1], xy)
+
+    def _place(self, positions: Positions, row: int) -> tuple[float, float] | None:
+        if row not in self._places:
+            progress = positions.on_edge(row)
+            self._places[row] = None if progress is None else self._edges[row][0].at(progress.share)[:2]
+        return self._places[row]
+
+    def _catch_up(self, positions: Positions) -> None:
+        """Find the edges of the agents that are on others now, and forget where agents were."""
+        graph = self._ctx.graph.graph
+        key = positions, graph.revision, positions.version
+        if key == self._key and graph.revision is not None:
+            return
+        if self._moved is None or positions is not self._key[0]:
+            self._moved = positions.subscribe()
+        rows, size = self._moved.take(), len(positions.names)
+        if rows is None or graph.revision is None or graph.revision != self._key[1] or self._boxes.shape[1] != size:
+            self._boxes, rows, self._edges = np.full((4, size), np.nan), set(positions.travellers), {}
+        self._key, self._places = key, {}
+        for row in rows:
+            progress = positions.on_edge(row)
+            if progress is None:
+                self._boxes[:, row] = np.nan
+                continue
+            try:
+                edge = graph.get_edge(progress.edge)
+                points, length = edge.points, edge.length
+            except UnknownName:  # it is gone: the agent counts as on its node
+                points, length = coordinates(self._ctx, progress.source), 0.0
+            xs, ys = points[::2], points[1::2]
+            self._boxes[:, row] = min(xs), min(ys), max(xs), max(ys)
+            self._edges[row] = Line.of(points), length
+
+
+class Memory:
+    """What sensors share; one per context.
+
+    Attributes:
+        views, views_past_obstacles: what was seen from where.
+        nearby: which agents are near a place.
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        self.views = Views(ctx)
+        self.views_past_obstacles = ViewsPastObstacles(ctx)
+        self.nearby = NearbyAgents(ctx, self.views)
+
+
+def memory_of(ctx: IContext) -> Memory:
+    """Return the memory of the context's sensor engine; one of its own for a sensor in an engine of another class."""
+    shared = getattr(getattr(ctx.sensor, "storage", None), "memory", None)
+    return shared if isinstance(shared, Memory) else Memory(ctx)
