@@ -147,6 +147,41 @@ def test_an_attribute_that_no_node_has_any_more_does_not_spoil_the_file(ctx, gra
     assert list(graph.get_nodes()) == []
 
 
+def test_a_map_that_several_contexts_have_copied_is_packed_once(ctx, fill, open_ctx):
+    fill(ctx)
+    snapshot = ctx.graph.storage.snapshot()
+    with open_ctx() as one, open_ctx() as other:
+        for copy in (one, other):
+            copy.graph.storage.copy_from(snapshot)
+        packed = one.graph.storage.pack()
+        assert packed == map_file.encode(ctx.graph.storage.contents())
+        assert other.graph.storage.pack() is ctx.graph.storage.pack() is packed
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda ctx: ctx.graph.graph.add_node({"id": 99, "x": 0, "y": 0}),
+        lambda ctx: ctx.graph.graph.update_node({"id": 2, "name": "Kallio"}),
+        lambda ctx: ctx.graph.graph.remove_node(2),
+        lambda ctx: ctx.graph.close_roads([next(iter(ctx.graph.graph.get_edges()))]),
+        lambda ctx: ctx.graph.add_obstacles([[(0, 0, 9), (1, 0, 9), (0, 0, 0), (1, 0, 0)]]),
+        lambda ctx: setattr(ctx.graph.graph, "crs", "EPSG:32636"),
+        lambda ctx: setattr(ctx.graph.graph, "attribution", "of the city"),
+        lambda ctx: setattr(ctx.graph.graph, "scenery", "helsinki"),
+        lambda ctx: ctx.graph.graph.clear(),
+    ],
+)
+def test_a_map_that_has_changed_is_packed_again_and_one_that_is_restored_is_as_before(ctx, fill, change):
+    fill(ctx)
+    storage = ctx.graph.storage
+    before, packed = storage.snapshot(), storage.pack()
+    change(ctx)
+    assert storage.pack() == map_file.encode(storage.contents()) != packed
+    storage.restore(before)
+    assert storage.pack() == map_file.encode(storage.contents())
+
+
 def test_a_file_replaces_graph_and_obstacles(ctx, graph, saved, everything):
     before = everything(ctx)
     graph.add_node({"id": 77, "x": 0.0, "y": 0.0})

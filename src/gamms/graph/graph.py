@@ -83,6 +83,7 @@ class Graph(Guarded, IGraph):
     @attribution.setter
     def attribution(self, attribution: str | None) -> None:
         self._store.attribution = records.as_text(attribution, "graph.attribution")
+        self._store.revision += 1
 
     @property
     def scenery(self) -> str | Scenery | None:

@@ -37,6 +37,7 @@ class MapSnapshot(NamedTuple):
     revision: int
     obstacle_revision: int
     visibility_rows: Cache
+    packed: list[bytes]  # of this map, once one of the contexts that share this list has packed it
     place_state: Any  # the state of the stream that `place` draws from; None: nothing was drawn
 
 
@@ -56,6 +57,7 @@ class MapStorage(Guarded, IMapStorage):
         self._place_stream: Generator | None = None
         self._restored: dict[int, int] = {}  # revision of a snapshot -> the one that is equal, since it was restored
         self._restored_obstacles: dict[int, int] = {}  # likewise
+        self._packed: tuple[tuple[int, int], list[bytes]] = ((-1, -1), [])  # see `_now` and `_packed_map`
 
     def contents(self) -> "SavedMap":
         """Return all that a file holds."""
@@ -71,10 +73,23 @@ class MapStorage(Guarded, IMapStorage):
         self._obstacles.replace(contents.faces)
 
     def pack(self) -> bytes:
-        """Return graph, obstacles, CRS and attributes as the bytes that `save` writes."""
+        """Return graph, obstacles, CRS and attributes as the bytes that `save` writes; they are made once for a map."""
         from gamms.graph import map_file
 
-        return map_file.encode(self.contents())
+        packed = self._packed_map()
+        if not packed:
+            packed.append(map_file.encode(self.contents()))
+        return packed[0]
+
+    def _packed_map(self) -> list[bytes]:
+        """Return the list of what `pack` has returned for the map as it is now: none or one."""
+        if self._packed[0] != (now := self._now()):
+            self._packed = now, []
+        return self._packed[1]
+
+    def _now(self) -> tuple[int, int]:
+        """Return what differs after every change of the map."""
+        return self._store.revision, self._obstacles.revision
 
     def pack_savable(self) -> tuple[bytes, LeftOut]:
         """Return what `pack` returns, without the attributes that are no plain values, and which these are."""
@@ -108,6 +123,7 @@ class MapStorage(Guarded, IMapStorage):
             store.revision,
             self._obstacles.revision,
             self.visibility_rows,
+            self._packed_map(),
             None if stream is None else stream.bit_generator.state,
         )
 
@@ -122,6 +138,7 @@ class MapStorage(Guarded, IMapStorage):
         if obstacles.revision not in known:
             obstacles.put(before.obstacles)
             self._restored_obstacles = {before.obstacle_revision: obstacles.revision}
+        self._packed = self._now(), before.packed
         self._place_stream = None
         if before.place_state is not None:
             self.place_stream().bit_generator.state = before.place_state
@@ -132,6 +149,7 @@ class MapStorage(Guarded, IMapStorage):
         self._store.replace(snapshot.columns, snapshot.attribution, snapshot.scenery, snapshot.closed)
         self._obstacles.put(snapshot.obstacles)
         self.visibility_rows = snapshot.visibility_rows
+        self._packed = self._now(), snapshot.packed
 
     @refused_while_deciding
     def place_stream(self) -> "Generator":
