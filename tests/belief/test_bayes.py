@@ -379,6 +379,16 @@ def test_an_empty_node_in_view_does_not_rule_out_the_edges_behind_it():
         assert by_metres.probability("a") == {1: 0.5, 3: 0.5}
 
 
+def test_a_likelihood_of_nodes_counts_on_an_edge_by_the_greater_one_of_its_ends():
+    with street() as ctx:
+        filter = belief.Filter(ctx, belief.random_walk(), ["a"], metres=4.0)
+        filter.update(found={"a": 0})
+        filter.predict()  # half of it has stayed, and half is on the way to node 1
+        assert filter.weigh(np.array([[0.2], [0.6], [1.0], [1.0], [1.0]])) == pytest.approx([0.4])
+        filter.predict(2)
+        assert filter.probability("a") == pytest.approx({0: 0.25, 1: 0.75}, abs=1e-9)
+
+
 def test_a_target_of_speed_0_stays_and_an_endless_one_is_on_nodes():
     with street() as ctx:
         for metres, expected in ((0.0, {2: 1.0}), (float("inf"), {1: 1 / 3, 2: 1 / 3, 3: 1 / 3})):
@@ -386,3 +396,23 @@ def test_a_target_of_speed_0_stays_and_an_endless_one_is_on_nodes():
             filter.update(found={"a": 2})
             filter.predict()
             assert filter.probability("a") == pytest.approx(expected)
+
+
+def test_an_agent_that_is_seen_within_a_turn_was_not_so_far_when_the_turn_began():
+    with street() as ctx:
+        ctx.game.decide = "arrival"
+        eyes = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=0)
+
+        def watch(state):
+            belief.observe(ctx, state)
+            state["action"] = 4 if state["curr_pos"] == 3 else 3
+
+        spy = {"team": "red", "sensors": {"eyes": eyes}, "strategy": watch, "speed": 20 / 3}
+        ctx.agent.create_agent("spy", start_node_id=3, **spy)  # at node 4 in the middle of turn 1
+        prey = {"team": "blue", "strategy": lambda state: state.update(action=1), "speed": 4.0}
+        ctx.agent.create_agent("prey", start_node_id=0, **prey)
+        ctx.game.add(lambda ctx: setattr(eyes, "range", 50 * (ctx.game.turn == 1)), phase="before")
+        ctx.game.run(2)
+        known = belief.belief_of(ctx, "spy")
+        assert known.last_seen["prey"].offset_m == pytest.approx(6.0)
+        assert known.probability("prey") == pytest.approx({0: 1.0})  # 4 m, then 8 m of 10

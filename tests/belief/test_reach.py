@@ -179,6 +179,21 @@ def test_an_edge_that_was_closed_counts_for_the_time_when_it_was_open(make_ctx, 
     assert found == [{0}, {1}, {1, 2}, {1, 2}, {1, 2}]
 
 
+def test_an_edge_that_was_closed_at_the_first_node_counts_as_any_other(make_ctx, add):
+    ctx, found = make_ctx(4), []
+    add(ctx, "spy", 1, "red", sight=0.0, strategy=watching(ctx, found))
+    add(ctx, "prey", 1, "blue", strategy=lambda state: state.update(action=0))
+
+    @ctx.game.add(phase="before")
+    def close(ctx):
+        if ctx.game.turn == 1:
+            for id in (0, 1):  # between nodes 0 and 1
+                ctx.graph.graph.remove_edge(id)
+
+    ctx.game.run(2)
+    assert found == [{1}, {0, 2}]
+
+
 def test_an_edge_that_was_open_long_ago_is_not_forgotten_with_what_was_seen_then(make_ctx, add):
     ctx, found = make_ctx(4), []
 
