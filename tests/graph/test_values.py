@@ -66,6 +66,17 @@ def test_a_linestring_is_the_polyline(values):
     assert values[2].linestring is values[2].linestring
 
 
+def test_a_linestring_that_is_straight_between_the_nodes_takes_no_memory(ctx):
+    ctx.graph.add_nodes([7, 8, 9], [0.0, 10.0, 20.0], [0.0, 5.0, 0.0])
+    graph, bent = ctx.graph.graph, [(10.0, 5.0), (20.0, 9.0), (20.0, 0.0)]
+    graph.add_edge({"id": 1, "source": 8, "target": 9, "length": 1.0, "linestring": [(10.0, 5.0), (20.0, 0.0)]})
+    assert not ctx.graph.columns().polylines
+    graph.update_edge({"id": 1, "linestring": bent})
+    assert [line.tolist() for line in ctx.graph.columns().polylines.values()] == [[list(xy) for xy in bent]]
+    graph.update_edge({"id": 1, "linestring": [(10.0, 5.0), (20.0, 0.0)]})
+    assert not ctx.graph.columns().polylines
+
+
 def test_a_value_stays_what_it_was(any_ctx, fill):
     graph = fill(any_ctx)
     seen = graph.within(1, 100.0)

@@ -127,11 +127,6 @@ class Visibility(Shareable, IVisibility):
         return self._observer_height
 
     @property
-    def nbytes(self) -> int:
-        """How much memory it takes."""
-        return sum(array.nbytes for array in (self._ids, self._offsets, *self.seen, *(self._by_target or ())))
-
-    @property
     def is_current(self) -> bool:
         """Whether nodes and obstacles are still those that it is of."""
         return self._fingerprint.is_current
