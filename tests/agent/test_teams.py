@@ -64,6 +64,16 @@ def test_values_are_set_where_a_mask_says(ctx):
         team["fule"]
 
 
+def test_a_deleted_member_stays_in_its_team(ctx):
+    team = ctx.agent.create_team("red", [3, 4, 5], columns={"fuel": 5})
+    ctx.agent.delete_agent("red_1")
+    assert (len(team), team.node_ids.tolist(), team.alive.tolist()) == (3, [3, 4, 5], [True, True, True])
+    team.set("speed", [2, 3, 4])
+    team.set("fuel", 7, where=[False, True, True])
+    assert (team["speed"].tolist(), team["fuel"].tolist()) == ([2, 3, 4], [5, 7, 7])
+    assert [agent.speed for agent in ctx.agent.agents.values()] == [2, 4]
+
+
 def test_all_move_or_none(ctx):
     team = ctx.agent.create_team("red", [0, 12])
     for _ in range(20):

@@ -67,6 +67,14 @@ def test_a_sensor_that_several_agents_carry_looks_for_the_one_that_asks(ctx, two
     assert agents[1].get_state()["sensor"]["s"][1] == {"c": 2}
 
 
+def test_a_shared_sensor_under_two_names_stays_shared_without_one_of_them(ctx, two):
+    sensor = ctx.sensor.create_sensor("s", SensorType.AGENT)
+    for agent, name in ((two[0], "s"), (two[0], "again"), (two[1], "s")):
+        agent.register_sensor(name, sensor)
+    two[0].deregister_sensor("again")
+    assert two[0].get_state()["sensor"] == {"s": (SensorType.AGENT, {"b": 1})}
+
+
 def test_a_shared_arc_looks_where_the_agent_that_asks_is_heading(ctx, two):
     sensor = ctx.sensor.create_sensor("s", SensorType.ARC, sensor_range=99.0, fov=1.0)
     for agent, heading in zip(two, [(1.0, 0.0), (-1.0, 0.0)], strict=True):
