@@ -118,6 +118,9 @@ def test_merged_junctions_are_reported(town):
 def test_pieces_are_within_their_bounds(town):
     found = report(graph_from_file(town, 10.0, tolerance=0.0), town)
     assert 7.5 <= found.piece_min <= found.piece_max <= 12.5
+    assert found.spacing_kept
+    finer = report(graph_from_file(town, 10.0, tolerance=0.0), town, resolution=20.0)  # whole roads are short enough
+    assert (finer.piece_max < 15.0, finer.spacing_kept) == (True, False)
 
 
 def test_parallel_roads_are_counted(make_map, cross):
