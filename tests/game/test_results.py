@@ -3,6 +3,7 @@
 import json
 import re
 import sys
+from time import perf_counter
 
 import numpy as np
 import pytest
@@ -51,6 +52,15 @@ def test_a_result_says_what_came_of_the_game(ctx, play):
     }
     assert set(result.timings) == {"decide", "resolve", "apply", "rules", "draw"}
     assert min(result.timings.values()) >= 0.0
+
+
+@pytest.mark.parametrize("conflicts", [None, gamms.rules.Conflicts()])
+def test_the_timings_of_a_game_add_up_to_no_more_than_it_took(ctx, play, conflicts):
+    play("a", 0, 1, 5, team="red")
+    ctx.game.conflicts = conflicts
+    began = perf_counter()
+    timings = ctx.game.run(3).timings
+    assert 0.0 < sum(timings.values()) <= perf_counter() - began
 
 
 def test_tables_have_columns_of_plain_types(ctx, play):

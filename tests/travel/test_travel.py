@@ -105,6 +105,19 @@ def test_on_the_way_back_it_looks_back():
     assert x_of(anna) == pytest.approx(6.0)
 
 
+def test_a_refused_move_blocks_one_that_goes_and_none_that_stays():
+    def rule(ctx):
+        """Refuse all moves."""
+
+    rule.check = lambda ctx: [ctx.game.refuse(name, "the road is closed") for name in ("anna", "ben")]
+    with road(0, 90) as ctx:
+        anna, ben = agent(ctx, "anna", 0, 1, speed=10.0), agent(ctx, "ben", 1, 1, speed=10.0)
+        ctx.game.add(rule)
+        ctx.game.run(2)
+        assert [one.seen[1]["blocked"] for one in (anna, ben)] == ["the road is closed", None]
+        assert [count["blocked"] for count in ctx.game.result().agents.values()] == [2, 0]
+
+
 def test_no_agent_turns_round_on_a_one_way_road():
     ctx = road(0, 90, 180, one_way={(0, 1)})
     anna = agent(ctx, "anna", 0, 1, 0, speed=10.0)

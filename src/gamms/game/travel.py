@@ -283,8 +283,6 @@ class Travel:
                     legs.append(self._leg(step.road, step.begin, end, now, 1.0))
                     motion = Motion.FORWARD if step.end > step.begin else Motion.BACK
                     return self._ended(path, times, legs, Progress(*step.road[1:3], end, step.road.edge, motion))
-                if 0.0 < step.begin < 1.0:  # it is on the edge, and stays there
-                    return self._ended(path, times, legs, place)
                 break
             until = now + takes if now + takes < 1.0 - ROUNDED else 1.0
             legs.append(self._leg(step.road, step.begin, step.end, now, until))
