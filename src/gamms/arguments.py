@@ -223,7 +223,7 @@ def as_text(value: object, name: str, form: str = "a string") -> str:
     if not isinstance(value, str):
         raise BadType(f"{name} must be {form}, not {shown(value)} ({type(value).__name__}).")
     text = str.__str__(value)
-    if any("\ud800" <= one <= "\udfff" for one in text):
+    if not text.isascii() and any("\ud800" <= one <= "\udfff" for one in text):
         raise BadValue(f"{name} must be valid Unicode, not {shown(value)}: it has a lone surrogate.")
     return text
 
