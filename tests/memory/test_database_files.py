@@ -10,6 +10,7 @@ import pytest
 from gamms.errors import BadFile, BadValue
 from gamms.ir import packing
 from gamms.memory import PathLike, SqliteStore
+from gamms.memory.database import Database
 
 SCHEMA = {"id": int, "a b": list, "X": float}
 
@@ -271,6 +272,18 @@ def test_pages_that_refer_to_each_other_are_not_read_for_ever(rows_of, database)
     again.create_map("m", {"id": int}, "id")
     with pytest.raises(BadFile, match="far longer to read than its size explains"):
         rows_of(again, "m")
+
+
+def test_a_longer_file_may_take_more_steps(tmp_path):
+    steps = "WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n LIMIT 250000) SELECT count(*) FROM n"
+    for size in (100, 500_000):
+        path = str(tmp_path / f"{size}.db")
+        with contextlib.closing(sqlite3.connect(path)) as connection, connection:
+            connection.execute("CREATE TABLE filled AS SELECT zeroblob(?)", (size,))
+        database = Database(path)
+        with contextlib.nullcontext() if size > 100 else pytest.raises(BadFile, match="far longer to read"):
+            assert database.read(steps) == [(250_000,)]
+        database.abandon()
 
 
 def test_no_flipped_byte_leaks_an_error_of_sqlite(rows_of, database):
