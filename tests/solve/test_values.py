@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from solved_games import GRAPHS, PURSUIT, in_turns, matrix_value, neighbours, pursuit, scene, simultaneous
 
+import gamms
 from gamms import kernels
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.solve import solve
@@ -56,6 +57,14 @@ def test_a_robber_on_a_path_is_caught_after_as_many_turns_as_it_is_long():
     assert solution.value == -4.0
     played = scenario.play(strategies={team: solution.strategy(team) for team in ("cops", "robbers")})
     assert (played.turns, played.winner) == (4, "cops")
+
+
+@pytest.mark.parametrize("settings", [{}, TURNS])
+def test_a_team_does_not_put_off_what_it_can_have_in_any_turn_that_is_left(settings):
+    scenario = pursuit("path", [0], [3], turns=12, settings=settings)
+    cops = solve(scenario, team="cops", reward="win").strategy("cops")
+    result = scenario.play(strategies={"cops": cops, "robbers": gamms.strategies.stay})
+    assert (result.turns, result.winner) == (3, "cops")
 
 
 def test_matching_pennies_are_drawn_with_the_shares_of_the_equilibrium():
