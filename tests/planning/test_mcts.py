@@ -4,6 +4,7 @@ import gc
 import subprocess
 import sys
 from itertools import count
+from math import exp
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ import pytest
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.planning import mcts
+from gamms.planning.mcts import _Node, _Trials
 from gamms.scenario import load
 
 DATA = Path(gamms.__file__).parent / "data" / "gallery"
@@ -127,6 +129,25 @@ def test_what_another_action_brings_is_compared_in_the_same_world(line):
     line.agent.get_agent("ann").register_strategy(search)
     line.game.run(4)
     assert line.agent.get_agent("ann").current_node_id == 4
+
+
+def test_of_actions_that_bring_as_much_the_one_that_was_tried_less_is_tried_next():
+    trials = _Trials(4)
+    assert [trials.next() for action in (1, 2, 3) for _ in [trials.note(action, 1.0)]] == [2, 3, 1]
+    for action in (1, 1, 2):
+        trials.note(action, 1.0)
+    assert trials.next() == 3
+    for action in (2, 3, 3):
+        trials.note(action, 2.0 if action == 2 else 1.0)
+    assert trials.next() == 2  # all were tried thrice
+
+
+def test_exp3_chooses_as_auer_cesa_bianchi_freund_and_schapire_have_it():
+    node = _Node()
+    node.offer(["a", "b", "c"])
+    node.weights = [0.0, 12.0, -3.0]
+    shares = [exp(0.2 / 3 * gain) for gain in node.weights]
+    assert node.chances() == pytest.approx([0.8 * share / sum(shares) + 0.2 / 3 for share in shares])
 
 
 def test_agents_try_their_actions_one_after_another(tag):
