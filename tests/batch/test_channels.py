@@ -137,6 +137,12 @@ def test_impossible_messages_are_refused(arguments, kind, message):
             games.observe("red").send("radio", True, 1)
 
 
+@pytest.mark.parametrize("given", [{}, {"channels": channels()}])
+def test_an_array_strategy_that_plays_alone_hears_no_unknown_channel(given):
+    with pytest.raises(UnknownName, match="Unknown channel 'phone'"):
+        scene([], **given).play(strategies={"blue": gamms.array_strategy(lambda view: view.heard("phone"))})
+
+
 def test_channels_without_an_array_form_are_named():
     with scene([], channels={"radio": {"range_m": 5.0, "max_bytes_per_turn": 9}}).batch(1) as games:
         assert "channel 'radio'" in games.slow

@@ -53,6 +53,11 @@ def test_moves_that_cost_too_much_are_refused(empty, same_as_one_by_one):
         assert games.observe("red")["facts"]["fuel"].shape == (2, 6)
 
 
+def test_agents_that_are_out_of_a_game_by_metres_meet_no_other_on_streets(same_as_one_by_one):
+    scenario = scene([OUT, rule("respawn"), TAG], side=3, settings={"speed_unit": "metres"})
+    same_as_one_by_one(scenario.replace(**{f"teams.{team}.speed": 17.0 for team in ("red", "blue")}), SEEDS)
+
+
 def test_games_that_are_reset_are_paid_for_what_happens_in_them_alone():
     with scene([rule("hold", nodes=list(range(25)), turns=1, ends=False), TAG, rule("payoff", table=PAY)]).batch(
         2

@@ -82,6 +82,12 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
         assert games.slow.startswith("unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges")
 
 
+def test_mates_of_another_speed_confine_one_in_arrays_as_alone(same_as_one_by_one):
+    more = {"teams.red.speed": 3, "teams.red.count": 6, "teams.blue.count": 1, "max_turns": 8}
+    scenario = hunted(sight={"sensor_range": 99.0}).replace(**more)
+    same_as_one_by_one(scenario, [1, 2], {"red": MADE["intercept"], "blue": MADE["flee"]})
+
+
 @pytest.mark.parametrize("settings", [{}, {"team_memory": False}, {"order": [["red"], ["blue"]]}])
 def test_teams_share_in_arrays_what_they_share_alone(settings):
     sight = {"position_noise_m": 8.0, "detection": 0.7}
@@ -99,6 +105,16 @@ def test_teams_share_in_arrays_what_they_share_alone(settings):
             for number, seed in enumerate(games.seeds):
                 alone.game.reset(seed=seed)
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_agents_turn_round_on_the_only_street_in_arrays_as_alone(same_as_one_by_one):
+    to_and_fro = {
+        team: lambda ctx, nodes=nodes: mix(0.5, *(goto(ctx, node) for node in nodes))
+        for team, nodes in (("red", (0, 1)), ("blue", (1, 0)))
+    }
+    scenario = hunted({"grid": {"width": 2, "height": 1}}, settings={"speed_unit": "metres"}).replace(rules=[])
+    more = {f"teams.{team}.{name}": value for team in to_and_fro for name, value in (("speed", 3.0), ("count", 1))}
+    same_as_one_by_one(scenario.replace(**more), [1, 2], to_and_fro)
 
 
 def test_actions_of_agents_with_speeds_are_numbers_of_all_nodes_in_reach():

@@ -255,6 +255,18 @@ def test_contacts_within_metres_and_in_a_straight_line_are_exact():
     assert met == [(4, unit, pytest.approx(0.75)) for unit in ("metres", "euclid")]
 
 
+def test_contacts_with_one_that_goes_round_a_bend_are_exact():
+    ctx, met = road(0, 40), []
+    bent = {"length": 60.0, "linestring": [(0, 0), (0, 10), (40, 10), (40, 0)]}
+    ctx.graph.graph.update_edge({"id": 0, "source": 0, "target": 1, **bent})
+    ctx.graph.graph.add_node({"id": 9, "x": 5.0, "y": 14.0})
+    agent(ctx, "anna", 0, 1, speed=30.0, team="a")
+    agent(ctx, "bert", 9, None, speed=30.0, team="b")
+    ctx.game.add(lambda ctx: met.extend(one.time for one in contacts(ctx, "a", "b", euclid=5.0)))
+    ctx.game.step()
+    assert met == [pytest.approx(0.4)]  # 2 m behind the bend
+
+
 def test_a_goal_is_reached_by_who_stands_on_its_node_and_not_by_who_is_on_the_way():
     ctx = road(0, 90, 180)
     agent(ctx, "anna", 1, 2, speed=10.0, team="a")
@@ -292,6 +304,14 @@ def test_who_is_on_an_edge_that_closes_is_back_at_the_node_it_passed_last():
     ctx.game.run(1)
     assert (anna.xy, anna.edge) == ((0.0, 0.0), None)
     assert anna.seen[2]["blocked"] == "the edge from node 0 to node 1 was closed"
+
+
+def test_a_way_that_closes_before_agents_move_stops_those_that_were_to_go_it():
+    ctx = road(0, 90, 180)
+    agents = [agent(ctx, "anna", 0, 1, speed=10.0), agent(ctx, "bert", 2, 1, speed=10.0)]
+    ctx.game.add(lambda ctx: ctx.graph.graph.remove_edge(0), phase="deeds")  # from node 0 to node 1
+    ctx.game.step()
+    assert [x_of(one) for one in agents] == [0.0, pytest.approx(170.0)]
 
 
 def test_one_that_is_taken_out_of_the_game_stays_where_it_was():
