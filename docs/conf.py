@@ -35,6 +35,7 @@ html_theme = "furo"
 html_title = f"GAMMS {version}"
 html_static_path = ["_static"]
 html_css_files = ["site.css"]
+html_search_scorer = str(DOCS / "search_scorer.js")
 html_copy_source = False
 html_show_sphinx = False
 html_show_copyright = False

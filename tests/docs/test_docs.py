@@ -5,6 +5,7 @@ is shown on it, from the folder `docs/figures/<page>`, and is what the code make
 examples' `.out` and these pictures again.
 """
 
+import json
 import logging
 import os
 import re
@@ -92,6 +93,17 @@ def test_every_page_can_be_reached_from_the_index():
     shown = [page for page in PAGES if page.is_relative_to(DOCS) and page.parent != pages.EXAMPLES]
     missing = [pages.name_of(page) for page in shown if page not in reached]
     assert not missing, f"no way leads from docs/index.md to {missing}"
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="Node.js is not installed")
+def test_the_search_of_the_site_ranks_guides_before_decisions_and_changes():
+    scorer = DOCS / "search_scorer.js"
+    assert f'html_search_scorer = str(DOCS / "{scorer.name}")' in (DOCS / "conf.py").read_text(encoding="utf-8")
+    found = [["decisions/0012-a-journal", 40], ["changelog", 40], ["recording", 2], ["howto/debugging", 2]]
+    rank = f"{json.dumps(found)}.map(([page, score]) => Scorer.score([page, 'title', '', null, score]))"
+    shown = f"{scorer.read_text(encoding='utf-8')}; console.log(JSON.stringify({rank}))"
+    scores = json.loads(subprocess.run(["node", "-e", shown], capture_output=True, check=True).stdout)
+    assert max(scores[:2]) < min(scores[2:]) == 2
 
 
 def test_one_line_installs_the_extras_of_all_tutorials():
