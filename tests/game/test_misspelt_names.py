@@ -20,6 +20,22 @@ def test_notes_of_a_rule_have_no_place_on_the_game_itself(ctx):
         ctx.game.hideouts = {}
 
 
+def test_scores_that_look_like_those_of_a_team_or_an_agent_are_warned_about_once(ctx, heard):
+    ctx.agent.create_agent("anna", start_node_id=0, team="red", strategy=stay)
+
+    @ctx.game.add
+    def score(ctx):
+        for key in ("red", "anna", "rde", "ana", "met", 7, (1, 2)):
+            ctx.game.scores[key] += 1
+
+    assert ctx.game.run(2).scores["rde"] == 2
+    ctx.game.run(2)
+    assert heard == [
+        "Scores of 'ana' are of no team and no agent. Did you mean 'anna'?",
+        "Scores of 'rde' are of no team and no agent. Did you mean 'red'?",
+    ]
+
+
 @pytest.mark.parametrize("maker", [tag, time_limit, capture_flag, last_team])
 def test_a_maker_of_rules_that_was_not_called_is_refused(ctx, maker):
     with pytest.raises(TypeError, match=rf"{maker.__name__} makes such a function: call it, {maker.__name__}\(…\)"):

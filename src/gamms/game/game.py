@@ -13,7 +13,7 @@ from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
 from gamms.game.private import copy_known
 from gamms.game.random_streams import GlobalRandom
-from gamms.game.result import Collectors, Result, what_went_wrong
+from gamms.game.result import Collectors, Result, misspelt_scores, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
@@ -252,7 +252,7 @@ class Game(RuleVerbs):
 
     @refused_while_deciding
     def run(self, max_turns: int | None = None, progress: bool = False) -> Result:
-        """Play until a rule ends the game, or for so many turns; warn once if strategies have erred.
+        """Play until a rule ends the game, or for so many turns; warn if strategies have erred or scores look misspelt.
 
         With a seed given to the context or to `reset`, the global `random` and `numpy.random` are seeded for the game,
         too, and afterwards as they were before.
@@ -271,7 +271,7 @@ class Game(RuleVerbs):
         last = self._state.last_turn = self.max_turns if turns is None else self.turn + turns
         if last is None and not self.rules:
             raise BadValue("This game has no rule that could end it: give run(max_turns=…) or add a rule.")
-        known = len(self.errors)
+        known, scored = len(self.errors), set(self._state.scores)
         of = "" if last is None else f" of {last}"
         with self._global_random.of(self.ctx), progress_line() as show:
             while (last is None or self._state.turn < last) and self._take_turn():
@@ -279,6 +279,9 @@ class Game(RuleVerbs):
                     show(f"turn {self._state.turn}{of}")
         if len(self.errors) > known:
             self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
+        if new := self._state.scores.keys() - scored:
+            for sentence in misspelt_scores(new, [*self.ctx.agent.teams, *self._state.players]):
+                self.ctx.logger.warning(sentence)
         return self.result()
 
     def result(self) -> Result:

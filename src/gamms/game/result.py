@@ -3,7 +3,7 @@
 import json
 import os
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from html import escape
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_choice, as_key, as_path, as_text
-from gamms.errors import BadFile, BadType, Duplicate, MissingFolder, UnknownName
+from gamms.errors import BadFile, BadType, Duplicate, MissingFolder, UnknownName, nearest
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.messages import message_table
@@ -264,6 +264,15 @@ def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
+def misspelt_scores(keys: Iterable[object], names: Iterable[object]) -> list[str]:
+    """Return a sentence for each key of scores that looks like a team or an agent; any other key is right, too."""
+    named = dict.fromkeys(names)
+    others = sorted(key for key in keys if isinstance(key, str) and key not in named)[:_MOST_SCORES]
+    hints = {key: nearest(key, named) for key in others}
+    return [f"Scores of {shown(key)} are of no team and no agent.{hint}" for key, hint in hints.items() if hint]
+
+
+_MOST_SCORES = 16  # keys that are looked at
 _FORMAT = "gamms result 1"
 _BYTES_PER_LETTER = 40  # of memory for each byte of JSON: `{"":0}` takes most
 _Shape = type | tuple[type, ...] | dict[str, Any]
