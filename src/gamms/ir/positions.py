@@ -151,6 +151,12 @@ class Positions:
         return np.delete(rows, list(inactive)) if inactive else rows
 
     @property
+    def living_rows(self) -> list[int]:
+        """The same as a fresh list."""
+        rows, inactive = range(len(self._block)), self._block.inactive
+        return [row for row in rows if row not in inactive] if inactive else list(rows)
+
+    @property
     def by_node(self) -> Mapping[int, set[int]]:
         """Node id -> the rows of the living agents on it; nodes without one are missing, and so are those on edges."""
         self._catch_up()

@@ -428,7 +428,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         """Return where agents are, the rows of those that are seen, ascending, and the look, if one was counted."""
         positions, rows = self._memory.nearby.within(place, self.range)
         if heading != ALL_AROUND:
-            rows = self._ahead(place, rows, positions.nodes, heading)
+            rows = self._ahead(place, rows, positions, heading)
         notice = self._notice
         if notice is not None:
             rows = notice.wanted(rows, positions.teams)
@@ -456,15 +456,15 @@ class AgentSensor(DetectingSensor, GroundSensor):
             seen += _selected(between, is_unhidden(self.ctx, place, places, height, tunnel))
         return sorted(seen)
 
-    def _ahead(self, place: Place, rows: list[int], nodes: Sequence[int], heading: Heading) -> list[int]:
+    def _ahead(self, place: Place, rows: list[int], positions: Positions, heading: Heading) -> list[int]:
         """Return those rows whose agents are in the field of view."""
-        if len(rows) > _FEW or self.ctx.agent.positions.travellers:
+        if len(rows) > _FEW or positions.travellers:
             dx, dy = self._offsets(place, rows).T
             return _selected(rows, kernels.in_cone(dx, dy, heading, self.fov))
-        x0, y0 = coordinates(self.ctx, place)
-        places = [self.ctx.graph.graph.get_node(nodes[row]) for row in rows]
-        ahead = [kernels.is_in_cone(x - x0, y - y0, heading, self.fov) for _, x, y in places]
-        return [row for row, is_in in zip(rows, ahead, strict=True) if is_in]
+        places, nodes = self._memory.nearby.places_of_nodes, positions.nodes
+        origin = places[place] if type(place) is int else coordinates(self.ctx, place)
+        are_in = kernels.points_in_cone([places[nodes[row]] for row in rows], origin, heading, self.fov)
+        return [row for row, is_in in zip(rows, are_in, strict=True) if is_in]
 
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
         offsets: FloatArray = self._memory.nearby.xy(rows) - coordinates(self.ctx, place)

@@ -40,8 +40,23 @@ class Coordinates(NamedTuple):
     is_outside: BoolArray  # (agents,)  not in a tunnel
 
 
+class PlacesOfNodes(dict[int, tuple[float, float]]):
+    """Node id -> (x, y), of nodes that were asked for."""
+
+    def __init__(self, ctx: IContext) -> None:
+        self._ctx = ctx
+
+    def __missing__(self, node: int) -> tuple[float, float]:
+        place = self[node] = coordinates(self._ctx, node)
+        return place
+
+
 class NearbyAgents:
-    """The agents of one context, as sensors find them."""
+    """The agents of one context, as sensors find them.
+
+    Attributes:
+        places_of_nodes: where nodes are; valid after a question of who is near.
+    """
 
     def __init__(self, ctx: IContext, views: Views) -> None:
         self._ctx, self._phase = ctx, phase_of(ctx)
@@ -59,6 +74,7 @@ class NearbyAgents:
         self._revision: int | None = None  # of the graph that the discs are of
         self._discs: dict[float, dict[Place, Collection[int] | None]] = {}
         self._ids: dict[int, int] = {}  # one object per id
+        self.places_of_nodes = PlacesOfNodes(ctx)
         self._kept = 0
 
     def places(self) -> FloatArray:
@@ -141,8 +157,9 @@ class NearbyAgents:
         """
         positions = self._catch_up()
         if radius == inf:
-            self._checked_place(place)
-            return positions, positions.living.tolist()
+            if type(place) is not int or place not in self.places_of_nodes:
+                self._checked_place(place)
+            return positions, positions.living_rows
         looks = self._looks.get(radius)
         if looks is None:
             looks = self._looks[radius] = LooksAtRange()
@@ -198,6 +215,7 @@ class NearbyAgents:
         self._looks.clear()
         self._discs.clear()
         self._ids.clear()
+        self.places_of_nodes.clear()
 
     def _disc(self, place: Place, radius: float, *, are_many: bool) -> Collection[int] | None:
         """Return the ids of the nodes in a disc; None where there are too many to remember."""
