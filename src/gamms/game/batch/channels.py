@@ -1,14 +1,13 @@
 """Messages of many games at once: what array strategies send, who hears it, and what is under way."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from itertools import compress
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import GameLog, Roster
+from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
 from gamms.game.batch.routes import RouteTable
 from gamms.game.channels import Channel, Jammer, matching, receivers_of
 from gamms.game.messages import ANTENNA_M
@@ -41,12 +40,11 @@ class Outbox(NamedTuple):
     senders: IntArray
     to: np.ndarray[Any, Any]
     bodies: list[Any]
-    order: int
+    order: IntArray
 
-    def those(self, which: BoolArray) -> "Outbox":
+    def those(self, which: BoolArray | IntArray) -> "Outbox":
         """Return some of the messages."""
-        bodies = list(compress(self.bodies, which.tolist()))
-        return self._replace(at=self.at[which], senders=self.senders[which], to=self.to[which], bodies=bodies)
+        return some_rows(self, which)
 
 
 class Heard(NamedTuple):
@@ -81,11 +79,6 @@ class _Sent(NamedTuple):
     place: IntArray  # of several messages of a game and turn, that with the smaller number comes first
     outcome: IntArray
     arrival: IntArray
-
-    def those(self, which: BoolArray) -> "_Sent":
-        bodies = [body for body, is_in in zip(self.bodies, which.tolist(), strict=True) if is_in]
-        columns = {name: getattr(self, name)[which] for name in self._fields if name not in ("channel", "bodies")}
-        return self._replace(bodies=bodies, **columns)
 
 
 class Scene(NamedTuple):
@@ -166,43 +159,35 @@ class Radio(GameLog[list[_Sent]]):
         for number in np.unique(team_of[senders]).tolist():
             if not self.channels[channel].is_for(self._roster.teams[number]):
                 raise BadValue(f"Channel {channel!r} is not for team {shown(self._roster.teams[number])}.")
-        receivers = np.empty(len(at), object)
+        receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
-            receivers[:] = [self._roster.names[number] for number in np.broadcast_to(to, where.shape)[at, which]]
-        else:
-            if to is not None and not receivers_of(_as_key(to), self._teams):
-                raise UnknownName("agent or team", to, [*self._teams, *self._roster.teams])
-            receivers[:] = [to] * len(at)
+            receivers = [self._roster.names[number] for number in np.broadcast_to(to, where.shape)[at, which]]
+        elif to is not None and not receivers_of(_as_key(to), self._teams):
+            raise UnknownName("agent or team", to, [*self._teams, *self._roster.teams])
         bodies = body[at, which].tolist() if isinstance(body, np.ndarray) else [body] * len(at)
         for one in bodies if isinstance(body, np.ndarray) and body.dtype == object else [body] * (len(at) > 0):
             if not isinstance(one, np.ndarray) and (flaw := why_not_plain(one)):
                 raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts: body{flaw}.")
-        return Outbox(channel, games[at], senders, receivers, bodies, order)
+        order_of_each, to_each = np.full(len(at), order), np.fromiter(receivers, object, len(at))
+        return Outbox(channel, games[at], senders, to_each, bodies, order_of_each)
 
     def send(self, scene: Scene, outboxes: Sequence[Outbox]) -> None:
         """Work out who hears what is sent in these games; what dead agents send is dropped."""
-        number = np.full(len(self._of_game), -1)
-        number[scene.games] = np.arange(len(scene.games))
-        sent: list[_Sent] = []
+        number, sent = places_of(scene.games, len(self._of_game)), list[_Sent]()
         for name in self.channels:
             boxes = [box for box in outboxes if box.channel == name]
             if not boxes:
                 continue
-            at, senders, to = (np.concatenate([getattr(box, key) for box in boxes]) for key in ("at", "senders", "to"))
-            order = np.concatenate([np.full(len(box.at), box.order) for box in boxes])
-            bodies = [body for box in boxes for body in box.bodies]
-            at = number[at]
-            those = np.flatnonzero((at >= 0) & scene.alive[at, senders])
-            those = those[np.lexsort((order[those], senders[those], at[those]))]
+            box = joined_rows(boxes)
+            at = number[box.at]
+            those = np.flatnonzero((at >= 0) & scene.alive[at, box.senders])
+            box = box.those(those[np.lexsort((box.order[those], box.senders[those], at[those]))])
             if len(those):
-                at, senders, order = at[those], senders[those], order[those]
-                wave = _Waves(self, self.channels[name], scene, at, senders, to[those])
-                place = (self._part_of[senders] * len(self._roster.names) + senders) * _MOST_AT_ONCE + order
-                chosen = [bodies[row] for row in those.tolist()]
+                at, senders = number[box.at], box.senders
+                wave = _Waves(self, self.channels[name], scene, at, senders, box.to)
+                place = (self._part_of[senders] * len(self._roster.names) + senders) * _MOST_AT_ONCE + box.order
                 turns = scene.turns[at] + 1
-                outcome, arrival = wave.outcomes(turns)
-                games = scene.games[at]
-                sent.append(_Sent(name, games, turns, senders, to[those], chosen, place, outcome, arrival))
+                sent.append(_Sent(name, box.at, turns, senders, box.to, box.bodies, place, *wave.outcomes(turns)))
         self._pending.append(sent)
         for one in sent:
             last = int((one.arrival - one.turns[:, None]).max(initial=0))
@@ -220,9 +205,8 @@ class Radio(GameLog[list[_Sent]]):
         """
         if channel not in self.channels:
             raise UnknownName("channel", channel, self.channels)
-        number = np.full(len(self._of_game), -1)
-        number[games] = np.arange(len(games))
-        found: list[list[Any]] = []
+        number, none = places_of(games, len(self._of_game)), np.zeros(0, np.int64)
+        found, places = [Heard(none, none, none, [], none, none > 0)], [none]
         for _, sent in self._under_way:
             if sent.channel != channel:
                 continue
@@ -232,16 +216,11 @@ class Radio(GameLog[list[_Sent]]):
             rows, columns = np.nonzero(arrives[:, agents] & asked[at])
             overheard = sent.outcome[rows, agents[columns]] == _OVERHEARD
             bodies = [sent.bodies[row] for row in rows.tolist()]
-            columns_of = at[rows], columns, sent.turns[rows], sent.place[rows], overheard, sent.senders[rows], bodies
-            found.append(list(columns_of))
-        if not found:
-            none = np.zeros(0, np.int64)
-            return Heard(none, none, none, [], none, none > 0)
-        at, hearers, since, place, overheard, senders = (np.concatenate([one[i] for one in found]) for i in range(6))
-        bodies = [body for one in found for body in one[6]]
-        order = np.lexsort((overheard, place, since, hearers, at))
-        ordered = [bodies[row] for row in order.tolist()]
-        return Heard(at[order], hearers[order], senders[order], ordered, since[order] - 1, overheard[order])
+            found.append(Heard(at[rows], columns, sent.senders[rows], bodies, sent.turns[rows] - 1, overheard))
+            places.append(sent.place[rows])
+        heard = joined_rows(found)
+        keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
+        return some_rows(heard, np.lexsort(keys))
 
     # -- who is meant and where ---------------------------------------------------------------------------------
 
@@ -312,7 +291,7 @@ class Radio(GameLog[list[_Sent]]):
     def forget(self, games: IntArray) -> None:
         """Forget the messages of some games."""
         super().forget(games)
-        self._under_way = [(left, sent.those(~np.isin(sent.at, games))) for left, sent in self._under_way]
+        self._under_way = [(left, some_rows(sent, ~np.isin(sent.at, games))) for left, sent in self._under_way]
 
     def _entries(self, noted: list[_Sent]) -> Iterator[tuple[int, dict[str, Any]]]:
         rows = [row for sent in noted for row in self._written(sent)]

@@ -18,6 +18,44 @@ from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 
 P = TypeVar("P")
+Table = TypeVar("Table", bound=NamedTuple)
+
+
+def some_rows(table: Table, which: Any) -> Table:
+    """Return some rows, a mask or their numbers, of a named tuple of columns: arrays, lists, mappings of columns."""
+    return type(table)(*(_chosen(column, which) for column in table))
+
+
+def _chosen(column: Any, which: Any) -> Any:
+    if isinstance(column, list):
+        rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
+        return [column[row] for row in rows.tolist()]
+    if isinstance(column, Mapping):
+        return {name: _chosen(one, which) for name, one in column.items()}
+    if hasattr(column, "_fields"):
+        return some_rows(column, which)
+    return column[which] if hasattr(column, "shape") else column  # of another library, too
+
+
+def joined_rows(tables: Sequence[Table]) -> Table:
+    """Return the rows of several such tables as one, one table after the other; there is at least one."""
+    return type(tables[0])(*map(_joined, zip(*tables, strict=True))) if len(tables) > 1 else tables[0]
+
+
+def _joined(columns: Sequence[Any]) -> Any:
+    first = columns[0]
+    if isinstance(first, list):
+        return [one for column in columns for one in column]
+    if isinstance(first, Mapping):
+        return {name: _joined([column[name] for column in columns]) for name in first}
+    return np.concatenate(columns) if isinstance(first, np.ndarray) else first
+
+
+def places_of(numbers: IntArray, most: int) -> IntArray:
+    """Return where each number below a limit is in an array, (most,); -1: it is not."""
+    found = np.full(most, -1)
+    found[numbers] = np.arange(len(numbers))
+    return found
 
 
 class GameLog(ABC, Generic[P]):
@@ -169,6 +207,13 @@ class Roster(NamedTuple):
         """Return which agents are of one of these teams, which need not have agents, (agents,); None: all."""
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
         found: BoolArray = is_in[self.team_of]
+        return found
+
+    def are_mates(self, agents: IntArray, others: IntArray) -> BoolArray:
+        """Return which agents are of the same team as others, by numbers that broadcast; of no team (None), none."""
+        is_team = np.array([team is not None for team in self.teams], np.bool_)
+        own = self.team_of[agents]
+        found: BoolArray = (own == self.team_of[others]) & is_team[own]
         return found
 
     def name(self, number: int) -> str:

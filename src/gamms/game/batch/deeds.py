@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadType, BadValue, UnknownName
-from gamms.game.batch.columns import GameLog, Roster
+from gamms.game.batch.columns import GameLog, Roster, joined_rows, some_rows
 from gamms.game.deeds import DeclaredField, field_of
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
@@ -40,20 +40,13 @@ class ArrayDeeds(NamedTuple):
 
     def those(self, which: Any) -> "ArrayDeeds":
         """Return some of the deeds: a mask, or their numbers."""
-        values = {name: column[which] for name, column in self.values.items()}
-        at, agents, nodes, order = self.at[which], self.agents[which], self.nodes[which], self.order[which]
-        return ArrayDeeds(self.kind, at, agents, nodes, order, values)
+        return some_rows(self, which)
 
 
 def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
     """Return deeds of one kind as one; there is at least one part."""
-    if len(parts) == 1:
-        return parts[0]
-    at, agents, nodes, order = (
-        np.concatenate([getattr(part, name) for part in parts]) for name in ("at", "agents", "nodes", "order")
-    )
-    values = {name: np.concatenate([part.values[name] for part in parts]) for name in parts[0].values}
-    return ArrayDeeds(parts[0].kind, at, agents, nodes, order, values).those(np.lexsort((agents, at)))
+    whole = joined_rows(parts)
+    return whole if len(parts) == 1 else whole.those(np.lexsort((whole.agents, whole.at)))
 
 
 class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
@@ -62,9 +55,10 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
     Args:
         declared: deed -> its fields, as `ctx.game.deeds`.
         check: returns the value of a field, plain, or raises; None: nothing is declared.
-        roster: of every game.
-        streets: of all games.
-        num_games: of the batch.
+        roster, streets, num_games: of the batch.
+
+    Attributes:
+        declared: deed -> its fields.
     """
 
     def __init__(
@@ -76,18 +70,8 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         num_games: int,
     ) -> None:
         super().__init__(num_games)
-        self._fields = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
+        self.declared = {deed: {key: field_of(kind) for key, kind in of.items()} for deed, of in declared.items()}
         self._check, self._roster, self._streets = check, roster, streets
-
-    @property
-    def declared(self) -> Mapping[str, Mapping[str, DeclaredField]]:
-        """The deeds that are declared, and the fields of each."""
-        return self._fields
-
-    @property
-    def kinds(self) -> list[str]:
-        """The deeds that are declared."""
-        return list(self._fields)
 
     def checked(
         self, deed: str, fields: Mapping[str, object], where: BoolArray, agents: IntArray, nodes: IntArray, order: int
@@ -125,18 +109,14 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         Raises:
             UnknownName (KeyError): there is no such deed.
         """
-        if deed not in self._fields:
-            raise UnknownName("deed" if self._fields else "deed, as ctx.game.deeds declares none:", deed, self._fields)
-        return self._fields[deed]
+        known = self.declared
+        if deed not in known:
+            raise UnknownName("deed" if known else "deed, as ctx.game.deeds declares none:", deed, known)
+        return known[deed]
 
     def nothing(self, deed: str) -> ArrayDeeds:
         """Return no deeds of a kind."""
-        none = np.zeros((1, 0), np.int64)
-        values = {
-            key: self._column(None, field._replace(is_required=False), key, none > 0, (none[0], none[0]))
-            for key, field in self.fields_of(deed).items()
-        }
-        return ArrayDeeds(deed, *(none[0],) * 4, values)
+        return self._from_plain(deed, [], np.zeros((1, 1), np.int64))
 
     def from_plain(
         self, done: Sequence[tuple[int, int, int, str, Mapping[str, Any]]], nodes: IntArray
@@ -147,25 +127,28 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
             done: game, number of the agent, place among the deeds of that agent, kind, and field -> value.
             nodes: (games, agents) rows of the nodes where agents are.
         """
+        by_kind: dict[str, list[Any]] = {}
+        for one in done:
+            by_kind.setdefault(one[3], []).append(one)
+        return [self._from_plain(kind, sorted(those, key=itemgetter(0, 1)), nodes) for kind, those in by_kind.items()]
+
+    def _from_plain(self, kind: str, done: Sequence[Any], nodes: IntArray) -> ArrayDeeds:
         numbers: dict[str, Callable[[Any], int]] = {
             "agent": self._roster.names.index,
             "node": lambda node: int(self._streets.rows(node)),
         }
-        found = []
-        for kind in dict.fromkeys(one[3] for one in done):
-            those = sorted([one for one in done if one[3] == kind], key=itemgetter(0, 1))
-            at, agents, order = (np.array([one[i] for one in those], np.int64) for i in range(3))
-            values: dict[str, Column] = {}
-            for key, field in self.fields_of(kind).items():
-                given, number = [one[4].get(key) for one in those], numbers.get(field.kind)
-                is_numeric = field.is_required and field.kind in _NUMERIC
-                values[key] = np.empty(len(those), _NUMERIC[field.kind][1] if is_numeric else object)
-                for i, one in enumerate(given if number is None else ()):
-                    values[key][i] = one
-                if number is not None:
-                    values[key] = np.array([-1 if one is None else number(one) for one in given], np.int64)
-            found.append(ArrayDeeds(kind, at, agents, nodes[at, agents], order, values))
-        return found
+        at, agents, order = (np.array([one[i] for one in done], np.int64) for i in range(3))
+        values: dict[str, Column] = {}
+        for key, field in self.fields_of(kind).items():
+            given, number = [one[4].get(key) for one in done], numbers.get(field.kind)
+            if number is not None:
+                values[key] = np.array([-1 if one is None else number(one) for one in given], np.int64)
+                continue
+            is_numeric = field.is_required and field.kind in _NUMERIC
+            values[key] = np.empty(len(done), _NUMERIC[field.kind][1] if is_numeric else object)
+            for i, one in enumerate(given):
+                values[key][i] = one
+        return ArrayDeeds(kind, at, agents, nodes[at, agents], order, values)
 
     def _column(
         self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
@@ -239,7 +222,7 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
 
     def plain(self, deeds: ArrayDeeds, key: str) -> list[Any]:
         """Return the values of a field as scalar forms have them, None where one is left out."""
-        kind, column = self._fields[deeds.kind][key].kind, deeds.values[key]
+        kind, column = self.declared[deeds.kind][key].kind, deeds.values[key]
         if kind not in ("agent", "node"):
             return list(column.tolist())
         known = self._roster.names if kind == "agent" else self._streets.columns.node_ids.tolist()

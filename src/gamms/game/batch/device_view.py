@@ -318,11 +318,8 @@ class DeviceView(ArrayView):
 
     def sees_enemies(self) -> Tensor:
         """Return who sees whom of other teams, (games, agents, all agents); of no team (None) are enemies of all."""
-        roster = self.roster
-        is_team = np.array([team is not None for team in roster.teams], np.bool_)
-        own = roster.team_of[self.agents]
-        is_mate = (own[:, None] == roster.team_of) & is_team[own][:, None]
-        return self.sees() & self.library.put(~is_mate)
+        are_mates = self.roster.are_mates(self.agents[:, None], np.arange(len(self.roster.names)))
+        return self.sees() & self.library.put(~are_mates)
 
     def nodes_of_all(self) -> Tensor:
         """Return the rows of the nodes of all agents of the games, (games, all agents)."""

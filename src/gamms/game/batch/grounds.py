@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of, joined_rows, some_rows
 from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.movement import Movement, Places
 from gamms.game.batch.scalar_rules import RuleContext
@@ -168,24 +168,19 @@ class ViewOfGrounds(ArrayView):
 
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
-        parts = [(games[one.at], one) for games, one in self._each(lambda view: view.looked(names))]
-        at, order = self._order(parts)
-        pairs = (np.concatenate([one[i] for _, one in parts])[order] for i in (2, 3, 4))
-        return Seen((*self.node.shape, len(self.roster.names)), at, *pairs)
+        found: Seen = self._pairs(lambda view: view.looked(names))
+        return found
 
     def seen_nodes(self, *names: str) -> SeenNodes:
         """Return which nodes the sensors show to those in the mask."""
-        parts = [(games[one.at], one) for games, one in self._each(lambda view: view.seen_nodes(*names))]
-        at, order = self._order(parts)
-        pairs = (np.concatenate([one[i] for _, one in parts])[order] for i in (2, 3))
-        return SeenNodes((*self.node.shape, len(self.streets.counts)), at, *pairs)
+        found: SeenNodes = self._pairs(lambda view: view.seen_nodes(*names))
+        return found
 
-    @staticmethod
-    def _order(parts: Sequence[tuple[IntArray, Any]]) -> tuple[IntArray, IntArray]:
-        """Return the games of pairs, ascending, and where these are in the parts."""
-        at = np.concatenate([games for games, _ in parts])
-        order = np.argsort(at, kind="stable")
-        return at[order], order
+    def _pairs(self, asked: Callable[[ArrayView], Any]) -> Any:
+        """Return the pairs that views of the parts give, by game."""
+        whole = joined_rows([found._replace(at=games[found.at]) for games, found in self._each(asked)])
+        in_order = some_rows(whole, np.argsort(whole.at, kind="stable"))
+        return in_order._replace(shape=(*self.node.shape, whole.shape[2]))
 
     def encoded(self, others: int, actions: int | None) -> Vectors:
         """Return vectors of a number of actions; None: of the most that are legal anywhere while all roads are open."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.game.batch.columns import some_rows
 from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.streets import Streets
 from gamms.ir.agents import Progress
@@ -93,11 +94,7 @@ class Paths(NamedTuple):
 
     def of(self, games: IntArray) -> "Paths":
         """Return those of some games."""
-        columns: list[Any] = [column[games] for column in self[:6]]
-        if self.legs is not None and self.edge is not None:
-            legs: list[Any] = [column[games] for column in self.legs]
-            columns += [Legs(*legs), self.edge[games]]
-        return Paths(*columns)
+        return some_rows(self, games)
 
     def between(self, number: int, parts: int) -> "Paths":
         """Return the same paths, gone in that one of several equal parts of the turn."""

@@ -258,7 +258,7 @@ def _columns(
 def _deeds(state: GameArrays, turn: ArrayTurn) -> dict[tuple[int, int], dict[str, dict[str, Any]]]:
     """Return what agents do besides moving: place in the turn and agent -> deed -> its fields."""
     several: list[tuple[int, int, int, str, dict[str, Any]]] = []
-    for done in map(turn.performed, state.deeds.kinds):
+    for done in map(turn.performed, state.deeds.declared):
         fields = {key: state.deeds.plain(done, key) for key in done.values}
         numbers = zip(done.order.tolist(), done.at.tolist(), done.agents.tolist(), strict=True)
         for i, (order, at, agent) in enumerate(numbers):

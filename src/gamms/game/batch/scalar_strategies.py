@@ -220,22 +220,18 @@ class ScalarStrategies:
 
     def _outboxes(self, sent: Sequence[tuple[int, Outgoing]]) -> list[Outbox]:
         """Return messages, each with its game, as arrays have them."""
-        found: dict[tuple[str, int], list[tuple[int, Outgoing]]] = {}
-        counts = Counter[tuple[int, str]]()
-        for game, message in sent:
-            order = counts[game, message.sender]
-            counts[game, message.sender] += 1
-            found.setdefault((message.channel, order), []).append((game, message))
-        number, boxes = self._context.fork.number, list[Outbox]()
-        for (channel, order), those in found.items():
-            games, senders = (
-                np.array(column) for column in zip(*((g, number[m.sender]) for g, m in those), strict=True)
-            )
-            to = np.empty(len(those), object)
-            for i, (_, message) in enumerate(those):
-                to[i] = message.to
-            boxes.append(Outbox(channel, games, senders, to, [message.body for _, message in those], order))
-        return boxes
+        number, counts = self._context.fork.number, Counter[tuple[int, str]]()
+        boxes: dict[str, list[tuple[int, int, Any, Any, int]]] = {}
+        for game, one in sent:
+            order = counts[game, one.sender]
+            counts[game, one.sender] += 1
+            boxes.setdefault(one.channel, []).append((game, number[one.sender], one.to, one.body, order))
+        found = []
+        for channel, those in boxes.items():
+            games, senders, receivers, bodies, orders = zip(*those, strict=True)
+            to = np.fromiter(receivers, object, len(those))
+            found.append(Outbox(channel, np.array(games), np.array(senders), to, list(bodies), np.array(orders)))
+        return found
 
     def _ask(
         self, fork: RuleFork, turn: ArrayTurn, at: int, living: list[int], starts: list[int]

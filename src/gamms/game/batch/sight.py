@@ -8,10 +8,10 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue, TooLarge, UnknownName
-from gamms.game.batch.columns import Roster
+from gamms.errors import BadValue, UnknownName
+from gamms.game.batch.columns import Roster, places_of, some_rows
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.surroundings import KnownViews
+from gamms.game.batch.surroundings import KnownViews, mask_of_pairs
 from gamms.game.streets import Streets
 from gamms.ir.chances import chances_at
 from gamms.ir.graph import FloatArray, IntArray
@@ -28,7 +28,6 @@ FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 _AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in the cache of the processor
 _FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
 _MOST_HIDDEN = 1 << 22  # pairs of nodes of which it is known whether something is between them
-_MOST_DENSE = 1 << 28  # pairs in a mask
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
 
 
@@ -56,19 +55,12 @@ class Seen(NamedTuple):
         Raises:
             TooLarge: it would take more than 256 MB; the pairs do not.
         """
-        if np.prod(self.shape, dtype=np.float64) > _MOST_DENSE:
-            raise TooLarge(
-                f"A mask of {self.shape} is too large. Use the pairs: at, viewers, others and nodes of view.seen()."
-            )
-        found = np.zeros(self.shape, np.bool_)
-        found[self.at, self.viewers, self.others] = True
-        return found
+        use = "at, viewers, others and nodes of view.seen()"
+        return mask_of_pairs(self.shape, (self.at, self.viewers, self.others), use)
 
     def in_games(self, games: IntArray) -> "Seen":
         """Return the pairs of some games, which ascend, as a view of these has them."""
-        number = np.full(self.shape[0], -1)
-        number[games] = np.arange(len(games))
-        at = number[self.at]
+        at = places_of(games, self.shape[0])[self.at]
         return self._replace(shape=(len(games), *self.shape[1:]), at=at).of(at >= 0)
 
     def with_sights(
@@ -98,7 +90,7 @@ class Seen(NamedTuple):
 
     def of(self, chosen: BoolArray | IntArray) -> "Seen":
         """Return some of the pairs: which, (pairs,), or their places."""
-        return Seen(self.shape, self.at[chosen], self.viewers[chosen], self.others[chosen], self.nodes[chosen])
+        return some_rows(self, chosen)
 
 
 class Lookout(NamedTuple):

@@ -1,14 +1,13 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from itertools import compress
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.channels import Radio
-from gamms.game.batch.columns import GameLog, Roster
+from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.game.slots import COUNTED
@@ -46,8 +45,7 @@ class Emitted(NamedTuple):
 
     def those(self, which: BoolArray) -> "Emitted":
         """Return some of the events."""
-        fields = {name: list(compress(values, which.tolist())) for name, values in self.fields.items()}
-        return Emitted(self.kind, self.games[which], self.turns[which], fields)
+        return some_rows(self, which)
 
 
 class EventLog(GameLog[Emitted]):

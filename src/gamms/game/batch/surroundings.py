@@ -44,11 +44,16 @@ class SeenNodes(NamedTuple):
         Raises:
             TooLarge: it would take more than 256 MB; the pairs may not.
         """
-        if np.prod(self.shape, dtype=np.float64) > _MOST_PAIRS:
-            raise TooLarge(f"A mask of {self.shape} is too large. Use the pairs: at, viewers and nodes.")
-        found = np.zeros(self.shape, np.bool_)
-        found[self.at, self.viewers, self.nodes] = True
-        return found
+        return mask_of_pairs(self.shape, (self.at, self.viewers, self.nodes), "at, viewers and nodes")
+
+
+def mask_of_pairs(shape: tuple[int, ...], pairs: tuple[IntArray, ...], use: str) -> BoolArray:
+    """Return a mask that is true at these places; `use` says in a message what to use where it would be too large."""
+    if np.prod(shape, dtype=np.float64) > _MOST_PAIRS:
+        raise TooLarge(f"A mask of {shape} is too large. Use the pairs: {use}.")
+    found = np.zeros(shape, np.bool_)
+    found[pairs] = True
+    return found
 
 
 class NodeLookout(NamedTuple):

@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue
+from gamms.game.batch.columns import places_of, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
 from gamms.game.batch.routes import RouteTable
@@ -52,7 +53,7 @@ class Visits(NamedTuple):
 
     def those(self, which: BoolArray | IntArray) -> "Visits":
         """Return some of them."""
-        return Visits(self.at[which], self.agents[which], self.nodes[which], self.begin[which], self.end[which])
+        return some_rows(self, which)
 
 
 class MovesOfTurn:
@@ -113,8 +114,7 @@ class MovesOfTurn:
         state, games, last = self._state, self.games, self._state.last_moves
         self.starts, self.ends, self.took_part = last.starts[games], last.ends[games], last.took_part[games]
         self._dropped, self.paths = last.dropped[games], state.last_paths and state.last_paths.of(games)
-        number = np.full(len(state), -1)
-        number[games] = np.arange(len(games))
+        number = places_of(games, len(state))
         self._deeds = [deeds._replace(at=number[deeds.at]).those(number[deeds.at] >= 0) for deeds in state.last_deeds]
 
     def keep_moves(self) -> None:
@@ -375,8 +375,7 @@ class ArrayTurn(MovesOfTurn):
 
         Their `games` are numbers in this turn.
         """
-        number = np.full(len(self._state), -1)
-        number[self.games] = np.arange(len(self.games))
+        number = places_of(self.games, len(self._state))
         later = self._state.is_going & (number < 0) & (self._state.ground > 0).any()  # they are on other grounds
         found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader, later)]
         return [one if (one.games >= 0).all() else one.those(one.games >= 0) for one in found]

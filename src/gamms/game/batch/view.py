@@ -373,11 +373,7 @@ class ArrayView(Mapping[str, Any]):
 
     def _are_mates(self, found: Seen) -> BoolArray:
         """Return which of those that are seen are of the team of the agent that sees them, (pairs,)."""
-        roster = self.roster
-        is_team = np.array([team is not None for team in roster.teams], np.bool_)
-        own, other = roster.team_of[self.agents[found.viewers]], roster.team_of[found.others]
-        are_mates: BoolArray = (own == other) & is_team[own]
-        return are_mates
+        return self.roster.are_mates(self.agents[found.viewers], found.others)
 
     def vector(self, others: int = 4) -> Vectors:
         """Return what the agents observe as numbers, (games, agents, entries): a vector of one length for each.
