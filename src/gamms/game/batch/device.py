@@ -103,17 +103,15 @@ class DeviceGames(GameArrays):
     def reset(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin some games again."""
         self.download()
-        kept = {key: self.kept.pop(key) for key in [*self.kept] if isinstance(key, tuple) and key[0] == "on a device"}
-        makers = {key: self._makers.pop(key) for key in kept}
         super().reset(games, seeds, start)
-        are_new = np.isin(np.arange(len(self)), games)
-        for key, columns in kept.items():
-            for name, fresh in makers[key](len(self)).items():
-                which = self.library.put(are_new.reshape((-1, *[1] * (fresh.ndim - 1))))
-                columns[name] = self.library.xp.where(which, fresh, columns[name])
-        self.kept |= kept
-        self._makers |= makers
         self.upload()
+
+    def _with_rows(self, column: Any, games: IntArray, rows: Any) -> Any:
+        if not self.library.is_own(column):
+            return super()._with_rows(column, games, rows)
+        places = np.arange(len(self))
+        places[games] = len(self) + np.arange(len(games))
+        return self.library.xp.take(self.library.xp.concat((column, rows)), self.library.put(places), axis=0)
 
     def move(self, ends: Tensor, playing: BoolArray) -> None:
         """Move all agents on the device, in the games that are played."""
@@ -136,13 +134,8 @@ class DeviceGames(GameArrays):
 
     def write(self, games: IntArray, **columns: np.ndarray[Any, Any]) -> None:
         """Write rows of columns, (games, agents), of some games."""
-        xp, put = self.library.xp, self.library.put
-        places = np.arange(len(self))
-        places[games] = len(self) + np.arange(len(games))
-        where = put(places)
         for name, rows in columns.items():
-            both = xp.concat((self.there[name], put(rows)))
-            self.there[name] = xp.take(both, where, axis=0)
+            self.there[name] = self._with_rows(self.there[name], games, self.library.put(rows))
         self._is_old = True
         self.now.clear()
 

@@ -1,13 +1,13 @@
 """What portable forms of strategies get: the views, draws, streets and routes of a batch on a device."""
 
-from collections.abc import Callable, Iterable
-from copy import copy
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadValue
+from gamms.game.batch.columns import Table, some_rows
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Places
 from gamms.game.batch.routes import RouteTable
@@ -15,7 +15,7 @@ from gamms.game.batch.sight import Lookout, Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes
 from gamms.game.batch.vectors import Vectors
-from gamms.game.batch.view import ArrayView, ViewDraws
+from gamms.game.batch.view import ArrayView, ViewDraws, refuse_no_actions
 from gamms.game.streets import Streets
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -32,14 +32,9 @@ class DeviceStreets(Streets):
         self.host, self.library = streets, library
         put, ids = library.put, streets.columns.node_ids
         self.counts, self.offsets, self.targets = map(put, (streets.counts, streets.offsets, streets.targets))
-        self.legal_rows, self._row_ids = put(streets.legal), put(ids)
+        self._padded, self._row_ids = put(streets.legal), put(ids)
         self._sorted = put(np.argsort(ids, kind="stable"))
         self.x, self.y = map(put, streets.columns.xy.T)
-
-    @property
-    def legal(self) -> Tensor:
-        """The rows of the legal nodes of each node, (nodes, most), behind the last one its own again."""
-        return self.legal_rows
 
     def ids(self, rows: Tensor) -> Tensor:
         """Return the ids of nodes."""
@@ -71,43 +66,26 @@ class DeviceStreets(Streets):
 
     def action_to(self, rows: Tensor, targets: Tensor) -> Tensor:
         """Return the number of a legal node, by rows; -1 where it is not legal."""
-        xp, most = self.library.xp, self.legal_rows.shape[1]
+        xp, first, counts = self.library.xp, self.offsets[rows], self.counts[rows]
         found = xp.full(rows.shape, -1, dtype=xp.int64, device=self.library.device)
-        for number in reversed(range(most)):
-            is_it = (self.targets[self.offsets[rows] + self._at_most(rows, number)] == targets) & (
-                number < self.counts[rows]
-            )
-            found = xp.where(is_it, number, found)
+        for number in reversed(range(self.legal.shape[1])):
+            is_it = self.targets[first + xp.where(counts > number, number, counts - 1)] == targets
+            found = xp.where(is_it & (counts > number), number, found)
         return found
-
-    def _at_most(self, rows: Tensor, number: int) -> Tensor:
-        counts = self.counts[rows]
-        return self.library.xp.where(counts > number, number, counts - 1)
 
 
 class DeviceDraws(ViewDraws):
     """The keyed draws of the agents of a view, as arrays on the device: bits are int64."""
 
+    _later_keys, _bits_at = staticmethod(kernels.later_keys_signed), staticmethod(kernels.bits_at_signed)
+
     def __init__(self, first: Tensor, turns: Tensor, xp: Any) -> None:
         super().__init__(first, turns)
         self._xp = xp
 
-    def only(self, asked: Tensor) -> "DeviceDraws":
-        """Return draws that count for some agents alone, (games, agents): for the others it is as if nothing drew."""
-        narrowed = DeviceDraws(*self._of, self._xp)
-        narrowed._among = self, asked
-        return narrowed
-
     def bits_of(self, counted: Tensor) -> Tensor:
         """Return 64 random bits for each; the next ones are others for those that are counted."""
-        if self._among is not None:
-            return self._among[0].bits_of(counted)
-        if self._keys is None:
-            first, turns = self._of
-            self._keys = kernels.later_keys_signed(first, turns[:, None])
-        more = counted if isinstance(counted, int) else self._xp.astype(counted, self._xp.int64)
-        count, self._count = self._count, self._count + more
-        return kernels.bits_at_signed(self._keys, count)
+        return super().bits_of(counted if isinstance(counted, int) else self._xp.astype(counted, self._xp.int64))
 
     def random(self) -> Tensor:
         """Return a number in [0, 1) for each."""
@@ -172,13 +150,6 @@ class DeviceView(ArrayView):
         """The numbers of the games: all, (games,)."""
         return self.library.put(np.arange(len(self._state)))
 
-    def only(self, asked: Tensor) -> "DeviceView":
-        """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`."""
-        narrowed = copy(self)
-        narrowed.mask = self.mask & asked
-        narrowed.draw = self.draw.only(narrowed.mask)
-        return narrowed
-
     def on_host(self) -> ArrayView:
         """Return the view in NumPy, of all games: where agents are on a GPU, they are copied."""
         return ArrayView(self._state, np.arange(len(self._state)), self.agents)
@@ -189,10 +160,6 @@ class DeviceView(ArrayView):
         rows = xp.reshape(xp.take(table, xp.reshape(self.node, (-1,)), axis=0), (*self.node.shape, table.shape[1]))
         return rows, xp.arange(rows.shape[-1], device=self.library.device) < self.counts[..., None]
 
-    def _legal(self) -> Tensor:
-        rows, is_legal = self.legal_rows()
-        return self.xp.where(is_legal, self.streets.ids(rows), -1)
-
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
         if self._state.places is None:
@@ -200,7 +167,7 @@ class DeviceView(ArrayView):
             none = xp.full((*shape, 3), -1, dtype=xp.int64, device=self.library.device)
             xy = xp.stack((streets.x[self.node], streets.y[self.node]), axis=-1)
             return Places(none, xp.zeros(shape, dtype=xp.float64, device=self.library.device), xy)
-        return Places(*map(self.library.put, self.on_host().places()))
+        return self._put(self.on_host().places())
 
     def action_to(self, nodes: Any) -> Tensor:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal or on the map."""
@@ -219,9 +186,7 @@ class DeviceView(ArrayView):
 
     def vector(self, others: int = 4) -> Vectors:
         """Return what the agents observe as numbers, (games, agents, entries): a vector of one length for each."""
-        found = self.on_host().vector(others)
-        values, mask, legal = map(self.library.put, (found.values, found.mask, found.legal))
-        return Vectors(values, found.names, mask, legal)
+        return self._put(self.on_host().vector(others))
 
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
@@ -230,19 +195,18 @@ class DeviceView(ArrayView):
 
     def seen_nodes(self, *names: str) -> SeenNodes:
         """Return which nodes the sensors show to those in the mask; see `ArrayView.seen_nodes`."""
-        shape, *columns = self.on_host().seen_nodes(*names)
-        found = SeenNodes(shape, *map(self.library.put, columns))
-        is_asked = self.mask[found.at, found.viewers]
-        return SeenNodes(shape, found.at[is_asked], found.viewers[is_asked], found.nodes[is_asked])
+        found = self._put(self.on_host().seen_nodes(*names))
+        return some_rows(found, self.mask[found.at, found.viewers])
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
         found = self._put(self.on_host().enemies())
         return found.of(self.mask[found.at, found.viewers])
 
-    def _put(self, found: Seen) -> Seen:
-        shape, *columns = found
-        return Seen(shape, *map(self.library.put, columns))
+    def _put(self, table: Table) -> Table:
+        """Return a named tuple with its arrays of NumPy on the device."""
+        put = self.library.put
+        return type(table)(*(put(column) if isinstance(column, np.ndarray) else column for column in table))
 
     @property
     def blocked(self) -> Tensor:
@@ -262,11 +226,11 @@ class DeviceView(ArrayView):
 
         At first it is what `make(games)` gives, in NumPy; write it as a whole: `kept["x"] = values`.
         """
-        kept: Arrays = self._state.keep(("on a device", key), lambda games: dict(self._made(make, games)))
-        return kept
 
-    def _made(self, make: Callable[[int], Arrays], games: int) -> Iterable[tuple[str, Tensor]]:
-        return ((name, self.library.put(column)) for name, column in make(games).items())
+        def put(games: int) -> Arrays:
+            return {name: self.library.put(column) for name, column in make(games).items()}
+
+        return self._state.keep(("on a device", key), put)
 
     def checked(self, given: object, by: str, *, may_aim: bool = False) -> Tensor:  # noqa: ARG002 - none aim here
         """Return actions as integers (games, agents), 0 for those that are not in the mask.
@@ -277,15 +241,11 @@ class DeviceView(ArrayView):
         """
         chosen = self.as_actions(given, by)
         self.library.num_reads += 1
-        if bool(self.is_wrong(chosen)):
+        if bool(self.xp.any((chosen < 0) | (chosen >= self.counts))):
             host = self.on_host()
             host.mask = self.library.get(self.mask)
             host.checked(self.library.get(chosen), by)
         return chosen
-
-    def is_wrong(self, chosen: Tensor) -> Tensor:
-        """Return whether some of the actions are not numbers of legal nodes, in an array ()."""
-        return self.xp.any((chosen < 0) | (chosen >= self.counts))
 
     def as_actions(self, given: object, by: str) -> Tensor:
         """Return actions as integers (games, agents), 0 for those not in the mask; whether they are legal is not asked.
@@ -294,13 +254,7 @@ class DeviceView(ArrayView):
             BadType, BadValue: they are no integers, too many or too few, or of another library or device.
         """
         actions, xp = self.library.own(given, f"{by}: actions"), self.xp
-        if not xp.isdtype(actions.dtype, "integral"):
-            raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.")
-        if tuple(actions.shape) != tuple(self.node.shape):
-            raise BadValue(
-                f"{by}: there is one action for each game and agent, an array {tuple(self.node.shape)}, "
-                f"not one of the shape {tuple(actions.shape)}."
-            )
+        refuse_no_actions(actions, self.node.shape, by, xp)
         return xp.where(self.mask, xp.astype(actions, xp.int64), 0)
 
     def sees(self, *names: str) -> Tensor:

@@ -267,13 +267,18 @@ class GameArrays:
         for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
             numbers[games] = 0
         for key, make in self._makers.items():
-            for name, column in make(len(games)).items():
-                self.kept[key][name][games] = column
+            for name, rows in make(len(games)).items():
+                self.kept[key][name] = self._with_rows(self.kept[key][name], games, rows)
         for purpose, keys in self._purposes.items():
             keys[games] = [kernels.purpose_key(seed, *purpose) for seed in seeds]
         self._draw_keys = self._seeds = None
         self.now.clear()
         self.events.forget(games)
+
+    def _with_rows(self, column: Any, games: IntArray, rows: Any) -> Any:
+        """Return a column with other rows of some games."""
+        column[games] = rows
+        return column
 
     def share_memories(self) -> None:
         """Let the agents of each team share a memory; those of no team have their own."""

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from copy import copy
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 
@@ -58,15 +58,17 @@ class ViewDraws(ArrayDraws):
     They are those that the agents get from `state["draw"]` in the same turn of the same game, call by call.
     """
 
+    _later_keys, _bits_at = staticmethod(kernels.later_key_rows), staticmethod(kernels.bits_at_rows)
+
     def __init__(self, first: BitArray, turns: IntArray) -> None:
         self._of = first, turns
         self._keys: BitArray | None = None
         self._count: IntArray | int = 0
         self._among: tuple[ViewDraws, BoolArray] | None = None
 
-    def only(self, asked: BoolArray) -> "ViewDraws":
+    def only(self, asked: BoolArray) -> Self:
         """Return draws that count for some agents alone, (games, agents): for the others it is as if nothing drew."""
-        narrowed = ViewDraws(*self._of)
+        narrowed = copy(self)
         narrowed._among = self, asked
         return narrowed
 
@@ -82,9 +84,9 @@ class ViewDraws(ArrayDraws):
             return self._among[0].bits_of(counted)
         if self._keys is None:
             first, turns = self._of
-            self._keys = kernels.later_key_rows(first, turns[:, None])
+            self._keys = self._later_keys(first, turns[:, None])
         count, self._count = self._count, self._count + counted
-        return kernels.bits_at_rows(self._keys, count)
+        return self._bits_at(self._keys, count)
 
 
 class ArrayView(Mapping[str, Any]):
@@ -151,9 +153,14 @@ class ArrayView(Mapping[str, Any]):
         known = self._state.heights
         return np.zeros(self.node.shape) if known is None else known[np.ix_(self.games, self.agents)]
 
+    def legal_rows(self) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
+        return self.movement.legal(self.choices)
+
     def _legal(self) -> IntArray:
-        rows, is_legal = self.movement.legal(self.choices)
-        return np.where(is_legal, self.streets.ids(rows), -1)
+        rows, is_legal = self.legal_rows()
+        found: IntArray = self.xp.where(is_legal, self.streets.ids(rows), -1)
+        return found
 
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
@@ -199,7 +206,7 @@ class ArrayView(Mapping[str, Any]):
         known = self.movement.edge
         return known[np.ix_(self.games, self.agents)] if len(known) else np.full(self.node.shape, -1)
 
-    def only(self, asked: BoolArray) -> "ArrayView":
+    def only(self, asked: BoolArray) -> Self:
         """Return a view for a part of a strategy that decides for some agents, (games, agents), in its `mask`.
 
         Its arrays are those of all agents; what it draws counts for those in its mask.
@@ -457,13 +464,7 @@ class ArrayView(Mapping[str, Any]):
             BadType, BadValue: they are no integers, too many or too few, or one is not the number of a legal node.
         """
         actions = np.asarray(given)
-        if actions.dtype.kind not in "iu" and actions.size:
-            raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.")
-        if actions.shape != self.node.shape:
-            raise BadValue(
-                f"{by}: there is one action for each game and agent, an array {self.node.shape}, "
-                f"not one of the shape {actions.shape}."
-            )
+        refuse_no_actions(actions, self.node.shape, by, np)
         chosen = np.where(self.mask, actions, self.movement.idle)
         leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
         if leads_on is not None and leads_on.all():
@@ -496,6 +497,21 @@ class ArrayView(Mapping[str, Any]):
 
     def _sensors(self) -> "Sensors":
         return Sensors(self)
+
+
+def refuse_no_actions(given: Any, shape: tuple[int, ...], by: str, xp: Any) -> None:
+    """Refuse arrays of a library, the namespace `xp`, that are no integers, or not one for each game and agent.
+
+    Raises:
+        BadType, BadValue: they are none; the messages begin with `by`, what has given them.
+    """
+    if not xp.isdtype(given.dtype, "integral") and 0 not in given.shape:
+        raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.")
+    if tuple(given.shape) != tuple(shape):
+        raise BadValue(
+            f"{by}: there is one action for each game and agent, an array {tuple(shape)}, "
+            f"not one of the shape {tuple(given.shape)}."
+        )
 
 
 class Sensors(Mapping[str, Seen | SeenNodes]):
