@@ -366,15 +366,8 @@ class ArrayEngine:
         )
         for team, wanted in given.items():
             agents = turn.roster.members(team)
-            of_all = np.asarray(wanted.moves)
-            if of_all.shape != (len(self.state), len(agents)):
-                form = f"an array ({len(self.state)}, {len(agents)})"
-                raise BadValue(
-                    f"Actions of team {shown(team)} are one for each game and agent, {form}, not of the shape "
-                    f"{of_all.shape}."
-                )
             view = ArrayView(self.state, turn.games, agents)
-            actions[:, agents] = view.checked(wanted.moves_in(view, of_all[turn.games]), f"team {shown(team)}")
+            actions[:, agents] = view.checked(wanted.moves_in(view, wanted.moves[turn.games]), f"team {shown(team)}")
             is_given[agents] = True
         return actions, is_given
 

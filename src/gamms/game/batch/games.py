@@ -20,7 +20,7 @@ from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower
 from gamms.game.batch.state import Columns
-from gamms.game.batch.view import ArrayView
+from gamms.game.batch.view import ArrayView, refuse_no_actions
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -146,7 +146,8 @@ class Batch:
 
         Raises:
             UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
-            BadType, BadValue: actions are not such integers; no game has played then, if the games are in arrays.
+            BadType, BadValue: actions are not such integers; no game has played then. Where they are played one by
+                one, those before the first one with an action that is not legal have.
             TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
@@ -190,12 +191,14 @@ class Batch:
             array = library.get(one) if library is not None and library.is_own(one) else one
             return np.array(array) if is_kept and isinstance(array, np.ndarray) else array
 
-        given = as_given(value, team, shape, own)
-        moves = np.zeros(shape, np.int64) if given.moves is None else given.moves
-        if library is None:
-            return given._replace(moves=np.array(moves) if is_kept else moves)
-        moves = library.put(moves) if given.moves is None else library.own(moves, f"Actions of team {team!r}")
-        return given._replace(moves=library.xp.asarray(moves, copy=True) if is_kept else moves)
+        given, by = as_given(value, team, shape, own), f"team {shown(team)}"
+        xp: Any = np if library is None else library.xp
+        if given.moves is None:
+            moves = self._put(np.zeros(shape, np.int64))
+        else:
+            moves = np.asarray(given.moves) if library is None else library.own(given.moves, f"Actions of {by}")
+        refuse_no_actions(moves, shape, by, xp)
+        return given._replace(moves=xp.asarray(moves, copy=True) if is_kept else moves)
 
     def _watched(self) -> AbstractContextManager[None]:
         """Refuse forms that remember elsewhere than in their views and turns; looked at in turns that get rarer."""

@@ -20,7 +20,6 @@ from gamms.game.snapshots import Snapshot
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
-from gamms.text import shown
 from gamms.typing import AgentType, IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
@@ -75,12 +74,11 @@ class OneByOneEngine:
         Args:
             given: team -> what its agents do, in place of what their strategies decide.
         """
-        wanted = {team: one._replace(moves=self._checked(team, one.moves)) for team, one in given.items()}
         for number in np.flatnonzero(~self.is_over).tolist():
-            self.step_game(number, wanted)
+            self.step_game(number, given)
 
     def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of a game; the moves that are given were checked."""
+        """Play one turn of a game."""
         with self._named(number):
             game = self._load(number)
             try:
@@ -270,17 +268,6 @@ class OneByOneEngine:
         if result.reason == "unfinished" and self._last is not None and result.turns >= self._last:
             result.reason = "max_turns"
         return result
-
-    def _checked(self, team: Hashable, given: object) -> IntArray:
-        """Return actions as integers, (games, agents)."""
-        agents, actions = self._roster.members(team), np.asarray(given)
-        if actions.shape != (len(self.seeds), len(agents)) or actions.dtype.kind not in "iu":
-            form = f"integers ({len(self.seeds)}, {len(agents)})"
-            raise BadValue(
-                f"Actions of team {shown(team)} are numbers of legal nodes, one for each game and agent, {form}, not "
-                f"{actions.dtype} of the shape {actions.shape}."
-            )
-        return actions
 
 
 def _reported(report: Sensed, ctx: HostContext) -> list[tuple[str, int]]:
