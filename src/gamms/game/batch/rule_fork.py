@@ -8,7 +8,7 @@ import numpy as np
 from gamms.deciding import phase_of
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.columns import PlayedGame
-from gamms.game.batch.forms import form_in, form_of
+from gamms.game.batch.forms import form_in
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.moves import Refusals, TurnMoves
@@ -100,12 +100,12 @@ class RuleFork:
         rows: (agents,) of each row of the block, the number of its agent in the roster.
         came: the names of the agents that have come, of the cast that it has.
         casting: how often it got another cast.
-        ctx, parts: its context, and the parts of its game.
+        ctx, game, parts: its context, its game and the parts of that.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, admit: Admit) -> None:
         fork = game.fork(0)
-        self._state, self._admit, self._game, self.ctx = state, admit, fork, fork.ctx
+        self._state, self._admit, self.game, self.ctx = state, admit, fork, fork.ctx
         self.parts: SnapshotTaker = fork.internals.parts
         self._values: GameState = self.parts.state
         self.functions = {one.name: one.rule for one in fork.rules}
@@ -128,12 +128,11 @@ class RuleFork:
     def _begin(self, game: PlayedGame) -> None:
         """Let the game be in the middle of a turn, and note what rules look at that arrays do not have."""
         values, ctx = self._values, self.ctx
-        values.start = Start(self._game.snapshot(), ctx.rng_state(), (ctx.seed, ctx.rng_state()))
-        values.has_begun, values.last_turn = True, self._game.settings()["max_turns"]
+        values.start = Start(self.game.snapshot(), ctx.rng_state(), (ctx.seed, ctx.rng_state()))
+        values.has_begun, values.last_turn = True, self.game.settings()["max_turns"]
         self.parts.turns.is_playing = True
-        self._game.internals.after_reset.append(lambda: self._notes.append("it resets the game"))
-        in_arrays = [one.rule for one in self._game.rules if form_in(game, one.rule) is not None]
-        keys = [key for rule in in_arrays if (key := getattr(rule, "key", None)) is not None]
+        self.game.internals.after_reset.append(lambda: self._notes.append("it resets the game"))
+        keys = [key for rule in self.rules_in_arrays if (key := getattr(rule, "key", None)) is not None]
         self._first_data = {
             key: self.unknown(f"ctx.game.data[{key!r}] of a rule in arrays") if _is_of(keys, key, value) else value
             for key, value in values.data.items()
@@ -206,7 +205,7 @@ class RuleFork:
     @property
     def rules_in_arrays(self) -> list[Callable[..., object]]:
         """The rules that have array forms."""
-        return [one.rule for one in self._game.rules if form_in(self._game, one.rule) is not None]
+        return [one.rule for one in self.game.rules if form_in(self.game, one.rule) is not None]
 
     @property
     def facts(self) -> dict[str, Any]:
@@ -343,14 +342,6 @@ class RuleFork:
 
     # -- what is called -----------------------------------------------------------------------------------------------
 
-    def called(self) -> list[Callable[..., object]]:
-        """Return what of the game has no array form."""
-        rules, conflicts = self._game.rules, self._game.settings()["conflicts"]
-        checks = [check for one in rules if (check := getattr(one.rule, "check", None)) is not None]
-        found = [one.rule for one in rules if form_in(self._game, one.rule) is None]
-        found += [check for check in checks if form_of(check) is None]
-        return found + ([conflicts.resolve] if conflicts is not None and form_of(conflicts) is None else [])
-
     def call(self, rules: Sequence[NamedRule]) -> None:
         """Call rules in the game that was loaded."""
         for named in rules:
@@ -366,7 +357,7 @@ class RuleFork:
 
     def losers(self) -> list[str]:
         """Return the agents that the conflict resolver stops."""
-        moves, conflicts = self._values.moves, self._game.settings()["conflicts"]
+        moves, conflicts = self._values.moves, self.game.settings()["conflicts"]
         involved = getattr(conflicts, "involved", None)
         few = list(range(len(moves.slots))) if involved is None else involved(*moves.places())
         names = conflicts.resolve(moves.named(few), self.ctx) if few else ()

@@ -24,14 +24,14 @@ from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code
 
 
-def called_one_by_one(game: PlayedGame) -> list[str]:
-    """Return what of a game has no array form and is called game by game, in words."""
+def called_one_by_one(game: PlayedGame) -> dict[str, Callable[..., object]]:
+    """Return what of a game has no array form and is called game by game: in words -> it."""
     checks = [(one.name, check) for one in game.rules if (check := getattr(one.rule, "check", None)) is not None]
     conflicts = game.settings()["conflicts"]
-    found = [f"the rule {one.name!r}" for one in game.rules if form_in(game, one.rule) is None]
-    found += [f"the check of the rule {name!r}" for name, check in checks if form_of(check) is None]
+    found = {f"the rule {one.name!r}": one.rule for one in game.rules if form_in(game, one.rule) is None}
+    found |= {f"the check of the rule {name!r}": check for name, check in checks if form_of(check) is None}
     if conflicts is not None and form_of(conflicts) is None:
-        found.append(f"the conflicts {as_code(conflicts)}")
+        found[f"the conflicts {as_code(conflicts)}"] = conflicts.resolve
     return found
 
 
@@ -84,7 +84,7 @@ class RuleContext:
 
     def functions(self) -> list[Callable[..., object]]:
         """Return the rules, checks and the conflict resolver that are called game by game."""
-        return self.fork.called() if called_one_by_one(self.start()) else []
+        return [*called_one_by_one(self.fork.game).values()] if called_one_by_one(self.start()) else []
 
     def call(self, rules: Sequence[NamedRule], turn: ArrayTurn) -> None:
         """Call rules of one phase in each game of a turn."""
