@@ -123,7 +123,7 @@ class RuleFork:
         self._first_map = self.ctx.graph.storage.snapshot()
         self._map = self._map_as_it_is()
         self._loaded: tuple[Any, ...] = ()
-        self._at: tuple[int, int, GameColumns] = 0, 0, GameColumns([], [], [], [], [], [], [], [], [], [], [])
+        self._at: tuple[int, int, GameColumns]
 
     def _begin(self, game: PlayedGame) -> None:
         """Let the game be in the middle of a turn, and note what rules look at that arrays do not have."""

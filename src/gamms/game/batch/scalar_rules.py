@@ -1,7 +1,7 @@
 """What has no array form in games that are played in arrays: called game by game, in one context for all."""
 
 import random
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache
 from itertools import pairwise
@@ -115,61 +115,34 @@ class RuleContext:
         self._each(turn, "conflicts", "the conflict resolver", act)
         return stopped
 
-    def _each(self, turn: ArrayTurn, phase: str, named: str, act: Act) -> None:
-        """Do something in each game of a turn that arrays have."""
-
-        def play(game: int, at: int, i: int, columns: GameColumns) -> None:
-            own = self._own[game] or self.fork.first_state()
-            self.fork.load(i, game, own, columns, phase)
-            act(self.fork, at)
-            self._own[game] = self.fork.taken(at, turn)
-            self._take_map(game, own, phase)
-
-        self._in_all(turn, named, self._in_turns(turn, phase), play)
-
     def ask(self, turn: ArrayTurn, named: str, act: Act, *, needs_game: bool) -> None:
         """Let strategies decide in each game of a turn, which is loaded if they need it; nothing changes there."""
-        none = GameColumns([], [], [], [], [], [], [], [], [], [], [])
+        self._each(turn, "decide", named, act, needs_game=needs_game)
 
-        def decide(game: int, at: int, i: int, columns: GameColumns) -> None:
-            if columns is not none:
-                self.fork.load(i, game, self._own[game] or self.fork.first_state(), columns, "decide")
-            act(self.fork, at)
-
-        unloaded = ((at, 0, none) for at in range(len(turn.games)))
-        places = self._in_turns(turn, "decide") if needs_game else unloaded
-        self._in_all(turn, named, places, decide, raises=True)
-
-    def _in_all(
-        self,
-        turn: ArrayTurn,
-        named: str,
-        places: Iterable[tuple[int, int, GameColumns]],
-        play: Callable[[int, int, int, GameColumns], None],
-        *,
-        raises: bool = False,
-    ) -> None:
+    def _each(self, turn: ArrayTurn, phase: str, named: str, act: Act, *, needs_game: bool = True) -> None:
         """Do something in each game of a turn that arrays have; where that is not possible, the game leaves them.
 
-        Args:
-            turn: of the games.
-            named: what is called, for messages.
-            places: of the games in the turn, and in columns.
-            play: does it.
-            raises: whether errors are raised, too, other than those which say that a game needs the turn engine.
+        Errors of what decides are raised, but those which say that a game needs the turn engine.
         """
-        before = _global_random()
-        for at, i, columns in places:
+        decides, before = phase == "decide", _global_random()
+        unloaded = ((at, 0, None) for at in range(len(turn.games)))
+        for at, i, columns in self._in_turns(turn, phase) if needs_game else unloaded:
             game = int(turn.games[at])
             if game in self._state.apart:
                 continue
             try:
-                play(game, at, i, columns)
+                if columns is not None:
+                    own = self._own[game] or self.fork.first_state()
+                    self.fork.load(i, game, own, columns, phase)
+                act(self.fork, at)
+                if not decides:
+                    self._own[game] = self.fork.taken(at, turn)
+                    self._take_map(game, own, phase)
             except NoRow as error:
                 error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {named}.")
                 raise
             except Exception as error:
-                if raises and not isinstance(error, NeedsTurnEngine | LeavesArrays) and not self.fork.has_notes:
+                if decides and not isinstance(error, NeedsTurnEngine | LeavesArrays) and not self.fork.has_notes:
                     error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
                     raise
                 # whatever a rule raises, the turn engine raises it again
