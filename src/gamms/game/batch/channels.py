@@ -224,25 +224,6 @@ class Radio(GameLog[list[_Sent]]):
 
     # -- who is meant and where ---------------------------------------------------------------------------------
 
-    def meant(self, to: Hashable) -> BoolArray:
-        """Return which agents a message is for, (agents,)."""
-        named = receivers_of(to, self._teams)
-        return np.array([name in named for name in self._roster.names], np.bool_)
-
-    @property
-    def teams(self) -> list[Any]:
-        """The teams of the agents."""
-        return list(self._teams.values())
-
-    def matching(self, named: Sequence[Any]) -> BoolArray:
-        """Return which agents, or whose teams, are named, (agents,)."""
-        return np.array(matching(named, self._roster.names, self._teams.values()), np.bool_)
-
-    def places(self, node: IntArray) -> FloatArray:
-        """Return where nodes are, with one axis more."""
-        found: FloatArray = self._xyz[node]
-        return found
-
     def in_sight(self, xyz: FloatArray, transmitters: IntArray, reaches: BoolArray) -> BoolArray:
         """Return which of the agents that transmitters reach they see, (transmitters, agents)."""
         antennas, found, visible = xyz + np.array([0.0, 0.0, ANTENNA_M]), reaches.copy(), self._visible
@@ -259,14 +240,6 @@ class Radio(GameLog[list[_Sent]]):
             keys = self._roster.keys
             self._pair_keys = np.stack([kernels.draw_bits_many(int(key), keys, 0) for key in keys])
         return self._pair_keys
-
-    def purposes(self, scene: Scene, channel: str, at: IntArray, senders: IntArray) -> BitArray:
-        """Return the hashes of the seed, the channel and the sender of messages, (messages,)."""
-        found = np.zeros(len(at), np.uint64)
-        for sender in np.unique(senders).tolist():
-            of_one = senders == sender
-            found[of_one] = scene.purposes("channel", channel, self._roster.names[sender])[scene.games[at[of_one]]]
-        return found
 
     def jammed(self, jammer: Jammer, scene: Scene, xyz: FloatArray) -> BoolArray:
         """Return which agents a jammer silences, (games, agents)."""
@@ -326,16 +299,20 @@ class _Waves:
     def __init__(self, radio: Radio, channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Any) -> None:
         self._radio, self._channel, self._scene = radio, channel, scene
         self._at, self._senders = at, senders
-        self._xyz = np.concatenate((scene.xy, radio.places(scene.node)[..., 2:]), axis=-1)
-        self._may_use = np.array([channel.is_for(team) for team in radio.teams], np.bool_)
+        self._xyz = np.concatenate((scene.xy, radio._xyz[scene.node][..., 2:]), axis=-1)
+        self._may_use = np.array([channel.is_for(team) for team in radio._teams.values()], np.bool_)
         self._is_jammed = np.zeros(scene.node.shape, np.bool_)
         for jammer in channel.jammers:
             self._is_jammed |= radio.jammed(jammer, scene, self._xyz)
-        kinds = {one: radio.meant(one) & self._may_use for one in set(to.tolist())}
-        self._is_meant = np.stack([kinds[one] for one in to.tolist()]) & scene.alive[at]
+        named = {one: receivers_of(one, radio._teams) for one in set(to.tolist())}
+        kinds = {one: np.array([name in those for name in radio._teams], np.bool_) for one, those in named.items()}
+        self._is_meant = np.stack([kinds[one] for one in to.tolist()]) & self._may_use & scene.alive[at]
         self._is_meant[np.arange(len(at)), senders] = False
         self._losses = as_chances(channel.loss, "loss") if channel.loss else None
-        self._purposes = radio.purposes(scene, channel.name, at, senders)
+        self._purposes = np.zeros(len(at), np.uint64)
+        for sender in np.unique(senders).tolist():
+            purposes, of_one = scene.purposes("channel", channel.name, radio._roster.names[sender]), senders == sender
+            self._purposes[of_one] = purposes[scene.games[at[of_one]]]
         pairs = at * len(self._may_use) + senders  # ascending: the messages of a sender follow each other
         starts = np.searchsorted(pairs, pairs)
         self._k = np.arange(len(pairs)) - starts
@@ -343,7 +320,7 @@ class _Waves:
     def outcomes(self, turns: IntArray) -> tuple[IntArray, IntArray]:
         """Return what becomes of the messages, and when they arrive, (messages, agents)."""
         channel, jammed = self._channel, self._is_jammed[self._at]
-        overhears = self._radio.matching(channel.eavesdroppers)
+        overhears = self._matching(channel.eavesdroppers)
         can_hear = ~jammed & self._scene.alive[self._at]
         can_hear[np.arange(len(self._at)), self._senders] = False
         if not channel.relay:
@@ -360,7 +337,7 @@ class _Waves:
         """Return by how many transmissions messages come to agents, 0 for not at all, and whom they might reach."""
         channel, scene = self._channel, self._scene
         wave, in_reach = np.zeros(can_hear.shape, np.int64), np.zeros(can_hear.shape, np.bool_)
-        relays = self._may_use if channel.relay is True else self._radio.matching(channel.relay or ())
+        relays = self._may_use if channel.relay is True else self._matching(channel.relay or ())
         keys = self._radio.keys(relay=bool(channel.relay))
         rows, transmitters, number = np.arange(len(wave)), self._senders, 1
         while len(rows):
@@ -382,6 +359,11 @@ class _Waves:
             rows, transmitters = np.nonzero(is_new & relays if channel.relay else is_new & False)
             number += 1
         return wave, in_reach
+
+    def _matching(self, named: Sequence[Any]) -> BoolArray:
+        """Return which agents, or whose teams, are named, (agents,)."""
+        teams = self._radio._teams
+        return np.array(matching(named, tuple(teams), teams.values()), np.bool_)
 
     def _reached(self, rows: IntArray, transmitters: IntArray) -> tuple[BoolArray, FloatArray]:
         """Return which agents transmitters of messages reach, and how far they are, (transmitters, agents)."""
