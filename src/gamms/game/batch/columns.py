@@ -95,59 +95,33 @@ class GameLog(ABC, Generic[P]):
 
 
 class PlayedGame(Protocol):
-    """The game of a context, as a batch plays it: what `gamms.game.Game` has."""
+    """The game of a context, as a batch plays it: what `gamms.game.Game` has and says of it."""
 
     ctx: Any  # its own class, which knows this one
     turn: int
     plans: Mapping[Any, Plan]
 
+    # ruff: noqa: D102 - see there
     @property
-    def agents(self) -> list[IAgent]:
-        """The living agents."""
-
+    def agents(self) -> list[IAgent]: ...
     @property
-    def rules(self) -> tuple[NamedRule, ...]:
-        """In the order in which they are applied."""
-
+    def rules(self) -> tuple[NamedRule, ...]: ...
     @property
-    def facts(self) -> Mapping[str, Any]:
-        """What was published."""
-
+    def facts(self) -> Mapping[str, Any]: ...
     @property
-    def scores(self) -> Mapping[Any, float]:
-        """By team."""
-
+    def scores(self) -> Mapping[Any, float]: ...
     @property
-    def over(self) -> dict[str, Any] | None:
-        """How it has ended."""
-
+    def over(self) -> dict[str, Any] | None: ...
     @property
-    def internals(self) -> GameInternals:
-        """What engines do with it."""
-
-    def settings(self) -> dict[str, Any]:
-        """Return all settings."""
-
-    def fork(self, seed: int) -> Any:
-        """Return a detached game that goes on from here."""
-
-    def reset(self, seed: int | None = None) -> None:
-        """Begin the game again."""
-
-    def step(self) -> bool:
-        """Play one turn."""
-
-    def run(self, max_turns: int | None = None) -> Result:
-        """Play turns."""
-
-    def result(self) -> Result:
-        """Return the result so far."""
-
-    def snapshot(self) -> Snapshot:
-        """Return the game as it is now."""
-
-    def restore(self, snapshot: Snapshot) -> None:
-        """Restore a snapshot."""
+    def internals(self) -> GameInternals: ...
+    def settings(self) -> dict[str, Any]: ...
+    def fork(self, seed: int) -> Any: ...
+    def reset(self, seed: int | None = None) -> None: ...
+    def step(self) -> bool: ...
+    def run(self, max_turns: int | None = None) -> Result: ...
+    def result(self) -> Result: ...
+    def snapshot(self) -> Snapshot: ...
+    def restore(self, snapshot: Snapshot) -> None: ...
 
 
 class Roster(NamedTuple):
