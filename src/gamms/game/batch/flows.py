@@ -8,14 +8,15 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count, as_float, as_int, as_range
 from gamms.errors import BadValue, TooLarge
+from gamms.game.batch.surroundings import KnownRows
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
 
 _MOST_DENSE = 1 << 28  # nodes in masks
+_MOST_LIMITS = 4  # for which it is kept what is in reach
 _AT_ONCE = 1 << 22  # nodes that are searched at once, in all
-_MOST_KEPT = 1 << 25  # nodes in reach that are kept, 8 bytes each
 _MOST_BYTES = 1 << 28  # of the numbers of edges to all nodes that are kept
 _BY_SEARCH = 1 << 20  # nodes that searches by edges may find at once, in all
 
@@ -32,8 +33,7 @@ class Flows:
     def __init__(self, streets: Streets) -> None:
         self._streets = streets
         self._walks: dict[float | None, kernels.Arrivals] = {}
-        self._reached: dict[tuple[str | None, float, int], IntArray] = {}
-        self._kept = 0
+        self._reached: dict[tuple[str | None, float], KnownRows] = {}
         nodes = max(1, len(streets.counts))
         self._line_of, self._lines = np.full(nodes, -1), 0
         self._edges = np.empty((min(nodes, max(1, _MOST_BYTES // (4 * nodes))), nodes), np.int32)  # as it is written
@@ -97,7 +97,7 @@ class Flows:
     def within(self, nodes: IntArray, limit: float, weight: str | None = "length") -> BoolArray:
         """Return which nodes paths from nodes reach that are at most so long, as `graph.distances(source=, cutoff=)`.
 
-        What can be reached from a node is kept, up to 256 MB.
+        What can be reached from a node is kept, up to 256 MB for each of 4 limits.
 
         Args:
             nodes: rows.
@@ -116,12 +116,14 @@ class Flows:
                 f"{nodes.size} masks of {size} nodes are too large. Ask for fewer games, or for distances between "
                 "nodes: view.routes().distances."
             )
-        starts, which = np.unique(nodes, return_inverse=True)
-        masks = np.zeros((len(starts), size), np.bool_)
-        for line, rows in enumerate(self._in_reach(starts, most, weight)):
-            masks[line, rows] = True
-        found: BoolArray = masks[which.reshape(nodes.shape)]
-        return found
+        if (weight, most) not in self._reached:
+            if len(self._reached) >= _MOST_LIMITS:
+                self._reached.clear()
+            self._reached[weight, most] = KnownRows(size, lambda some: self._in_reach(some, most, weight))
+        ends, rows = self._reached[weight, most].of(nodes.ravel())
+        found = np.zeros((nodes.size, size), np.bool_)
+        found[np.repeat(np.arange(nodes.size), np.diff(ends)), rows] = True
+        return found.reshape(*nodes.shape, size)
 
     def edges(self, sources: IntArray, targets: IntArray) -> FloatArray:
         """Return how many edges paths have from nodes to others; infinite where there is none.
@@ -171,25 +173,11 @@ class Flows:
             ring = np.unique(ring[found[ring] < 0])
         return found.reshape(-1, nodes)
 
-    def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[IntArray]:
-        """Return the rows that can be reached from each of some nodes."""
-        arcs, ids = self._streets.ways(weight), self._streets.columns.node_ids
-        new = np.array([row for row in starts.tolist() if (weight, limit, row) not in self._reached], np.int64)
-        found = {row: self._reached[weight, limit, row] for row in set(starts.tolist()).difference(new.tolist())}
-        size = max(1, _AT_ONCE // max(len(ids), 1))
-        for first in range(0, len(new), size):
-            some = new[first : first + size]
-            tree = kernels.reached_from(arcs, some, len(ids), limit)
-            ends = np.searchsorted(tree.lines, np.arange(1, len(some)))
-            found.update(zip(some.tolist(), np.split(tree.rows, ends), strict=True))
-        self._keep({(weight, limit, row): found[row] for row in new.tolist()})
-        return [found[row] for row in starts.tolist()]
-
-    def _keep(self, new: dict[tuple[str | None, float, int], IntArray]) -> None:
-        size = sum(map(len, new.values()))
-        if self._kept + size > _MOST_KEPT:
-            self._reached.clear()
-            self._kept = 0
-        if size <= _MOST_KEPT:
-            self._reached.update(new)
-            self._kept += size
+    def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[tuple[IntArray, IntArray]]:
+        """Return the rows that can be reached from each of some nodes, some of these at once: places, and rows."""
+        arcs, nodes, found = self._streets.ways(weight), len(self._streets.counts), list[tuple[IntArray, IntArray]]()
+        size = max(1, _AT_ONCE // max(nodes, 1))
+        for first in range(0, len(starts), size):
+            tree = kernels.reached_from(arcs, starts[first : first + size], nodes, limit)
+            found.append((tree.lines + first, tree.rows))
+        return found

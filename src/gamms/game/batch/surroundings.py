@@ -1,7 +1,7 @@
 """Which nodes the sensors of agents show, in all games of a view at once."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -142,34 +142,28 @@ def seen_nodes(node: IntArray, asked: BoolArray, looks: Sequence[NodeLookout], n
     return SeenNodes(shape, *np.divmod(looking, max(shape[1], 1)), rows)
 
 
-class KnownViews:
-    """What a sensor shows from each node, worked out when one first looks from there."""
+class KnownRows:
+    """What belongs to each node, such as what is seen from there, worked out when it is first asked for.
 
-    def __init__(self, streets: Streets, look: NodeLook) -> None:
-        self._streets, self._look = streets, look
+    Args:
+        nodes: how many there are.
+        find: returns the places in some nodes, which ascend, and the rows that belong to them, in one or more runs.
+    """
+
+    def __init__(self, nodes: int, find: Callable[[IntArray], Sequence[tuple[IntArray, IntArray]]]) -> None:
+        self._nodes, self._find = nodes, find
         self._forget()
 
-    def __len__(self) -> int:
-        """How many nodes there are."""
-        return len(self._streets.counts)
-
     def _forget(self) -> None:
-        self._first, self._count = np.full(len(self), -1), np.zeros(len(self), np.int64)
+        self._first, self._count = np.full(self._nodes, -1), np.zeros(self._nodes, np.int64)
         self._rows, self._used = np.zeros(0, np.int64), 0
 
     def of(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
-        """Return what is seen from some nodes as offsets (nodes + 1,) and rows, one after the other.
+        """Return what belongs to some nodes as offsets (nodes + 1,) and rows, one after the other.
 
         Raises:
             TooLarge: that would be more than 268 million.
         """
-        look = self._look
-        if look.radius is None:
-            return self._streets.legal_of(nodes)
-        if look.radius == np.inf and look.cone is None and look.from_node is None:
-            return self._checked(np.full(len(nodes), len(self))), np.tile(np.arange(len(self)), len(nodes))
-        if look.place is not None:  # all see the same
-            nodes = np.zeros_like(nodes)
         new = np.unique(nodes[self._first[nodes] < 0])
         if len(new):
             if self._used > _MOST_KNOWN:
@@ -177,19 +171,12 @@ class KnownViews:
                 new = np.unique(nodes)
             self._learn(new)
         counts = self._count[nodes]
-        ends = self._checked(counts)
+        ends = _checked(counts)
         places = np.arange(ends[-1]) + np.repeat(self._first[nodes] - ends[:-1], counts)
         return ends, self._rows[places]
 
-    def _checked(self, counts: IntArray) -> IntArray:
-        ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
-        if ends[-1] > _MOST_PAIRS:
-            raise TooLarge(f"The agents see {ends[-1]} nodes together, too many for arrays. Ask for fewer games.")
-        return ends
-
     def _learn(self, nodes: IntArray) -> None:
-        """Look from these nodes, which ascend."""
-        runs = self._near(nodes) if self._look.from_node is None else self._from_each(nodes, self._look.from_node)
+        runs = self._find(nodes)
         lines, rows = (np.concatenate([run[side] for run in runs]) for side in (0, 1))
         counts = np.bincount(lines, minlength=len(nodes))
         self._count[nodes], self._first[nodes] = counts, self._used + np.cumsum(counts) - counts
@@ -197,6 +184,31 @@ class KnownViews:
         if after > len(self._rows):
             self._rows = np.concatenate((self._rows[: self._used], np.empty(2 * after - self._used, np.int64)))
         self._rows[self._used : after], self._used = rows, after
+
+
+def _checked(counts: IntArray) -> IntArray:
+    """Return offsets, refusing too many."""
+    ends = np.concatenate((np.zeros(1, np.int64), np.cumsum(counts)))
+    if ends[-1] > _MOST_PAIRS:
+        raise TooLarge(f"The agents see {ends[-1]} nodes together, too many for arrays. Ask for fewer games.")
+    return ends
+
+
+class KnownViews(KnownRows):
+    """What a sensor shows from each node."""
+
+    def __init__(self, streets: Streets, look: NodeLook) -> None:
+        self._streets, self._look = streets, look
+        super().__init__(len(streets.counts), self._near if look.from_node is None else self._from_each)
+
+    def of(self, nodes: IntArray) -> tuple[IntArray, IntArray]:
+        """Return what is seen from some nodes; see `KnownRows`."""
+        look = self._look
+        if look.radius is None:
+            return self._streets.legal_of(nodes)
+        if look.radius == np.inf and look.cone is None and look.from_node is None:
+            return _checked(np.full(len(nodes), self._nodes)), np.tile(np.arange(self._nodes), len(nodes))
+        return super().of(nodes if look.place is None else np.zeros_like(nodes))  # from a place all see the same
 
     def _near(self, nodes: IntArray) -> list[tuple[IntArray, IntArray]]:
         """Return the places in `nodes` and the rows that are in range of them and in the field of view."""
@@ -212,8 +224,8 @@ class KnownViews:
         ahead = [kernels.in_cone(x[rows] - x0[lines], y[rows] - y0[lines], *look.cone) for lines, rows in runs]
         return [(lines[kept], rows[kept]) for (lines, rows), kept in zip(runs, ahead, strict=True)]
 
-    def _from_each(self, nodes: IntArray, look: Callable[[int], IntArray]) -> list[tuple[IntArray, IntArray]]:
+    def _from_each(self, nodes: IntArray) -> list[tuple[IntArray, IntArray]]:
         """Return the same of a sensor that looks from one node after the other."""
-        ids = self._streets.ids(nodes).tolist()
-        rows = [np.sort(self._streets.rows(look(node))) for node in ids]
+        look: Any = self._look.from_node
+        rows = [np.sort(self._streets.rows(look(node))) for node in self._streets.ids(nodes).tolist()]
         return [(np.full(len(one), line), one) for line, one in enumerate(rows)]
