@@ -8,6 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import UnknownName
+from gamms.game.batch.libraries import Tensor
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
 from gamms.game.snapshots import GameInternals, Snapshot
@@ -21,12 +22,12 @@ P = TypeVar("P")
 Table = TypeVar("Table", bound=NamedTuple)
 
 
-def some_rows(table: Table, which: Any) -> Table:
+def some_rows(table: Table, which: BoolArray | IntArray) -> Table:
     """Return some rows, a mask or their numbers, of a named tuple of columns: arrays, lists, mappings of columns."""
     return type(table)(*(_chosen(column, which) for column in table))
 
 
-def _chosen(column: Any, which: Any) -> Any:
+def _chosen(column: Tensor, which: BoolArray | IntArray) -> Any:
     if isinstance(column, list):
         rows = np.flatnonzero(which) if which.dtype == np.bool_ else which
         return [column[row] for row in rows.tolist()]

@@ -106,7 +106,7 @@ class DeviceGames(GameArrays):
         super().reset(games, seeds, start)
         self.upload()
 
-    def _with_rows(self, column: Any, games: IntArray, rows: Any) -> Any:
+    def _with_rows(self, column: Tensor, games: IntArray, rows: Tensor) -> Tensor:
         if not self.library.is_own(column):
             return super()._with_rows(column, games, rows)
         places = np.arange(len(self))

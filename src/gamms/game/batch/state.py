@@ -9,6 +9,7 @@ from gamms import kernels
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
@@ -275,7 +276,7 @@ class GameArrays:
         self.now.clear()
         self.events.forget(games)
 
-    def _with_rows(self, column: Any, games: IntArray, rows: Any) -> Any:
+    def _with_rows(self, column: Tensor, games: IntArray, rows: Tensor) -> Tensor:
         """Return a column with other rows of some games."""
         column[games] = rows
         return column

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping
 from copy import copy
+from types import ModuleType
 from typing import Any, Self
 
 import numpy as np
@@ -12,6 +13,7 @@ from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import STOP, Places
 from gamms.game.batch.routes import RouteTable
 from gamms.game.batch.sight import SHOWING_AGENTS, Seen, in_turned_cone, lookouts, names_of, seen
@@ -499,7 +501,7 @@ class ArrayView(Mapping[str, Any]):
         return Sensors(self)
 
 
-def refuse_no_actions(given: Any, shape: tuple[int, ...], by: str, xp: Any) -> None:
+def refuse_no_actions(given: Tensor, shape: tuple[int, ...], by: str, xp: ModuleType) -> None:
     """Refuse arrays of a library, the namespace `xp`, that are no integers, or not one for each game and agent.
 
     Raises:
