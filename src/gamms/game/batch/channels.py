@@ -137,21 +137,7 @@ class Radio(GameLog[list[_Sent]]):
     def checked(
         self, channel: str, where: BoolArray, games: IntArray, agents: IntArray, to: object, body: object, order: int
     ) -> Outbox:
-        """Return what agents send, checked.
-
-        Args:
-            channel: its name.
-            where: (games, agents) which agents send.
-            games: (games,) numbers in the batch.
-            agents: (agents,) numbers in the roster.
-            to: an agent, a team or None for all messages, or an array (games, agents) of numbers in the roster.
-            body: a plain value for all, or an array whose first axes are games and agents.
-            order: the place among the messages of the same agents.
-
-        Raises:
-            UnknownName (KeyError): there is no such channel, agent or team.
-            BadType, BadValue: the body is not plain, or a team may not use the channel.
-        """
+        """Return what agents send in these games, checked, as `ArrayView.send`; `order` is the place among theirs."""
         if channel not in self.channels:
             raise UnknownName("channel", channel, self.channels)
         at, which = np.nonzero(where)
@@ -198,11 +184,7 @@ class Radio(GameLog[list[_Sent]]):
         self._under_way = [(left - 1, sent) for left, sent in self._under_way if left > 0]
 
     def heard(self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray) -> Heard:
-        """Return what agents hear by a channel in the turn that comes; see `Heard`.
-
-        Raises:
-            UnknownName (KeyError): there is no such channel.
-        """
+        """Return what agents hear by a channel in the turn that comes; see `Heard`."""
         if channel not in self.channels:
             raise UnknownName("channel", channel, self.channels)
         number, none = places_of(games, len(self._of_game)), np.zeros(0, np.int64)

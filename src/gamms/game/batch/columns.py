@@ -169,11 +169,7 @@ class Roster(NamedTuple):
         return found
 
     def members(self, team: Hashable) -> IntArray:
-        """Return the numbers of the agents of a team, ascending.
-
-        Raises:
-            UnknownName (KeyError): no agent plays for it.
-        """
+        """Return the numbers of the agents of a team, ascending."""
         if team not in self.teams:
             raise UnknownName("team", team, self.teams)
         return np.flatnonzero(self.team_of == self.teams.index(team))

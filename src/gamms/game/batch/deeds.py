@@ -76,20 +76,7 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
     def checked(
         self, deed: str, fields: Mapping[str, object], where: BoolArray, agents: IntArray, nodes: IntArray, order: int
     ) -> ArrayDeeds:
-        """Return what agents want to do, checked.
-
-        Args:
-            deed: what.
-            fields: field -> the value of all, or an array (games, agents).
-            where: (games, agents) which agents do it.
-            agents: (agents,) numbers in the roster.
-            nodes: (games, agents) where they are.
-            order: its place among the deeds of the same agents.
-
-        Raises:
-            UnknownName (KeyError): there is no such deed or field.
-            BadType, BadValue: a field is missing, or has an impossible value.
-        """
+        """Return what agents on these nodes want to do, checked, as `ArrayView.do`; `order` is the place among all."""
         known = self.fields_of(deed)
         for key in fields:
             if key not in known:
@@ -104,11 +91,7 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         return ArrayDeeds(deed, at, agents[which], nodes[at, which], np.full(len(at), order), values)
 
     def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
-        """Return the fields of a deed.
-
-        Raises:
-            UnknownName (KeyError): there is no such deed.
-        """
+        """Return the fields of a deed."""
         known = self.declared
         if deed not in known:
             raise UnknownName("deed" if known else "deed, as ctx.game.deeds declares none:", deed, known)
@@ -188,13 +171,7 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         return rows
 
     def add(self, turns: IntArray, games: IntArray, deeds: Sequence[ArrayDeeds]) -> None:
-        """Note deeds that were done at once.
-
-        Args:
-            turns: (games,) the numbers of the turns.
-            games: (games,) the numbers of the games in the batch.
-            deeds: of which `at` are numbers of these games.
-        """
+        """Note deeds, `at` numbers of these games, that were done at once in turns of these numbers, (games,) both."""
         found = [one._replace(at=games[one.at]) for one in deeds if len(one.at)]
         if found:
             number = np.zeros(len(self._of_game), np.int64)

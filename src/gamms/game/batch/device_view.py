@@ -175,11 +175,7 @@ class DeviceView(ArrayView):
         return self.streets.action_to(self.node, self.xp.broadcast_to(rows, self.node.shape))
 
     def towards(self, targets: Tensor, which: Any = np.s_[:, :], allowed: Tensor | None = None) -> Tensor:
-        """Return the actions by which agents go towards nodes, rows of them; -1 where no path leads there.
-
-        Raises:
-            BadValue: `allowed` is given, which only NumPy has.
-        """
+        """Return the actions by which agents go towards nodes, rows of them; -1 where no path leads there."""
         if allowed is not None:
             raise BadValue(f"view.towards(allowed=…) is for arrays of NumPy, not for {self.library}.")
         return self.routes().actions(self.node[which], targets)
@@ -233,12 +229,7 @@ class DeviceView(ArrayView):
         return self._state.keep(("on a device", key), put)
 
     def checked(self, given: object, by: str, *, may_aim: bool = False) -> Tensor:  # noqa: ARG002 - none aim here
-        """Return actions as integers (games, agents), 0 for those that are not in the mask.
-
-        Raises:
-            BadType, BadValue: they are no integers, too many or too few, of another library or device, or one is not
-                the number of a legal node.
-        """
+        """Return actions as integers (games, agents), 0 for those that are not in the mask."""
         chosen = self.as_actions(given, by)
         self.library.num_reads += 1
         if bool(self.xp.any((chosen < 0) | (chosen >= self.counts))):
@@ -248,11 +239,7 @@ class DeviceView(ArrayView):
         return chosen
 
     def as_actions(self, given: object, by: str) -> Tensor:
-        """Return actions as integers (games, agents), 0 for those not in the mask; whether they are legal is not asked.
-
-        Raises:
-            BadType, BadValue: they are no integers, too many or too few, or of another library or device.
-        """
+        """Return actions as integers (games, agents), 0 for those not in the mask; if they are legal is not read."""
         actions, xp = self.library.own(given, f"{by}: actions"), self.xp
         refuse_no_actions(actions, self.node.shape, by, xp)
         return xp.where(self.mask, xp.astype(actions, xp.int64), 0)

@@ -14,11 +14,7 @@ BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games 
 
 
 def form_declared(of: object, decorator: str) -> Callable[[F], F]:
-    """Return what declares a function as the array form of another.
-
-    Raises:
-        BadType: one of them cannot be called, or has no attributes.
-    """
+    """Return what declares a function as the array form of another."""
     if not callable(of) or not hasattr(of, "__dict__") or hasattr(of, "__func__"):
         raise BadType(f"{decorator}(of=…) needs the function whose form it declares, not {shown(of)}.")
 

@@ -489,12 +489,7 @@ class Batch:
 
 
 def _reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
-    """Return the names of agents that may come, by team.
-
-    Raises:
-        UnknownName (KeyError): no agent plays for a team.
-        BadType, BadValue: a team has more agents, or a name is taken.
-    """
+    """Return the names of agents that may come, by team."""
     found: dict[Hashable, list[str]] = {}
     given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.teams, most_agents)
     for team, most in given.items():
@@ -517,11 +512,7 @@ def _reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
 
 
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
-    """Return the seeds of a batch: those that were given, or so many that follow each other.
-
-    Raises:
-        BadType, BadValue: neither was given as it should be.
-    """
+    """Return the seeds of a batch: those that were given, or so many that follow each other."""
     if seeds is None:
         if num_games is None:
             raise BadValue("batch needs the number of games, or seeds=.")

@@ -58,10 +58,6 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
         team: the team.
         shape: games and agents.
         own: returns an array of NumPy for one that was given.
-
-    Raises:
-        UnknownName (KeyError): a dict has another key.
-        BadType, BadValue: a dict has not the form that `Batch.step` says.
     """
     if not isinstance(value, Mapping):
         return Given(value, {}, {})
@@ -86,11 +82,7 @@ def _as_flights(given: object, team: Hashable, shape: tuple[int, int]) -> FloatA
 
 
 def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
-    """Return flights of so many games and agents as they were given.
-
-    Raises:
-        BadValue: they are no such numbers; the message begins with `what`.
-    """
+    """Return flights of so many games and agents as they were given."""
     flights = np.asarray(given)
     if flights.shape != (*shape, 3) or flights.dtype.kind not in "iuf" or not np.isfinite(flights).all():
         raise BadValue(
@@ -113,10 +105,6 @@ class Acting:
     """Lets agents of a game take actions that are given, instead of what their strategies and plans decide.
 
     Its plans stay from turn to turn until `end`: the turn engine works out again who is asked when plans change.
-
-    Args:
-        game: that is played.
-        roster: its agents.
     """
 
     def __init__(self, game: PlayedGame, roster: Roster) -> None:

@@ -71,10 +71,6 @@ class ArrayLibrary:
     def own(self, given: object, what: str) -> Tensor:
         """Return an array of the library on this device; lists and numbers are put there.
 
-        Args:
-            given: by a caller.
-            what: it is, for messages.
-
         Raises:
             BadType: it is an array of another library.
             BadValue: it is on another device.
@@ -93,11 +89,7 @@ class ArrayLibrary:
 
 
 def as_library(xp: object, device: object) -> ArrayLibrary | None:
-    """Return the library that a caller wants for a batch; None: NumPy, as it is.
-
-    Raises:
-        BadType, BadValue, MissingExtra: see `ArrayLibrary`; or a device was given without a library that has it.
-    """
+    """Return the library that a caller wants for a batch; None: NumPy, as it is."""
     if xp is None:
         if device not in {None, "cpu"}:
             raise BadValue(

@@ -28,11 +28,6 @@ from gamms.typing.on_edges import located
 class OneByOneEngine:
     """Plays the games of a batch one after the other: each is a snapshot that is restored for its turn.
 
-    Args:
-        game: at its start.
-        roster: its agents.
-        seeds: of the games.
-
     Attributes:
         loaded: the number of the game that the context has; None: of none.
     """
@@ -69,11 +64,7 @@ class OneByOneEngine:
         self._is_observed[game] = False
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over.
-
-        Args:
-            given: team -> what its agents do, in place of what their strategies decide.
-        """
+        """Play one turn of all games that are not over."""
         for number in np.flatnonzero(~self.is_over).tolist():
             self.step_game(number, given)
 

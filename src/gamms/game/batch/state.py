@@ -195,7 +195,6 @@ class GameArrays:
         events: of all games.
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
         shared: what was worked out once for all games, from what does not change, by what it is.
-        places: where agents on edges are, in games by metres; None: all are on their nodes.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
         headings: which way agents look, if their sensors turn with them or rules are called that have no array form.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.

@@ -77,12 +77,7 @@ def node_sensors_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
 def node_lookouts(
     streets: Streets, agents: Sequence[IAgent], numbers: IntArray, names: Sequence[str]
 ) -> list[NodeLookout]:
-    """Return the sensors of agents of a roster that show nodes, of these names, or all.
-
-    Raises:
-        UnknownName (KeyError): no agent carries one of a name.
-        BadValue: one has no array form.
-    """
+    """Return the sensors of agents of a roster that show nodes, of these names, or all."""
     known = node_sensors_of(agents, numbers)
     for name in names:
         if name not in known:

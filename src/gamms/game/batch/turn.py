@@ -162,13 +162,7 @@ class MovesOfTurn:
         return moves._replace(starts=self.node).without(~self.alive | was_put)
 
     def move(self, moves: Moves, in_conflict: BoolArray, part: TurnPart | None = None) -> None:
-        """Move agents, and note which of them conflicts have stopped.
-
-        Args:
-            moves: of all agents; those that do not move now stay.
-            in_conflict: which agents conflicts have stopped.
-            part: of the turn, by the order of play; None: all move at once.
-        """
+        """Move agents, of a part of the turn or all, and note which, (games, agents), conflicts have stopped."""
         state, games = self._state, self.games
         state.counts["moves"][self._rows] += moves.ends != self.node
         if state.headings is not None:
