@@ -85,14 +85,10 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
             else:
                 state["action"] = {"node_id": action, "do": done} if done else action
 
-        made: Any = update_wrapper(strategy, form)
-        del made.__wrapped__
         form_declared(strategy, name)(form)
-        return strategy
+        return _documented(strategy, form)
 
-    documented: Any = update_wrapper(make, form)
-    del documented.__wrapped__  # it takes a context, not a view
-    return make
+    return _documented(make, form)
 
 
 @overload
@@ -127,10 +123,15 @@ def array_rule(form: ArrayRule | None = None, /, *, of: Callable[..., object] | 
         form(_TurnOfOne(cast("HostContext", ctx)))
 
     rule.__dict__[IN_ARRAYS_ALONE] = True
-    made: Any = update_wrapper(rule, form)
-    del made.__wrapped__  # it takes a context, not a turn
     form_declared(rule, name)(form)
-    return rule
+    return _documented(rule, form)
+
+
+def _documented(function: F, form: Callable[..., object]) -> F:
+    """Give a function the name and the docstring of a form, which takes something else."""
+    made: Any = update_wrapper(function, form)
+    del made.__wrapped__
+    return function
 
 
 class _DrawsOfOne(ViewDraws):
@@ -146,11 +147,7 @@ class _DrawsOfOne(ViewDraws):
 
 
 class _ViewOfOne(ArrayView):
-    """What the state of one agent holds, as a view of one game with one agent.
-
-    Attributes:
-        flies: whether it does.
-    """
+    """What the state of one agent holds, as a view of one game with one agent; `flies` says whether it does."""
 
     def __init__(self, ctx: IContext, state: dict[str, Any], internals: GameInternals, *, takes_any: bool) -> None:
         roster, host = Roster.of(ctx.agent.agents.values()), cast("HostContext", ctx)
@@ -210,11 +207,7 @@ class _ViewOfOne(ArrayView):
         return movement if movement.is_plain or isinstance(movement, Anywhere) else Noted(movement)
 
     def of(self, agents: IntArray) -> ArrayView:
-        """Return the view of other agents in the game, as a batch has it: what their sensors show is looked for again.
-
-        Raises:
-            BadValue: a strategy that keeps what it knows of others was not asked in the turn before.
-        """
+        """Return the view of other agents in the game, as a batch has it: what their sensors show is looked for."""
         own, here, memory = self._state, self.roster.agents, self._memory
         if self.flies:
             raise BadValue("A strategy of an agent that flies knows this agent alone: view.of is not for it.")
@@ -229,16 +222,15 @@ class _ViewOfOne(ArrayView):
         if own.shared.get("of", (None,))[0] != version:
             own.shared["of"] = version, {}
         movement = self.movement if self.movement.is_plain else self._noted(self._host, self.roster, own.shared)
-        game = GameArrays(self.roster, movement, own.seeds, self.streets.rows([[one.current_node_id for one in here]]))
+        game = _game_of(self._host, self.roster, movement, own.shared["of"][1])
         if isinstance(movement, Noted):
             legal = self._internals.parts.turns.legal([self.roster.names[number] for number in agents.tolist()])
             for number in agents.tolist():
                 nodes = legal.get(self.roster.names[number]) or (here[number].current_node_id,)
                 movement.note(0, number, self.streets.rows(nodes))
-        game.alive[0], game.turn[0], game.facts = [one.alive for one in here], self.turn[0], own.facts
         blocked = self._internals.state.blocked
         game.blocked[0] = ["in conflict" in (blocked.get(name) or "") for name in self.roster.names]
-        game.shared, game.kept, game.radio = own.shared["of"][1], own.kept, own.radio
+        game.facts, game.kept, game.radio = own.facts, own.kept, own.radio
         return ArrayView(game, self.games, agents)
 
     def plain_outbox(self) -> list[dict[str, Any]]:
@@ -290,11 +282,7 @@ class _ViewOfOne(ArrayView):
 
 
 class _TurnOfOne(ArrayTurn):
-    """The turn of a game that is played alone, as a turn of one game: what rules do with it is done there at once.
-
-    Raises:
-        BadValue: agents fly.
-    """
+    """The turn of a game that is played alone, as a turn of one game: what rules do with it is done there at once."""
 
     has_scalar_form = False
 
@@ -303,11 +291,7 @@ class _TurnOfOne(ArrayTurn):
             raise BadValue("A rule in arrays knows agents on the ground alone: where agents fly, write it with ctx.")
         game, roster = ctx.game, Roster.of(ctx.agent.agents.values())
         (movement, shared), agents = _world(ctx), roster.agents
-        state = GameArrays(
-            roster, movement, [ctx.seed], movement.streets.rows([[one.current_node_id for one in agents]])
-        )
-        state.alive[0], state.turn[0] = [one.alive for one in agents], game.turn
-        state.facts, state.shared = game.facts, shared
+        state = _game_of(ctx, roster, movement, shared)
         check = partial(checked_value, ctx=ctx)
         state.deeds = DeclaredDeeds(game.deeds, check, roster, movement.streets, 1)
         is_one_edge = game.legal == "any" or all(one.speed is None for one in agents)
@@ -362,11 +346,7 @@ class _TurnOfOne(ArrayTurn):
         return super().is_playing | np.array([name in out for name in self.roster.names], np.bool_)
 
     def visits(self, which: BoolArray, *, passing: bool = True) -> Visits:
-        """Return at which nodes agents were in the turn.
-
-        Raises:
-            BadValue: the game is by metres.
-        """
+        """Return at which nodes agents were in the turn."""
         if self._by_metres:
             raise BadValue(
                 "turn.visits is not known in a game by metres that is played alone: write the rule with ctx, where it "
@@ -434,6 +414,15 @@ class _TurnOfOne(ArrayTurn):
         """Return what a rule remembers of the game, at first what `make(1)` gives."""
         self._state.kept = self._game.data.setdefault(_OF_RULES, {})
         return super().keep(key, make)
+
+
+def _game_of(ctx: HostContext, roster: Roster, movement: Movement, shared: dict[Any, Any]) -> GameArrays:
+    """Return the game of a context as arrays of one game: where its agents are, who is alive, and what is published."""
+    agents = roster.agents
+    state = GameArrays(roster, movement, [ctx.seed], movement.streets.rows([[one.current_node_id for one in agents]]))
+    state.alive[0], state.turn[0] = [one.alive for one in agents], ctx.game.turn
+    state.facts, state.shared = ctx.game.facts, shared
+    return state
 
 
 def _world(ctx: HostContext) -> tuple[Movement, dict[Any, Any]]:

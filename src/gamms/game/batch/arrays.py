@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.errors import BadValue
 from gamms.game.batch.channels import Outbox, Radio, Scene, why_not_sent
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of, places_of
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
@@ -38,13 +38,7 @@ _FEWEST = 4  # games with the same roads closed that are played in arrays; measu
 
 
 class ArrayEngine:
-    """Plays the games of a batch in arrays.
-
-    Args:
-        game: at its start, whose agents, rules and settings all games have.
-        seeds: of the games.
-        start: (games, agents) ids of the nodes where agents begin, in the order of their names.
-        roster: its agents, and names of those that may come.
+    """Plays the games of a batch in arrays; agents begin on the nodes of these ids, `start`, (games, agents).
 
     Attributes:
         state: of all games.
@@ -151,12 +145,7 @@ class ArrayEngine:
         return None
 
     def _change_roads(self, games: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
-        """Put games on the grounds on which roads are opened or closed, too.
-
-        Raises:
-            UnknownName (KeyError): there is no such edge.
-            BadValue: the roads were closed before the games began.
-        """
+        """Put games on the grounds on which roads are opened or closed, too."""
         before = self.state.ground[games]
         for number in np.unique(before).tolist():
             change, those = (number, edges, is_open), games[before == number]
@@ -243,11 +232,7 @@ class ArrayEngine:
         return np.flatnonzero(is_played)
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over.
-
-        Args:
-            given: team -> what its agents do, in place of what their strategies decide.
-        """
+        """Play one turn of all games that are not over."""
         state = self.state
         for number in range(len(self._here.rules["before"])):  # a game that one of them ends is over for the others
             for ground, games in self._by_ground(self._playing()):
@@ -534,7 +519,7 @@ def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
 
 def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) -> list[ArrayDeeds]:
     """Return the deeds of some agents, (games of the batch, agents), as they are done in a turn."""
-    number, found = np.cumsum(np.isin(np.arange(len(those)), turn.games)) - 1, []
+    number, found = places_of(turn.games, len(those)), []
     for one in deeds:
         done = one.those(those[one.at, one.agents])
         at = number[done.at]

@@ -24,6 +24,8 @@ from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.text import as_code
 
 T = TypeVar("T")
+A = TypeVar("A", bound=np.ndarray[Any, Any])
+P = TypeVar("P", Seen, SeenNodes)
 
 
 class Group(NamedTuple):
@@ -37,14 +39,11 @@ class Group(NamedTuple):
 class Ground:
     """A map, and the array forms that play games on it.
 
-    Args:
+    Attributes:
         game: at its start, on this map.
         context: calls the rules of it that have no array form.
         roster, movement: the agents and how they go.
         asked: asks those that are asked one by one; None: there are none.
-
-    Attributes:
-        game, context, roster, movement, asked: as given.
         groups: the array forms of strategies and plans, each with all agents that have the same.
         rules: phase -> its rules in their order, each with its form; those without follow each other as one.
         conflicts: the form of the conflict resolver; None: it has none, or there is none.
@@ -106,12 +105,8 @@ class Ground:
 class ViewOfGrounds(ArrayView):
     """A view of games that are played apart from each other: on several grounds, or by the turn engine.
 
-    What is legal, where on edges agents are and what sensors show is that of each game where it is played.
-
-    Args:
-        state: of all games.
-        agents: of the view.
-        parts: games, and what has the state in which they are.
+    What is legal, where on edges agents are and what sensors show is that of each game where it is played: `parts` are
+    games, and what has the state in which they are.
     """
 
     def __init__(
@@ -129,28 +124,26 @@ class ViewOfGrounds(ArrayView):
             with there() as state:
                 yield games, asked(ArrayView(state, games, self.agents))
 
-    def _joined(self, asked: Callable[[ArrayView], Any], fill: float) -> Any:
+    def _joined(self, asked: Callable[[ArrayView], A], fill: float) -> A:
         """Return what views of the parts give, one value or several for each agent."""
-        parts = list(self._each(asked))
+        parts: list[Any] = list(self._each(asked))
         most = np.max([part.shape[2:] for _, part in parts], axis=0).astype(int)
-        found = np.full((*self.node.shape, *most), fill)
+        found: Any = np.full((*self.node.shape, *most), fill)
         for games, part in parts:
             found[np.ix_(games, *map(np.arange, part.shape[1:]))] = part
-        return found
+        joined: A = found
+        return joined
 
     @property
     def counts(self) -> IntArray:
         """How many nodes are legal for each agent, its own included."""
-        found: IntArray = self._joined(lambda view: view.counts, 1)
-        return found
+        return self._joined(lambda view: view.counts, 1)
 
     def _legal(self) -> IntArray:
-        found: IntArray = self._joined(lambda view: view["legal"], -1)
-        return found
+        return self._joined(lambda view: view._legal(), -1)
 
     def _heights(self) -> FloatArray:
-        found: FloatArray = self._joined(lambda view: view["z"], 0.0)
-        return found
+        return self._joined(lambda view: view._heights(), 0.0)
 
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
@@ -163,20 +156,17 @@ class ViewOfGrounds(ArrayView):
     def action_to(self, nodes: Any) -> IntArray:
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal."""
         wanted = np.broadcast_to(nodes, self.node.shape)
-        found: IntArray = self._joined(lambda view: view.action_to(wanted[view.games]), -1)
-        return found
+        return self._joined(lambda view: view.action_to(wanted[view.games]), -1)
 
     def looked(self, names: tuple[str, ...]) -> Seen:
         """Return what sensors of these names show to all agents of the view, or all sensors; see `seen`."""
-        found: Seen = self._pairs(lambda view: view.looked(names))
-        return found
+        return self._pairs(lambda view: view.looked(names))
 
     def seen_nodes(self, *names: str) -> SeenNodes:
         """Return which nodes the sensors show to those in the mask."""
-        found: SeenNodes = self._pairs(lambda view: view.seen_nodes(*names))
-        return found
+        return self._pairs(lambda view: view.seen_nodes(*names))
 
-    def _pairs(self, asked: Callable[[ArrayView], Any]) -> Any:
+    def _pairs(self, asked: Callable[[ArrayView], P]) -> P:
         """Return the pairs that views of the parts give, by game."""
         whole = joined_rows([found._replace(at=games[found.at]) for games, found in self._each(asked)])
         in_order = some_rows(whole, np.argsort(whole.at, kind="stable"))

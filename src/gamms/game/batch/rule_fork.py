@@ -89,11 +89,6 @@ class _Cast(NamedTuple):
 class RuleFork:
     """A fork of the game of a batch, and how it is made to have another game.
 
-    Args:
-        game: of which it is a fork.
-        state: of all games.
-        admit: see `RuleContext`.
-
     Attributes:
         functions: the rules, by name.
         number: agent -> its number in the roster.
@@ -101,6 +96,7 @@ class RuleFork:
         came: the names of the agents that have come, of the cast that it has.
         casting: how often it got another cast.
         ctx, game, parts: its context, its game and the parts of that.
+        notes: what was looked at that arrays do not have.
     """
 
     def __init__(self, game: PlayedGame, state: GameArrays, admit: Admit) -> None:
@@ -114,7 +110,7 @@ class RuleFork:
         # those that come later began where they are
         self._first_names = [(i, name) for i, (name, is_one) in enumerate(named) if is_one]
         self._could_draw = game.ctx.rng_state() is None
-        self._phase, self._notes = phase_of(self.ctx), list[str]()
+        self._phase, self.notes = phase_of(self.ctx), list[str]()
         self._begin(game)
         self.casting = 0
         self._gather(())
@@ -131,21 +127,21 @@ class RuleFork:
         values.start = Start(self.game.snapshot(), ctx.rng_state(), (ctx.seed, ctx.rng_state()))
         values.has_begun, values.last_turn = True, self.game.settings()["max_turns"]
         self.parts.turns.is_playing = True
-        self.game.internals.after_reset.append(lambda: self._notes.append("it resets the game"))
+        self.game.internals.after_reset.append(lambda: self.notes.append("it resets the game"))
         keys = [key for rule in self.rules_in_arrays if (key := getattr(rule, "key", None)) is not None]
         self._first_data = {
             key: self.unknown(f"ctx.game.data[{key!r}] of a rule in arrays") if _is_of(keys, key, value) else value
             for key, value in values.data.items()
         } | {key: self.unknown(f"ctx.game.data[{key!r}] of a rule in arrays") for key in keys}
         self._facts_at_start = dict(game.facts)
-        values.counts = _OfSlots(self._notes, "ctx.game.counts")
-        values.memories = _OfSlots(self._notes, "ctx.game.memories")
+        values.counts = _OfSlots(self.notes, "ctx.game.counts")
+        values.memories = _OfSlots(self.notes, "ctx.game.memories")
         values.team_memories = self.unknown("ctx.game.team_memories, or what an agent observes,")
         self._private_at_start = values.agent_facts, values.team_facts
         if values.team_facts:
-            values.team_facts = _OfSome(self._notes, "what is published to teams")
+            values.team_facts = _OfSome(self.notes, "what is published to teams")
         if values.agent_facts:
-            values.agent_facts = _OfSome(self._notes, "what is published to agents")
+            values.agent_facts = _OfSome(self.notes, "what is published to agents")
         self._looks = self.unknown("what agents have sensed")
         self._last_moves = self.unknown("ctx.game.moves while agents decide")
 
@@ -184,7 +180,7 @@ class RuleFork:
         self.ctx.graph.storage.restore(self._first_map)
         self._map = self._map_as_it_is()
         self.stand(came)
-        return not self._notes and known == (self._fixed, self._sensors, self._heading)
+        return not self.notes and known == (self._fixed, self._sensors, self._heading)
 
     # -- agents that are asked in it --------------------------------------------------------------------------------
 
@@ -223,32 +219,19 @@ class RuleFork:
         ]
         return found[0], found[1]
 
-    @property
-    def has_notes(self) -> bool:
-        """Whether something was looked at that arrays do not have."""
-        return bool(self._notes)
-
     def raise_notes(self) -> None:
-        """Raise why a game needs the turn engine, if what was called has looked at what arrays do not have.
-
-        Raises:
-            NeedsTurnEngine: it has.
-        """
-        if self._notes:
-            raise NeedsTurnEngine(self._notes[-1])
+        """Raise why a game needs the turn engine, if what was called has looked at what arrays do not have."""
+        if self.notes:
+            raise NeedsTurnEngine(self.notes[-1])
 
     def refuse(self, what: str) -> NoReturn:
-        """Refuse what strategies do that no game in arrays can.
-
-        Raises:
-            NeedsTurnEngine: always.
-        """
-        self._notes.append(what)
+        """Refuse what strategies do that no game in arrays can."""
+        self.notes.append(what)
         raise NeedsTurnEngine(what)
 
     def unknown(self, what: str) -> Any:
         """Return what stands for what arrays do not have."""
-        return _Unknown(self._notes, what)
+        return _Unknown(self.notes, what)
 
     def first_state(self) -> OwnState:
         """Return what a game has beside the arrays at its start."""
@@ -367,13 +350,7 @@ class RuleFork:
         return [name for name in (moves.slots[i].name for i in few) if name in names]
 
     def taken(self, at: int, turn: ArrayTurn) -> OwnState:
-        """Write what was called has changed into a turn, and return what else the game has.
-
-        Raises:
-            NeedsTurnEngine: a rule does what no game in arrays can.
-            LeavesArrays: it has made of this game what arrays cannot have.
-            NoRow: an agent has come for which there is none.
-        """
+        """Write what was called has changed into a turn, and return what else the game has."""
         values, came = self._values, self._newcomers()
         self._refuse_changes(has_come=bool(came))
         for name in came:
@@ -479,8 +456,8 @@ class RuleFork:
         """Refuse what cannot be written into arrays."""
         values, block, (i, _, columns) = self._values, self.ctx.agent.block, self._at
         facts, known, scores, num_events = values.facts, self._facts, self._loaded[4], self._loaded[3]
-        if self._notes:
-            raise NeedsTurnEngine("; ".join(self._notes))
+        if self.notes:
+            raise NeedsTurnEngine("; ".join(self.notes))
         self._refuse_what_detaches()
         sensors = self.ctx.sensor.storage.described()[: len(self._sensors)] if has_come else self._sensors
         is_same = sensors == self._sensors if has_come else self._what_is_counted() == self._counted
@@ -515,12 +492,7 @@ class RuleFork:
 
 
 class _Unknown(dict[Any, Any]):
-    """What arrays do not have: a rule that looks at it needs the turn engine.
-
-    Args:
-        notes: gets what was looked at.
-        what: it is, for messages.
-    """
+    """What arrays do not have: a rule that looks at it needs the turn engine, which is added to the notes."""
 
     def __init__(self, notes: list[str], what: str) -> None:
         super().__init__()

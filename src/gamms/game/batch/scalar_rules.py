@@ -142,7 +142,7 @@ class RuleContext:
                 error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {named}.")
                 raise
             except Exception as error:
-                if decides and not isinstance(error, NeedsTurnEngine | LeavesArrays) and not self.fork.has_notes:
+                if decides and not isinstance(error, NeedsTurnEngine | LeavesArrays) and not self.fork.notes:
                     error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
                     raise
                 # whatever a rule raises, the turn engine raises it again

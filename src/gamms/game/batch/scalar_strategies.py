@@ -71,9 +71,6 @@ class Players:
 class _Targets(Legality):
     """Says which nodes agents want to go to, on ways that the movement of arrays finds; -1: they stop where they are.
 
-    Args:
-        fork: whose agents they are.
-
     Attributes:
         legal: name -> the nodes that are legal for an agent now, of those that do not just go along one edge.
     """
@@ -305,7 +302,8 @@ class ScalarStrategies:
         if players.made_for != (fork, fork.casting):
             players.made_for, players.slots, players.living = (fork, fork.casting), {}, [-1]
             state, agents, players.inboxes = players.state, fork.ctx.agent, Inboxes(fork.ctx, players.state)
-            self._know_facts(state, fork)
+            state.facts.update(fork.facts)
+            state.agent_facts, state.team_facts = fork.private_facts
             forks, table = _NoForks(fork), DrawTable(self._state.seeds[game], state)
             facts = ReadOnlyMapping(state.facts)
             for number in self.agents.tolist():
@@ -313,7 +311,7 @@ class ScalarStrategies:
                 access = agents.storage.turn_access(agent)
                 slot = AgentSlot(agent, access, state, table, facts, settings, forks)
                 slot.carried = tuple(
-                    (name, _see_nothing, sensor, self._cells[name][number])
+                    (name, lambda _: None, sensor, self._cells[name][number])  # arrays have said what it shows
                     if number in self._cells.get(name, ())
                     else (name, sense, sensor, result)
                     for name, sense, sensor, result in slot.carried
@@ -323,11 +321,6 @@ class ScalarStrategies:
             slots, block = [players.slots[number] for number in living], fork.ctx.agent.block
             players.living, players.part = living, (slots, Part(slots, None, block.progress, settings.plans))
         return players.part
-
-    def _know_facts(self, state: GameState, fork: RuleFork) -> None:
-        """Let a game have the facts that do not change."""
-        state.facts.update(fork.facts)
-        state.agent_facts, state.team_facts = fork.private_facts
 
     def _look_at(self, fork: RuleFork) -> None:
         """Work out once for a context which sensors arrays have, and which agents must be asked in it."""
@@ -366,10 +359,6 @@ class ScalarStrategies:
         return [dict(zip(names[a:b], nodes[a:b], strict=True)) for a, b in pairwise([0, *ends])]
 
 
-def _see_nothing(_: int) -> None:
-    """Leave what a sensor shows as arrays have said."""
-
-
 def _is_in_arrays(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool:
     """Whether arrays say what a sensor that shows agents has in its `data`."""
     look = look_of(sensor, agent)
@@ -392,14 +381,7 @@ def _draws_elsewhere(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool
 
 
 def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are_called: bool) -> str | None:
-    """Return why so many games, played to their ends, would be slower in arrays, in words; None: they would not.
-
-    Args:
-        game: of the batch.
-        asked: the agents that are asked one by one.
-        num_games: how many.
-        are_called: whether rules have no array form.
-    """
+    """Return why so many games, of which some agents are asked one by one, would be slower in arrays; None: not."""
     plans = game.settings()["plans"]
     deciders = [decider_of(agent, plans) for agent in asked]
     fewest = FEWEST if deciders else 1
