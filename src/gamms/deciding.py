@@ -110,7 +110,7 @@ class Guarded(Shareable):
 
     __slots__ = ()
 
-    _phase: DecidePhase = UNDECIDED
+    _phase: DecidePhase  # NOTE: without a default, which would make every look at it slow (benchmarks: turns)
     _called: ClassVar[str] = "it"  # what programs call such an object
 
     def __setattr__(self, name: str, value: object) -> None:

@@ -232,15 +232,8 @@ class GameState:
         self.histories = {name: LogHistory() for name in LOGS}
         for name in LOGS:
             delattr(self, name)
-
-    def __getattr__(self, name: str) -> list[Any]:
-        """Copy a log that was taken over."""
-        if name not in LOGS:
-            raise AttributeError(f"A game has no {name!r}.")
-        log: list[Any] = []
-        self.histories[name].go_to(log, self.shared_logs.pop(name))
-        setattr(self, name, log)
-        return log
+        # NOTE: a class with `__getattr__` takes several times as long to read any attribute (benchmarks: turns).
+        self.__class__ = _WithSharedLogs
 
     def memory_of(self, name: str) -> dict[Any, Any]:
         """Return the memory of an agent, to be written to."""
@@ -261,3 +254,20 @@ class GameState:
         self.clear_history()
         self.start, self.has_begun = None, False
         self.stream_version += 1
+
+
+class _WithSharedLogs(GameState):
+    """A game some of whose logs are those of another one, until all of them were read."""
+
+    __slots__ = ()
+
+    def __getattr__(self, name: str) -> list[Any]:
+        """Copy a log that was taken over."""
+        if name not in LOGS:
+            raise AttributeError(f"A game has no {name!r}.")
+        log: list[Any] = []
+        self.histories[name].go_to(log, self.shared_logs.pop(name))
+        setattr(self, name, log)
+        if not self.shared_logs:
+            self.__class__ = GameState  # type: ignore[assignment] # which has the same slots
+        return log
