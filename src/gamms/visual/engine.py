@@ -84,6 +84,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         return f"{type(self).__name__}(artists=[{', '.join(map(shown, self.artists.declared))}])"
 
     after_turn: Protected[list[Callable[[], None]]] = Protected(list)
+    _after_turn: list[Callable[[], None]]
 
     def __init__(
         self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, drawing: Drawing | None = None
@@ -205,14 +206,18 @@ class PictureEngine(Guarded, IVisualizationEngine):
         """Whether a person has closed what is shown: False, nothing is."""
         return False
 
-    @refused_while_deciding
     def simulate(self) -> None:
         """End the turn: call the listeners, and add it to the films that are being made."""
-        game = self.ctx.current_game
-        self.drawing.events.end_turn(() if game is None else game.events)
-        self.drawing.motion.end_turn(0 if game is None else game.turn)
-        self.artists.end_turn()
-        for listener in self.after_turn:
+        # NOTE: games without pictures pay for this in every turn, too (benchmarks: the loop, turns).
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.visual.simulate")
+        game, drawing = self.ctx.current_game, self.drawing
+        state = None if game is None else game.internals.state
+        drawing.events.end_turn(0 if state is None else len(state.events))
+        drawing.motion.end_turn(0 if state is None else state.turn)
+        if self.artists.drawings.commands:
+            self.artists.end_turn()
+        for listener in self._after_turn:
             listener()
         self.pictures.add_turn()
 

@@ -35,6 +35,7 @@ class Pictures(Guarded):
     _called = "ctx.visual"
 
     films: Protected[list["Film"]] = Protected(list)
+    _films: list["Film"]
 
     def __init__(self, ctx: IContext, drawing: Drawing, artists: Artists, turn_seconds: float) -> None:
         self._phase = phase_of(ctx)
@@ -45,9 +46,9 @@ class Pictures(Guarded):
 
     def add_turn(self) -> None:
         """Add the turn that was just played to the films that are being made."""
-        if self.films and not self._ctx.is_terminated():
+        if self._films and not self._ctx.is_terminated():
             self._drawing.motion.begin_turn_once()
-            for film in tuple(self.films):
+            for film in tuple(self._films):
                 film.add_turn()
 
     def finish_films(self) -> None:

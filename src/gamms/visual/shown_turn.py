@@ -75,6 +75,7 @@ class Moves(NamedTuple):
 _NO_MOVES = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
 MOST_TURNS = 200  # that are remembered
 _MOST_PLACES = 1 << 24  # that are: of a million agents 16 turns
+_MANY = _MOST_PLACES // MOST_TURNS  # agents, of which fewer turns are remembered
 
 
 def as_turns(trails: object) -> int:
@@ -116,24 +117,27 @@ class Motion:
 
     def end_turn(self, number: int) -> None:
         """End a turn, so many of the game: note where agents are; its moves are looked up before they are shown."""
-        self._is_current = False
         # NOTE: games without pictures pay for this in every turn (benchmarks: the loop).
-        self._forget_after_reset(number)
-        agents, last = self._ctx.agent, self._last
+        self._is_current = False
+        if self._last is not None and number < self._last[2]:
+            self.forget()
+        agents, last, past = self._ctx.agent, self._last, self._past
         positions, version = agents.positions, agents.structure_version
         if last is None:
             last, self._structure = (list(positions.names), positions.previous_places, number), None
-        is_known = version is not None and version == self._structure
-        now = last[0] if is_known else list(positions.names), positions.places, number
-        self._past.append((last, now))
-        while len(self._past) * len(now[0]) > _MOST_PLACES and len(self._past) > 1:
-            self._past.popleft()
+        names = last[0] if version is not None and version == self._structure else list(positions.names)
+        now = names, positions.places, number
+        past.append((last, now))
+        if len(names) > _MANY:
+            while len(past) * len(names) > _MOST_PLACES and len(past) > 1:
+                past.popleft()
         self._last, self._structure = now, version
 
     def past(self, turns: int) -> list[Moves]:
         """Return the moves of the last turns, so many at most, the latest first."""
-        game = self._ctx.current_game
-        self._forget_after_reset(0 if game is None else game.turn)
+        game, last = self._ctx.current_game, self._last
+        if last is not None and (0 if game is None else game.turn) < last[2]:  # the game was reset
+            self.forget()
         places = range(max(len(self._past) - turns, 0), len(self._past))
         recent = [place for place in places if not isinstance(self._past[place], Moves)]
         placed = self._placed_since(self._past[recent[0]]) if recent else set()
@@ -152,11 +156,6 @@ class Motion:
             return set()
         later = takewhile(lambda event: event["turn"] >= entry[1][2], reversed(game.events))
         return {(event["turn"], event["agent"]) for event in later if event["kind"] == "respawned"}
-
-    def _forget_after_reset(self, number: int) -> None:
-        """Forget where agents were if the game was reset, as the number of its turn says."""
-        if self._last is not None and number < self._last[2]:
-            self.forget()
 
     def forget(self, past: Iterable[Moves] = ()) -> None:
         """Forget where agents were; their past is this instead, the latest last."""
@@ -351,9 +350,9 @@ class TurnEvents:
         self._begin = self._end = self.turns = 0
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
 
-    def end_turn(self, events: Sequence[dict[str, Any]]) -> None:
-        """End a turn: of all events of the game, its own are those that came since the one before."""
-        self._begin, self._end = 0 if len(events) < self._end else self._end, len(events)  # or the game was reset
+    def end_turn(self, events: int) -> None:
+        """End a turn, when a game has so many events: its own are those that came since the one before."""
+        self._begin, self._end = 0 if events < self._end else self._end, events  # or the game was reset
         self._eliminated = None
         self.turns += 1
 
