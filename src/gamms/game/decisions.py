@@ -212,11 +212,14 @@ class Decisions:
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
         self.awaited: list[tuple[_Question, Any]] = []
+        self._ends: Any = None  # until they are asked for
 
-    @cached_property
+    @property
     def ends(self) -> Any:
         """The node that each agent goes to, by slot: a list, or a view of an array."""
-        return copied_column(self.starts)
+        if self._ends is None:
+            self._ends = copied_column(self.starts)
+        return self._ends
 
     # -- asking -------------------------------------------------------------------------------------------------
 
@@ -442,7 +445,7 @@ class Decisions:
         slots, indices = self.slots, question.indices
         is_all, chosen = len(indices) == len(starts), arrays.take_chosen(nodes)
         if question.are_plain and chosen is not None and is_all and isinstance(starts, memoryview):
-            self.ends = chosen.data
+            self._ends = chosen.data
             return
         ends = self.ends
         is_known = np.ones(len(nodes), np.bool_) if chosen is not None else arrays.is_legal(nodes)

@@ -173,7 +173,6 @@ class Game(RuleVerbs):
         limits = [self._state.last_turn, self.max_turns, *(getattr(one.rule, "last_turn", None) for one in self.rules)]
         return min((limit for limit in limits if isinstance(limit, int)), default=None)
 
-    @refused_while_deciding
     def step(self) -> bool:
         """Play one turn; return whether the game goes on. Once it is over, nothing happens.
 
@@ -184,14 +183,16 @@ class Game(RuleVerbs):
         Raises:
             IllegalAction, IllegalMutation, or whatever a strategy or rule raises: see the settings.
         """
-        # NOTE: a generator that need not be lent takes 2 us of a turn of 15 (benchmarks: turns).
+        # NOTE: without the decorator and a generator that need not be lent: a turn takes 15 us (benchmarks: turns).
+        if self._phase.agent is not None:
+            self._phase.refuse("call ctx.game.step")
         if not self.ctx.is_seeded:
             return self._take_turn()
         with self._global_random.of(self.ctx):
             return self._take_turn()
 
     def _take_turn(self) -> bool:
-        state = self._state
+        state, turns = self._state, self._turns
         if self.ctx.is_terminated() or state.over is not None:
             return False
         if self._prepared != self._phase.strategy_changes:
@@ -200,17 +201,23 @@ class Game(RuleVerbs):
             self._begin()
         if self._ruleset.unchecked:
             self._ruleset.warn_of_unknown_teams()
+        if self._unchecked_plans:
+            self._warn_of_unknown_teams()
+        if self._global_random.is_lent:
+            self._global_random.begin_turn()
+        turns.is_playing = True
+        try:
+            self._play()
+        finally:
+            turns.is_playing = False
+        return state.over is None
+
+    def _warn_of_unknown_teams(self) -> None:
+        """Warn about the teams that plans were set for and no agent plays for."""
         while self._unchecked_plans:
             team, teams = self._unchecked_plans.pop(0), dict.fromkeys(self.ctx.agent.block.teams)
             if team in self.plans and team not in teams:
                 self.ctx.logger.warning(f"command: {UnknownName('team', team, teams)} Its plan decides for no agent.")
-        self._global_random.begin_turn()
-        self._turns.is_playing = True
-        try:
-            self._step()
-        finally:
-            self._turns.is_playing = False
-        return state.over is None
 
     def _prepare_strategies(self) -> None:
         """Call `prepare(ctx)` of the strategies and plans that have it, as of rules."""
@@ -230,7 +237,7 @@ class Game(RuleVerbs):
         state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
         state.players.update({agent.name: agent for agent in self.ctx.agent.storage.made()})
 
-    def _step(self) -> None:
+    def _play(self) -> None:
         state, rules = self._state, self._ruleset
         if "before" in rules.phases and state.parts_played is None:
             self._apply_rules("before")
@@ -244,10 +251,11 @@ class Game(RuleVerbs):
         try:
             if "after" in rules.phases:
                 self._apply_rules("after")
-            self._collectors.collect(state.turn, self.ctx, lambda: self.agents)
+            if self._collectors.by_name:
+                self._collectors.collect(state.turn, self.ctx, lambda: self.agents)
         finally:  # the agents have moved: the turn counts for recordings and windows, too
             began = perf_counter()
-            self.ctx.visual.simulate()
+            self.ctx.visual_engine.simulate()
             state.timings["draw"] += perf_counter() - began
 
     @refused_while_deciding

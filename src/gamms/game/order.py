@@ -54,14 +54,6 @@ class Commanded:
         return self._draw_keys[1]
 
 
-class Used(NamedTuple):
-    """What the settings of a game use, which a turn has to do nothing for where it is not used."""
-
-    channels: bool
-    deeds: bool
-    is_usual: bool  # whether agents can be asked in line: no channels, no time budget, and teams share their memories
-
-
 class Part:
     """The agents that decide and move at once: all living ones, or those of some teams.
 
@@ -157,7 +149,10 @@ class TurnOrder:
 
     Attributes:
         slots, block: as given.
-        used: what the settings use.
+        groups: the order of play, as given.
+        has_channels, has_deeds: whether the settings have such, for which a turn does nothing else.
+        decides_at_arrivals: whether agents that travel decide at each arrival.
+        is_usual: whether agents can be asked in line: no channels, no time budget, and teams share their memories.
         progress: by row of the agents, on the edge that one has covered part of.
         whole: all of them.
         parts: those that move at once, in their order.
@@ -175,9 +170,10 @@ class TurnOrder:
     ) -> None:
         self.slots, self.block, self.structure_version = slots, block, block.structure_version
         self.progress, plans = block.progress, settings.plans
-        has_channels, is_timed = bool(settings.channels), settings.time_budget is not None
-        is_usual = settings.team_memory and not (has_channels or is_timed)
-        self.used = Used(has_channels, bool(settings.deeds), is_usual)
+        self.groups = order
+        self.has_channels, self.has_deeds = bool(settings.channels), bool(settings.deeds)
+        self.decides_at_arrivals = settings.decide == "arrival"
+        self.is_usual = settings.team_memory and settings.time_budget is None and not self.has_channels
         progress = block.progress
         self.whole = Part(slots, None, progress, plans)
         self.parts, self.unlisted = [self.whole], None

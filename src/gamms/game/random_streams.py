@@ -282,12 +282,16 @@ for _name, _method in list(vars(Generator).items()):
 
 
 class GlobalRandom:
-    """Lend a game states of its own for `random` and `numpy.random`, from which programs for 1.0.0 draw."""
+    """Lend a game states of its own for `random` and `numpy.random`, from which programs for 1.0.0 draw.
+
+    Attributes:
+        is_lent: whether they are lent now.
+    """
 
     def __init__(self) -> None:
         self._state: Any = None  # of `random` in the game, where its draws have come to; None before the first
         self._bits: np.random.BitGenerator | None = None  # of `numpy.random` in the game
-        self._is_lent = False
+        self.is_lent = False
         self._is_shared = False  # whether a snapshot holds the generator, too: it is copied before the next draw
         self._spare: np.random.BitGenerator | None = None  # that nothing holds any more
 
@@ -304,25 +308,25 @@ class GlobalRandom:
 
     def forget(self) -> None:
         """Start both streams again from the seed of the context."""
-        if not (self._is_shared or self._is_lent or self._bits is None):
+        if not (self._is_shared or self.is_lent or self._bits is None):
             self._spare = self._bits
         self._state = self._bits = None
 
     @contextmanager
     def of(self, ctx: HostContext) -> Iterator[None]:
         """Lend the game's generators for the block, if the context has a seed; afterwards both are as before."""
-        if self._is_lent or not ctx.is_seeded:
+        if self.is_lent or not ctx.is_seeded:
             yield
             return
         # NOTE: the generator of NumPy is exchanged, not copied: `step` does this in every turn (benchmarks, turns).
         state, bits = random.getstate(), get_bit_generator()
         numpy_state = np.random.get_state(legacy=False)  # noqa: NPY002 - for the normal number that it may keep
-        self._is_lent = True
+        self.is_lent = True
         try:
             self._begin(ctx)
             yield
         finally:
-            self._is_lent = False
+            self.is_lent = False
             self._state = random.getstate()
             random.setstate(state)
             set_bit_generator(bits)
@@ -330,8 +334,11 @@ class GlobalRandom:
                 np.random.set_state(numpy_state)  # noqa: NPY002 - as above
 
     def begin_turn(self) -> None:
-        """Drop the normal number that NumPy has drawn ahead, so that turns one by one are as those of a run."""
-        if self._is_lent and self._bits is not None:
+        """Drop the normal number that NumPy has drawn ahead, so that turns one by one are as those of a run.
+
+        To be called while they are lent.
+        """
+        if self._bits is not None:
             set_bit_generator(self._bits)
 
     def _begin(self, ctx: HostContext) -> None:

@@ -356,25 +356,29 @@ class _SharedColumns(dict[str, list[Any]]):
 
 
 class Collectors:
-    """The collectors of one game, by name."""
+    """The collectors of one game.
+
+    Attributes:
+        by_name: the collectors.
+    """
 
     def __init__(self) -> None:
-        self._all: dict[str, _Collector] = {}
+        self.by_name: dict[str, _Collector] = {}
 
     def add(self, name: str, fn: Callable[[Any], Any], every: int, per: str) -> None:
         """Add a collector; see `Game.collect`."""
-        if name in self._all:
+        if name in self.by_name:
             raise Duplicate("a collector", name)
         if not callable(fn):
             raise BadType(f"Collector {shown(name)} needs a function, not {shown(fn)}.")
         as_choice(as_text(per, "per"), "per", ("game", "agent"))
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         columns: dict[str, list[Any]] = {column: [] for column in names}
-        self._all[name] = _Collector(fn, every, per, columns, {column: LogHistory() for column in names})
+        self.by_name[name] = _Collector(fn, every, per, columns, {column: LogHistory() for column in names})
 
     def collect(self, turn: int, ctx: HostContext, agents: Callable[[], Sequence[IAgent]]) -> None:
         """Take the values of a turn; `agents` gives the living agents."""
-        for fn, every, per, columns, _ in self._all.values():
+        for fn, every, per, columns, _ in self.by_name.values():
             if turn % every:
                 continue
             for agent in agents() if per == "agent" else (None,):
@@ -385,7 +389,7 @@ class Collectors:
 
     def tables(self) -> dict[str, dict[str, list[Any]]]:
         """Return what was collected so far, by name."""
-        return {name: {key: list(one.columns[key]) for key in one.histories} for name, one in self._all.items()}
+        return {name: {key: list(one.columns[key]) for key in one.histories} for name, one in self.by_name.items()}
 
     def copy_from(self, other: "Collectors", own: Callable[[Any], Any]) -> None:
         """Take over the collectors of another game and what they have collected, which is copied when it is needed.
@@ -397,18 +401,18 @@ class Collectors:
         for name, (one, points) in other.snapshot().items():
             histories = {key: LogHistory() for key in points}
             columns = _SharedColumns(points, histories)
-            self._all[name] = one._replace(fn=own(one.fn), columns=columns, histories=histories)
+            self.by_name[name] = one._replace(fn=own(one.fn), columns=columns, histories=histories)
 
     def snapshot(self) -> dict[str, tuple[_Collector, dict[str, LogPoint]]]:
         """Return the collectors and what they have collected, for `restore`."""
         return {
             name: (one, {key: history.mark(one.columns[key]) for key, history in one.histories.items()})
-            for name, one in self._all.items()
+            for name, one in self.by_name.items()
         }
 
     def restore(self, before: dict[str, tuple[_Collector, dict[str, LogPoint]]]) -> None:
         """Restore the collectors and what they had collected."""
-        self._all = {name: one for name, (one, _) in before.items()}
+        self.by_name = {name: one for name, (one, _) in before.items()}
         for one, points in before.values():
             for key, point in points.items():
                 one.histories[key].go_to(one.columns[key], point)

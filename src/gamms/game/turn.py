@@ -221,53 +221,57 @@ class TurnEngine:
         Raises:
             BadValue: the order of play leaves out a team.
         """
-        self._groups, self.is_moving, self._outgoing = self._settings.order, True, []
+        state, order = self._state, self.order()
+        self._groups, self.is_moving = order.groups, True
         try:
-            order = self.order()
             if order.unlisted is not None:
                 raise BadValue(
                     f"ctx.game.order leaves out team {shown(order.unlisted.team)}, of which agent "
                     f"{order.unlisted.name!r} is. Add the team to one of its lists."
                 )
-            first, parts = self._state.parts_played or 0, len(order.parts)
+            first = state.parts_played or 0
             turn = self._play_part(order, first, observers, rules)
-            if parts > 1:
-                turn = turn.between(first, parts)
-            for number in range(first + 1, parts):
-                if self._state.over is None:
-                    later = self._play_part(self.order(), number, observers, rules).between(number, parts)
-                    turn = turn.on(later.order).then(later)
-            self._state.moves = turn
+            if len(order.parts) > 1:
+                turn = self._play_later_parts(turn, first, observers, rules)
+            state.moves = turn
             if self._outgoing:
                 agents = [slot.agent for slot in self.order().slots]
-                self._state.messages += sent(self._ctx, agents, self._outgoing, self._state.turn)
+                state.messages += sent(self._ctx, agents, self._outgoing, state.turn)
         finally:
             self.is_moving = False
-            if self._settings.order is not self._groups:  # a rule has set another one, which counts from now on
-                self._order_key = ()
+            if self._outgoing:
+                self._outgoing = []
+            if self._order is not order and self._settings.order is not order.groups:
+                self._order_key = ()  # a rule has set another order of play, which counts from now on
+
+    def _play_later_parts(self, turn: TurnMoves, first: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
+        """Let the agents of all parts after the first decide and move; return the moves of the whole turn."""
+        parts = len(turn.order.parts)
+        turn = turn.between(first, parts)
+        for number in range(first + 1, parts):
+            if self._state.over is None:
+                later = self._play_part(self.order(), number, observers, rules).between(number, parts)
+                turn = turn.on(later.order).then(later)
+        return turn
 
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
         part, self.part = order.parts[number], number
-        began = perf_counter()
-        is_by_arrival = bool(part.paced) and self._settings.decide == "arrival"
-        is_by_arrival = is_by_arrival and any(order.slots[i].travels for i in part.paced)
+        spent, began = self._state.timings, perf_counter()
+        is_by_arrival = part.paced and order.decides_at_arrivals and any(order.slots[i].travels for i in part.paced)
         ask = self._ask_at_arrivals if is_by_arrival else self._ask
         turn = self._state.moves = ask(order, part, observers)
-        asked = decided = perf_counter()
-        if order.used.deeds or rules.act_before_moves:
+        now = perf_counter()
+        spent["decide"] += now - began
+        if order.has_deeds or rules.act_before_moves:
             turn = self._do_deeds(turn, part, rules)
-            part = turn.order.parts[number]
-            self._state.timings["rules"] += perf_counter() - decided
-            decided = perf_counter()
+            part, began, now = turn.order.parts[number], now, perf_counter()
+            spent["rules"] += now - began
         if self._settings.conflicts is not None and not is_by_arrival:
             self._resolve(turn)
-        resolved = perf_counter()
+            began, now = now, perf_counter()
+            spent["resolve"] += now - began
         self._apply(turn, part)
-        applied = perf_counter()
-        spent = self._state.timings
-        spent["decide"] += asked - began
-        spent["resolve"] += resolved - decided
-        spent["apply"] += applied - resolved
+        spent["apply"] += perf_counter() - now
         return turn
 
     def _do_deeds(self, turn: TurnMoves, part: Part, rules: RuleSet) -> TurnMoves:
@@ -336,7 +340,8 @@ class TurnEngine:
         try:
             sees_first = observers or not part.see_world_only
             seen = self._observe_first(order, part, observers) if sees_first else None
-            self.ask_part(part, decisions, self._ctx.seed, seen, is_usual=order.used.is_usual)
+            seed = self._ctx.seed if part.commanded else 0
+            self.ask_part(part, decisions, seed, seen, is_usual=order.is_usual)
             if decisions.awaited:
                 if self._loop is None:
                     from gamms.game.awaiting import EventLoop  # which loads asyncio
@@ -347,7 +352,7 @@ class TurnEngine:
             self._phase.agent, self._phase.moment, self.is_deciding = None, None, False
             if decisions.awaited:
                 decisions.drop()
-        unsent = self._take_outboxes(order, part, decisions.failed) if order.used.channels else []
+        unsent = self._take_outboxes(order, part, decisions.failed) if order.has_channels else []
         if state.blocked:
             self._forget_blocked(order, part)
         for i, why in decisions.close():
@@ -370,7 +375,7 @@ class TurnEngine:
             decisions: takes what they decide.
             seed: of the game.
             seen: the states of all, by slot; None: each observes when it is asked.
-            is_usual: see `Used`.
+            is_usual: see `TurnOrder`.
         """
         slots, observe = decisions.slots, decisions.observe
         if seen is None and is_usual and part.individuals:
@@ -567,9 +572,9 @@ class TurnEngine:
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""
-        block = turn.order.block
-        block.move_all(part.ground, part.of_ground(turn.ends))
-        turn.order.count_moves(turn.starts, turn.ends)
+        order, ends, block = turn.order, turn.ends, turn.order.block
+        block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
+        order.count_moves(turn.starts, ends)
         for i in part.paced:
             block.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)
         for i, action in turn.actions.items():

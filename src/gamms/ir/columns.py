@@ -30,7 +30,7 @@ class ChangeLog:
 
 def copied_column(column: Any) -> Any:
     """Return a copy of a list or of a view of an array."""
-    return np.array(column).data if isinstance(column, memoryview) else column.copy()
+    return column.copy() if type(column) is list else np.array(column).data
 
 
 class Selection:
@@ -68,7 +68,7 @@ class Selection:
         """Return what the column holds in these rows: a list, or a view of an array."""
         if isinstance(column, memoryview):
             return np.asarray(column).take(self.array).data
-        return list(self.pick(column))
+        return [*self.pick(column)]
 
     def write(self, column: list[Any], values: Sequence[Any]) -> None:
         """Set the column in these rows."""
@@ -98,4 +98,6 @@ class Selection:
 
 def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
     """Return the function that picks what is at these places of a list."""
+    if places == list(range(len(places))):
+        return itemgetter(slice(len(places)))
     return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]
