@@ -4,7 +4,6 @@ import logging
 import os
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from functools import cached_property
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -22,7 +21,6 @@ if TYPE_CHECKING:
     from gamms.game import Game
     from gamms.recorder import Recorder
 
-_ENGINES = ("graph_engine", "agent_engine", "sensor_engine")
 _LEVELS = ("DEBUG", "INFO", "WARNING", "ERROR", "CRITICAL")
 _LOGGER_VERBS = ("debug", "info", "warning", "error", "critical", "setLevel")
 
@@ -70,8 +68,10 @@ class Context(Guarded, typing.IContext):
 
     _called = "ctx"
 
-    _engine_classes: Mapping[str, Callable[["Context"], Any]] = {}  # of the engines that are made when asked for
-    _visual_class: Callable[["Context"], Any] | None = None  # of the visual engine, likewise
+    agent_engine: Any
+    graph_engine: Any
+    sensor_engine: Any
+    _visual_class: Callable[["Context"], Any] | None = None  # of the visual engine that is made when it is asked for
 
     def __init__(
         self,
@@ -85,10 +85,10 @@ class Context(Guarded, typing.IContext):
     ) -> None:
         self._phase = DecidePhase()
         self._internal_context: Any = internal_context
-        for name, engine in zip(_ENGINES, (graph_engine, agent_engine, sensor_engine), strict=True):
-            if engine is not None:
-                setattr(self, name, engine)
+        self.agent_engine = agent_engine
+        self.sensor_engine = sensor_engine
         self._visual_engine: Any = visual_engine
+        self.graph_engine = graph_engine
         self._recorder: Any = recorder
         self._logger: Any = logger or logging.getLogger("gamms")
         self._alive = False
@@ -97,27 +97,6 @@ class Context(Guarded, typing.IContext):
         self._seed_uses = 0
         self._rng: Generator | None = None
         self._game: Game | None = None
-
-    @cached_property
-    def graph_engine(self) -> Any:
-        """The same as `graph`; settable."""
-        return self._made("graph_engine")
-
-    @cached_property
-    def agent_engine(self) -> Any:
-        """The same as `agent`; settable."""
-        return self._made("agent_engine")
-
-    @cached_property
-    def sensor_engine(self) -> Any:
-        """The same as `sensor`; settable."""
-        return self._made("sensor_engine")
-
-    def _made(self, engine: str) -> Any:
-        """Return a new engine, which is first asked for; None in a context that is built by hand without it."""
-        make = self._engine_classes.get(engine)
-        with self._phase.suspended():
-            return None if make is None else make(self)
 
     @property
     def agent(self) -> "agent.AgentEngine":
@@ -274,7 +253,10 @@ class Context(Guarded, typing.IContext):
         """
         ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=self._logger)
         ahead._seed, ahead.is_seeded = seed, self.is_seeded
-        ahead._engine_classes, ahead._visual_class = _engine_classes(), visual.NoEngine
+        ahead.graph_engine = graph.GraphEngine(ahead)
+        ahead.agent_engine = agent.AgentEngine(ahead)
+        ahead.sensor_engine = sensor.SensorEngine(ahead)
+        ahead._visual_class = visual.NoEngine
         memo: dict[int, Any] = {id(self): ahead, id(self._phase): ahead._phase, id(self._logger): self._logger}
         memo[id(self._internal_context)] = ahead._internal_context
         if self._visual_engine is not None:
@@ -393,29 +375,23 @@ def create_context(
         ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
     if game is not None:
         ctx.game.configure(game)
-    ctx._internal_context = InternalContext(memory_engine=memory.MemoryEngine())
-    ctx._engine_classes = _engine_classes()
-    path = _database_path(graph_engine, graph_path)
-    try:
-        if graph_engine is not graph.Engine.MEMORY:
-            ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=path)  # type: ignore[arg-type] # it is checked there
+    with ExitStack() as opened:  # closes what is open when a later engine cannot be built
+        ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
+        opened.callback(ctx.internal_context.terminate)
+        path = _database_path(graph_engine, graph_path)
+        ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=path)  # type: ignore[arg-type] # it is checked there
+        ctx.agent_engine = agent.AgentEngine(ctx)
+        ctx.sensor_engine = sensor.SensorEngine(ctx)
         if vis_engine is visual.Engine.NO_VIS and not keywords:
-            ctx._visual_class = visual.NoEngine
+            ctx._visual_class = visual.NoEngine  # NOTE: a third of the time of a context that shows nothing
         else:
             ctx._visual_engine = _visual_engine(ctx, vis_engine, keywords)
-    except BaseException:
-        ctx._internal_context.terminate()  # which closes the database
-        raise
+        opened.pop_all()
     ctx.set_alive()
     return ctx
 
 
 contexts.register("gamms")(create_context)
-
-
-def _engine_classes() -> dict[str, Callable[[Context], Any]]:
-    """Return the classes of the engines, as they are called now."""
-    return dict(zip(_ENGINES, (graph.GraphEngine, agent.AgentEngine, sensor.SensorEngine), strict=True))
 
 
 def _keywords(given: object, name: str) -> dict[str, Any]:

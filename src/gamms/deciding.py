@@ -95,7 +95,6 @@ class DecidePhase:
             self.agent = agent
 
 
-_put = object.__setattr__
 UNDECIDED = DecidePhase()  # of what belongs to no context: no agent ever decides
 
 
@@ -117,7 +116,7 @@ class Guarded(Shareable):
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_" and self._phase.agent is not None:
             self._phase.refuse(f"set {self._called}.{name}")
-        _put(self, name, value)
+        object.__setattr__(self, name, value)
 
     def __setstate__(self, state: dict[str, Any] | tuple[dict[str, Any] | None, dict[str, Any]]) -> None:
         """Become a copy, without checking again what was set."""

@@ -30,37 +30,6 @@ def test_by_default_a_context_has_every_room_and_lives(open_context):
     assert ctx._alive is True
 
 
-def test_engines_are_of_the_classes_that_there_were_when_the_context_was_created(open_context, monkeypatch):
-    class Engine(gamms.agent.AgentEngine):
-        pass
-
-    with monkeypatch.context() as patch:
-        patch.setattr(gamms.agent, "AgentEngine", Engine)
-        ctx = open_context()
-    assert type(ctx.agent) is Engine
-    assert ctx.agent is ctx.agent_engine
-
-
-def test_engines_that_are_first_asked_for_after_the_end_have_ended(open_context):
-    ctx = open_context()
-    ctx.terminate()
-    with pytest.raises(gamms.errors.ContextTerminated):
-        _ = ctx.graph.graph
-    with pytest.raises(gamms.errors.ContextTerminated):
-        ctx.sensor.create_sensor("a", "MAP")
-
-
-def test_a_context_that_is_built_by_hand_has_the_engines_that_it_was_given():
-    engine = object()
-    ctx = gamms.Context(graph_engine=engine)
-    assert (ctx.graph, ctx.agent, ctx.sensor_engine) == (engine, None, None)
-
-
-def test_a_misspelt_part_of_a_context_is_an_attribute_error(open_context):
-    with pytest.raises(AttributeError, match="no attribute 'agnet'"):
-        _ = open_context().agnet
-
-
 @pytest.mark.parametrize("room", ["agent", "graph", "sensor", "visual", "record", "ictx", "rng", "seed"])
 def test_rooms_cannot_be_assigned_by_their_short_names(open_context, room):
     with pytest.raises(AttributeError):
