@@ -4,6 +4,7 @@ import json
 import pickle
 from typing import Annotated
 
+import numpy as np
 import pytest
 
 from gamms import rules, scenario
@@ -275,3 +276,10 @@ def test_what_a_rule_of_gamms_keeps_counts_as_named(made):
     rules[0]["with"]["key"] = "flags_of_mine"
     assert made({}, rules=rules, data={"flags_of_mine": {}}).warnings() == []
     assert made({}, rules=[], data={"flags_of_mine": {}}).warnings() != []
+
+
+def test_scalars_of_numpy_are_the_numbers_that_a_file_could_hold(made):
+    given = made({"max_turns": np.int64(7), "seed": np.array(3)}).to_dict()
+    assert [(type(given[key]), given[key]) for key in ("max_turns", "seed")] == [(int, 7), (int, 3)]
+    with pytest.raises(ScenarioError, match=r"max_turns: array\(\[7\]\) is no plain value"):
+        made({"max_turns": np.array([7])})
