@@ -248,6 +248,18 @@ def test_teammates_are_near_where_they_were_last_known_to_be(tag):
     assert all(far <= 1 for _, far, _ in found)
 
 
+def test_teammates_in_sight_that_tell_nothing_are_where_they_are(tag):
+    def look(state):
+        model = Model(state)
+        found = set()
+        for number in range(5):
+            model.sample(number)
+            found.add(model.ctx.agent.get_agent("amy").current_node_id)
+        return found, {state["sensor"]["eyes"][1]["amy"]}
+
+    assert all(found == seen for found, seen in play(tag.replace(**{"sensors.eyes.sensor_range": 99.0}), look))
+
+
 def test_a_function_sets_what_else_is_hidden(tag):
     def sample(ctx, rng):
         ctx.agent.get_agent("cat").speed = int(rng.integers(1, 4))
