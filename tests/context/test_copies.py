@@ -50,6 +50,20 @@ def test_a_copied_context_goes_its_own_way():
     ahead.terminate()
 
 
+def test_agents_of_a_copy_that_share_a_sensor_get_more_sensors():
+    with world() as ctx, copy.deepcopy(ctx) as ahead:
+        more = ahead.sensor.create_sensor("more", gamms.sensor.SensorType.AGENT)
+        for name in ("anna", "ben"):
+            ahead.agent.get_agent(name).register_sensor("more", more)
+        assert [state["sensor"]["AGENT"][1] for state in states(ahead)[:2]] == [
+            {"ben": 2, "kite": 1},
+            {"anna": 0, "kite": 1},
+        ]
+        assert [state["sensor"]["more"] for state in states(ahead)[:2]] == [
+            s["sensor"]["AGENT"] for s in states(ctx)[:2]
+        ]
+
+
 def test_a_graph_is_pickled_by_what_it_holds():
     with world() as ctx:
         graph = pickle.loads(pickle.dumps(ctx.graph.graph))

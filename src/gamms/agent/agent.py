@@ -34,7 +34,6 @@ from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, o
 
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
-_NOT_SHARED: frozenset[int] = frozenset()
 _AT_FIRST = ("_phase", "_ctx", "_block", "_near", "_sensor_list", "_shared", "_carried", "_last", "strategy")
 
 
@@ -77,7 +76,7 @@ class BaseAgent(Guarded, IAgent):
     _row: int
     _near: Mapping[int, Sequence[int]]  # of an agent on the ground; what is in it is a node
     _sensor_list: dict[str, ISensor]
-    _shared: frozenset[int]  # id() of the sensors that another agent carries, too
+    _shared: tuple[ISensor, ...]  # the sensors that another agent carries, too
     _carried: tuple[Carried, ...]  # the same as the list, in the form that is read fastest
     _last: list[Any]  # what `get_state` returned last
 
@@ -180,7 +179,7 @@ class BaseAgent(Guarded, IAgent):
             self._ctx.logger.warning(f"Agent {self.name!r} has no sensor {name!r} to deregister.")
             return
         if not any(sensor is other for other in self._sensor_list.values()):
-            self._shared -= {id(sensor)}
+            self._shared = tuple(other for other in self._shared if other is not sensor)
         self._carry()
         self._note(events.AGENT_SENSOR_DEREGISTER, name, sensor)
         self._clear_owner(sensor)
@@ -274,7 +273,7 @@ class BaseAgent(Guarded, IAgent):
         for key in attributes:
             if key not in self._SETTABLE and not isinstance(getattr(type(self), key, None), (_Derived, type(None))):
                 raise AttributeError(f"{key!r} cannot be set when an agent is created.")
-        values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, _NOT_SHARED, (), [{}], None)
+        values: tuple[Any, ...] = (phase_of(ctx), ctx, block, {}, {}, (), (), [{}], None)
         for name, value in zip(_AT_FIRST, values, strict=True):
             object.__setattr__(self, name, value)  # NOTE: a third of the time of `__setattr__` (benchmarks)
         return ctx.graph.graph
@@ -334,14 +333,14 @@ class BaseAgent(Guarded, IAgent):
 
     def _share(self, sensor: ISensor) -> None:
         """Name this agent as the owner of a sensor for every look of its own: another agent carries it, too."""
-        self._shared |= {id(sensor)}
+        self._shared = (*(other for other in self._shared if other is not sensor), sensor)
         self._carry()
 
     def _carry(self) -> None:
         self._block.structure_version += 1
-        shared, sensors = self._shared, self._sensor_list.items()
-        own = self.name if shared else None
-        self._carried = tuple([_carried(name, one, own if id(one) in shared else None) for name, one in sensors])
+        owner_of_shared = {id(one): self.name for one in self._shared}
+        sensors = self._sensor_list.items()
+        self._carried = tuple([_carried(name, one, owner_of_shared.get(id(one))) for name, one in sensors])
 
     def _clear_owner(self, sensor: ISensor) -> None:
         if owner_of(sensor) in (None, self.name):  # unless another agent carries it by now

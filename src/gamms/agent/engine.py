@@ -515,9 +515,6 @@ class AgentStorage(Guarded):
             twin = engine._agents[agent.name] = deepcopy(agent, memo)
             for key in shared:
                 del memo[key]
-            twin._shared = frozenset(
-                [id(twin._sensor_list[name]) for name, one in agent._sensor_list.items() if id(one) in agent._shared]
-            )
             twin._carry()
 
     @refused_while_deciding
