@@ -28,6 +28,8 @@ _SLACK = 1e-6  # map units: boxes are compared with this tolerance, because plac
 _SHARE = 8  # of agents that look: where so many did, the others will, too
 _SEVERAL_AGENTS = 32  # so many are found for all that look
 _MANY_AGENTS = 128  # so many are looked up by node
+_MOST_COMPARED = 1000  # agents whose places are compared at the first look from a place
+_MOST_PLACES = 1 << 16  # looked from once that are remembered
 _FAR = 1e150  # of which squares are infinite
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
 
@@ -73,6 +75,7 @@ class NearbyAgents:
         self._checked: tuple[Positions | None, int | None] = (None, None)  # that no agent is on a removed node
         self._revision: int | None = None  # of the graph that the discs are of
         self._discs: dict[float, dict[Place, Collection[int] | None]] = {}
+        self._looked_from: set[tuple[float, Place]] = set()  # once, by range: no disc is remembered yet
         self._ids: dict[int, int] = {}  # one object per id
         self.places_of_nodes = PlacesOfNodes(ctx)
         self._kept = 0
@@ -171,7 +174,7 @@ class NearbyAgents:
         try:
             disc = self._discs[radius][place]
         except (KeyError, TypeError):  # not known, or not hashable
-            disc = self._disc(self._checked_place(place), radius, are_many=len(positions.names) >= _MANY_AGENTS)
+            disc = self._new_disc(self._checked_place(place), radius, len(positions.names))
         if disc is None:
             return positions, self._compared(place, radius)
         rows = positions.rows_on(disc)
@@ -214,17 +217,27 @@ class NearbyAgents:
         self._revision, self._kept = revision, 0
         self._looks.clear()
         self._discs.clear()
+        self._looked_from.clear()
         self._ids.clear()
         self.places_of_nodes.clear()
 
-    def _disc(self, place: Place, radius: float, *, are_many: bool) -> Collection[int] | None:
-        """Return the ids of the nodes in a disc; None where there are too many to remember."""
+    def _new_disc(self, place: Place, radius: float, agents: int) -> Collection[int] | None:
+        """Return the ids of the nodes in a disc; None where it does not pay to know them."""
+        # NOTE: a search for nodes takes as long as some looks at all places, where these are known since agents last
+        # moved (benchmarks: OCCLUDED_AGENT).
+        are_known = self._revision is not None and self._key == (self._positions, self._version, self._revision)
+        if are_known and agents <= _MOST_COMPARED and (radius, place) not in self._looked_from:
+            if len(self._looked_from) >= _MOST_PLACES:
+                self._looked_from.clear()
+            self._looked_from.add((radius, place))
+            return None
         ids = self._views.known_ids(place, radius)
         if ids is None:
             x, y = coordinates(self._ctx, place)
             ids = self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
         # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
         # (benchmarks: 1,000 agents in Helsinki). Few agents are looked up in the set.
+        are_many = agents >= _MANY_AGENTS
         disc = tuple([self._ids.setdefault(id, id) for id in ids]) if are_many else {*ids}
         kept = disc if len(disc) <= _WIDE else None
         if self._kept > _MOST_IDS:
