@@ -18,7 +18,6 @@ from gamms.arguments import as_context, as_flag, as_items, as_key, as_range
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.moves import TurnMoves
-from gamms.game.order import plays_for
 from gamms.graph import Graph
 from gamms.ir.agents import Position
 from gamms.rules import meetings
@@ -158,8 +157,10 @@ def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
     """Return all contacts of a turn in the order that `contacts` promises; two agents may have several."""
     if _are_apart(ctx, a, b, nearness):
         return []
-    agents = [agent for agent in ctx.game.agents if nearness.air or agent.type is not AgentType.AERIAL]
-    ours, theirs = ([agent for agent in agents if plays_for(agent, side)] for side in (a, b))
+    agents: list[IAgent] = ctx.game.agents
+    if ctx.agent.block.flyers and not nearness.air:
+        agents = [agent for agent in agents if agent.type is not AgentType.AERIAL]
+    ours, theirs = (_playing_for(side, agents) for side in (a, b))
     if not ours or not theirs:
         return []
     sides = _tracked(ctx, ours, passing=nearness.passing), _tracked(ctx, theirs, passing=nearness.passing)
@@ -174,6 +175,11 @@ def found(ctx: Context, a: Side, b: Side, nearness: Nearness) -> list[Contact]:
     if nearness.crossing:
         met += _on_edges(*sides) if nearness.passing else _crossed(ctx, ours, theirs)
     return [Contact(a, b, distance, time, *nodes) for time, distance, _, a, b, *nodes in _ranked(ctx, met)]
+
+
+def _playing_for(side: Side, agents: list[IAgent]) -> list[IAgent]:
+    # NOTE: without a call for each agent (benchmarks: contacts).
+    return [*filter(side, agents)] if callable(side) else [agent for agent in agents if agent.team == side]
 
 
 def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:
