@@ -236,3 +236,14 @@ def test_a_part_of_an_edge_is_covered_in_ones_own_part_of_the_turn():
             ctx.game.step()
             nodes.append(cop.current_node_id)
         assert nodes == [1, 3, 4, 6]
+
+
+@pytest.mark.parametrize("speed", [None, 1.5])
+def test_who_is_put_elsewhere_in_its_part_of_the_turn_and_stays_is_there_at_the_end_of_the_turn_alone(speed):
+    with road([["cops"], ["robber"]]) as ctx:
+        player(ctx, "cop", "cops", 0, 0)
+        rob, tracks, parts = player(ctx, "rob", "robber", 9, speed=speed), [], iter([9, 5])
+        ctx.game.add(lambda _: setattr(rob, "current_node_id", next(parts)), phase="deeds")
+        ctx.game.add(lambda ctx: tracks.extend(ctx.game.tracks([rob])))
+        ctx.game.step()
+        assert [(track.path, track.times) for track in tracks] == [((5,), (1.0,))]

@@ -307,10 +307,13 @@ class TurnMoves:
 
     def then(self, later: "TurnMoves") -> "TurnMoves":
         """Return these moves and later ones of other agents, as one turn; both are of the same order."""
-        starts, ends, actions = list(self.starts), list(self.ends), {**self.actions, **later.actions}
+        starts, ends, where = list(self.starts), list(self.ends), zip(later.starts, self.ends, strict=True)
+        was_put = [start != end for start, end in where]
+        acting = {i: action for i, action in later.actions.items() if not (was_put[i] and _just_stays(action))}
+        actions = {**self.actions, **acting}
         for i, (start, end) in enumerate(zip(later.starts, later.ends, strict=True)):
-            if start != end or i in later.actions:
-                if start != self.ends[i]:  # it was put there before it moved
+            if start != end or i in acting:
+                if was_put[i]:  # before it moved
                     action, starts[i] = later.actions[i], start
                     actions[i] = action._replace(path=action.path[1:] or action.path, times=action.times[1:])
                 ends[i] = end
@@ -318,6 +321,10 @@ class TurnMoves:
 
 
 _SHORT = 1e-9  # of an edge: so far before a node stands who may not enter it
+
+
+def _just_stays(action: ResolvedAction) -> bool:
+    return action == ResolvedAction(action.end, (action.end,), times=action.times)
 
 
 def _moves(leg: Leg) -> bool:

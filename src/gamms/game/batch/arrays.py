@@ -15,7 +15,7 @@ from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Ground, ViewOfGrounds, is_other_by_roads, key_of
-from gamms.game.batch.movement import Anywhere, Movement
+from gamms.game.batch.movement import Anywhere, Movement, Route
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
@@ -68,6 +68,7 @@ class ArrayEngine:
         if settings["channels"]:
             self.state.radio = self._made_radio(settings["channels"])
         self._outboxes: list[Outbox] = []  # of this turn
+        self._routes: list[Route] = []  # of those that decide now
         self._own: list[OwnState | None] = [None] * len(seeds)
         self._kinds: dict[str, Any] = {}  # agent that has come -> what it is and carries
         self._here = self._made_ground(game, lambda: game.fork(0), roster, movement)
@@ -320,7 +321,11 @@ class ArrayEngine:
 
     def _play_part(self, turn: ArrayTurn, actions: IntArray, deeds: list[ArrayDeeds], part: TurnPart | None) -> None:
         """Let some agents do and move at once what they have decided; None: all."""
-        moves = self.state.movement.moves(turn.node, actions, turn.games)
+        movement, routes, self._routes = self.state.movement, self._routes, []
+        moves = movement.moves(turn.node, actions, turn.games)
+        if routes:
+            at, agents, ways = zip(*routes, strict=True)
+            moves = moves.put((np.array(at), np.array(agents)), movement.moves_of(ways))
         turn.note_illegal(moves.illegal)
         turn.paths, in_conflict = moves.paths, np.zeros(moves.ends.shape, np.bool_)
         if self._here.checks or deeds or self._here.rules["deeds"]:
@@ -340,7 +345,7 @@ class ArrayEngine:
             in_conflict = (context.resolve(turn, moves) if form is None else form(turn, ends)) & moves.goes
             self.state.counts["blocked"][turn.games] += in_conflict
             if self._here.asked is not None:
-                self._here.asked.note_stopped(turn, in_conflict, moves.ends)
+                self._here.asked.note_stopped(turn, in_conflict, ends)
         turn.move(moves.without(in_conflict), in_conflict, part)
 
     def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> tuple[IntArray, BoolArray]:
@@ -389,7 +394,7 @@ class ArrayEngine:
         asked = self._here.asked
         agents = np.zeros(0, np.int64) if asked is None else asked.agents[~is_decided[asked.agents]]
         if asked is not None and len(agents):
-            actions[:, agents], done, sent = asked.decide(turn, agents)
+            actions[:, agents], done, sent, self._routes = asked.decide(turn, agents)
             deeds += done
             self._outboxes += sent
         return actions, [one for one in deeds if len(one.at)]

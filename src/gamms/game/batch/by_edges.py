@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.movement import AIMS, BY_HOPS, Movement, Moves, Paths
-from gamms.game.order import SLACK, edges_within
+from gamms.game.order import SLACK, ResolvedAction, edges_within
 from gamms.game.streets import Streets
 from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, IntArray
@@ -247,6 +247,15 @@ class ByEdges(Movement):
         stays = lengths == 1
         paths = Paths(nodes, times, lengths, stays, np.zeros_like(stays), np.ones_like(stays))
         return Moves(node, nodes[..., -1], is_moving, paths, (begun, covered), (0, 0.0))
+
+    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
+        """Return the moves of agents that go as the turn engine has found, (agents,)."""
+        moves, on = super().moves_of(actions), [(i, one.progress) for i, one in enumerate(actions) if one.progress]
+        begun, covered = np.zeros(moves.ends.shape, np.int64), np.zeros(moves.ends.shape)
+        for i, place in on:
+            begun[i] = self.streets.action_to(moves.ends[i], self.streets.rows(place.target))
+            covered[i] = place.share
+        return moves._replace(goes=moves.goes | (begun > 0), progress=(begun, covered))
 
     def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:
         """Note what is left of moves for the next turn, of some agents; None: of all."""

@@ -1,6 +1,7 @@
 """Where actions lead in many games at once: to nodes one edge away, or anywhere; see also `by_edges` and `travel`."""
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.columns import some_rows
 from gamms.game.batch.routes import RouteTable, shared_routes
+from gamms.game.order import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, IntArray
@@ -19,6 +21,9 @@ STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
 AIMS = 1 << 32  # actions from here on are no numbers of legal nodes, but lead towards nodes; see `towards`
 BY_HOPS = 1 << 61  # actions from here on lead towards nodes by as few edges as possible
 _MOST_ACTIONS = 4096  # that masks and vectors have
+
+
+Which = tuple[IntArray | slice, IntArray]  # games and agents, as an index
 
 
 class Places(NamedTuple):
@@ -96,6 +101,14 @@ class Paths(NamedTuple):
         """Return those of some games."""
         return some_rows(self, games)
 
+    def _columns(self) -> list[Any]:
+        """Return all arrays, those of the legs behind the others."""
+        return [*self[:6]] if self.legs is None else [*self[:6], self.edge, *self.legs]
+
+    def _made(self, columns: list[Any]) -> "Paths":
+        """Return paths of other arrays, in the order of `_columns`."""
+        return Paths(*columns[:6], *((Legs(*columns[7:]), columns[6]) if columns[6:] else ()))
+
     def between(self, number: int, parts: int) -> "Paths":
         """Return the same paths, gone in that one of several equal parts of the turn."""
         goes = (self.lengths > 1)[..., None]
@@ -110,18 +123,27 @@ class Paths(NamedTuple):
 
     def joined(self, others: "Paths", agents: IntArray) -> "Paths":
         """Return these paths, but of some agents others."""
+        return self.put((np.s_[:], agents), others._made([column[:, agents] for column in others._columns()]))
+
+    def put(self, which: Which, others: "Paths") -> "Paths":
+        """Return these paths, but those of some agents, by the index `which`, are others."""
         most = max(self.nodes.shape[-1], others.nodes.shape[-1])
-        own, new = (one._padded(most) for one in (self, others))
-        for column, values in zip(own[:6], new[:6], strict=True):
-            column[:, agents] = values[:, agents]
+        most_legs = max(0 if one.legs is None else one.legs.edge.shape[-1] for one in (self, others))
+        own, new = (one._padded(most, most_legs) for one in (self, others))
+        for column, values in zip(own._columns(), new._columns(), strict=True):
+            column[which] = values
         return own
 
-    def _padded(self, most: int) -> "Paths":
-        """Return copies with so many nodes."""
-        more = [(0, 0), (0, 0), (0, most - self.nodes.shape[-1])]
+    def _padded(self, most: int, most_legs: int) -> "Paths":
+        """Return copies with so many nodes and legs."""
+        at_front, own = [(0, 0)] * (self.nodes.ndim - 1), self._columns()
+        more = [*at_front, (0, most - self.nodes.shape[-1])]
         columns: list[Any] = [np.pad(self.nodes, more, "edge"), np.pad(self.times, more, constant_values=np.inf)]
-        columns += [column.copy() for column in self[2:6]]
-        return Paths(*columns)
+        columns += [column.copy() for column in own[2:7]]
+        if self.legs is not None:
+            more[-1] = 0, most_legs - self.legs.edge.shape[-1]
+            columns += [np.pad(one, more, constant_values=0 if i else -1) for i, one in enumerate(self.legs)]
+        return self._made(columns)
 
     def staying(self, which: BoolArray, node: IntArray) -> "Paths":
         """Return these paths, but of agents that stay, (games, agents), on these nodes."""
@@ -197,6 +219,14 @@ class Moves(NamedTuple):
         stays, rests = paths.stays & ~(stopped & on_edge), paths.rests & ~(stopped & on_edge)
         return paths._replace(legs=Legs(*columns), edge=ends_on, stays=stays, rests=rests)
 
+    def put(self, which: Which, others: "Moves") -> "Moves":
+        """Return these moves, but those of some agents, by the index `which`, are others."""
+        ends, goes, progress = self.ends.copy(), self.goes.copy(), tuple(column.copy() for column in self.progress)
+        for column, values in zip((ends, goes, *progress), (others.ends, others.goes, *others.progress), strict=True):
+            column[which] = values
+        paths = self.as_paths().put(which, others.as_paths())
+        return self._replace(ends=ends, goes=goes, paths=paths, progress=progress)
+
     def as_paths(self) -> Paths:
         """Return the paths, those along one edge or none too."""
         if self.paths is not None:
@@ -205,6 +235,14 @@ class Moves(NamedTuple):
         times = np.stack((np.zeros(lengths.shape), np.where(self.goes, 1.0, np.inf)), axis=-1)
         rests = np.ones_like(self.goes)
         return Paths(np.stack((self.starts, self.ends), axis=-1), times, lengths, ~self.goes, ~rests, rests)
+
+
+class Route(NamedTuple):
+    """A way along nodes that a strategy gives: the game of the turn, the number of the agent, and what it does."""
+
+    at: int
+    agent: int
+    action: ResolvedAction
 
 
 class Movement:
@@ -327,6 +365,16 @@ class Movement:
         """Return where actions lead, of all agents of some games."""
         ends = self.streets.step(node, actions)
         return Moves(node, ends, ends != node)
+
+    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
+        """Return the moves of agents that go as the turn engine has found, (agents,)."""
+        lengths = np.array([len(action.path) for action in actions])
+        most, steps = int(lengths.max()), np.arange(int(lengths.max()))
+        nodes = self.streets.rows([action.path + action.path[-1:] * (most - len(action.path)) for action in actions])
+        times = np.where(steps < lengths[:, None], steps / np.maximum(lengths - 1, 1)[:, None], np.inf)
+        waits, stays = (lengths > 1) & (nodes[:, 0] == nodes[:, min(1, most - 1)]), lengths == 1
+        paths = Paths(nodes, times, lengths, stays, waits, np.ones_like(stays))
+        return Moves(nodes[:, 0], nodes[:, -1], ~stays, paths)
 
     def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:
         """Note what is left of moves for the next turn, of some agents; None: of all."""

@@ -11,7 +11,7 @@ from gamms.deciding import phase_of
 from gamms.game.batch.channels import Outbox
 from gamms.game.batch.columns import PlayedGame, decider_of
 from gamms.game.batch.deeds import ArrayDeeds
-from gamms.game.batch.movement import AIMS, BY_HOPS, STOP
+from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
 from gamms.game.batch.rule_fork import NeedsTurnEngine, RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.sight import look_of, sees_from_edges
@@ -31,6 +31,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IAgent
+from gamms.typing.game import EdgePlace
 from gamms.typing.sensor_engine import ISensor
 
 # From how many games on arrays are not slower, see decision 0057: where agents are asked, where their strategies may
@@ -69,7 +70,7 @@ class Players:
 
 
 class _Targets(Legality):
-    """Says which nodes agents want to go to, on ways that the movement of arrays finds; -1: they stop where they are.
+    """Says which nodes agents want to go to, on ways that the movement of arrays finds, or the ways that they give.
 
     Attributes:
         legal: name -> the nodes that are legal for an agent now, of those that do not just go along one edge.
@@ -83,7 +84,7 @@ class _Targets(Legality):
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
         """Return where an agent wants to get in a game by metres."""
         if isinstance(wanted, list):
-            self._fork.refuse("it gives the nodes of its way")
+            return super().travelled(mover, here, wanted)
         if wanted is not None and wanted not in self.legal[mover.name]:
             super().travelled(mover, here, wanted)  # which may find that it cannot
         return ResolvedAction(-1 if wanted is None else wanted, (here,))
@@ -92,10 +93,9 @@ class _Targets(Legality):
         """Return where an agent wants to get."""
         if is_route or nodes[0] not in self.legal.get(mover.name, ()):
             found = super().walked(mover, here, nodes, is_route)
-            if is_route and (mover.speed is not None or len(found.path) > 2):
-                self._fork.refuse("it gives the nodes of its way")
             if is_route:
-                return found
+                is_plain = found.progress is None and len(found.path) == len({*found.path}) <= 2
+                return ResolvedAction(found.end, (here,)) if is_plain else found
         return ResolvedAction(nodes[0], (here,))
 
 
@@ -160,9 +160,12 @@ class ScalarStrategies:
             players.show_blocked(name)
 
     def note_stopped(self, turn: ArrayTurn, stopped: BoolArray, ends: IntArray | None) -> None:
-        """Note that agents, (games, agents), were stopped by conflicts on the way to nodes; None: by rules."""
+        """Note that agents, (games, agents), were stopped by conflicts on the way to places; None: by rules."""
+        columns = self._state.streets.columns
         for at, agent in np.argwhere(stopped).tolist():
-            why = None if ends is None else in_conflict(int(self._state.streets.ids(ends[at, agent])))
+            place = 0 if ends is None else int(ends[at, agent]) - len(columns.node_ids)
+            end = columns.node_ids.item(place) if place < 0 else EdgePlace(columns.edge_ids.item(place))
+            why = None if ends is None else in_conflict(end)
             self.note_blocked(int(turn.games[at]), agent, why)
 
     def forget_blocked(self, turn: ArrayTurn, agents: Sequence[int], games: Sequence[int] | None = None) -> None:
@@ -178,11 +181,11 @@ class ScalarStrategies:
 
     # -- asking -----------------------------------------------------------------------------------------------------
 
-    def decide(self, turn: ArrayTurn, agents: IntArray) -> tuple[IntArray, list[ArrayDeeds], list[Outbox]]:
-        """Ask some of the agents; return their actions, (games, agents), what else they do, and what they send."""
+    def decide(self, turn: ArrayTurn, agents: IntArray) -> tuple[IntArray, list[ArrayDeeds], list[Outbox], list[Route]]:
+        """Ask some agents; return their actions, (games, agents), deeds, messages, and ways that they give by nodes."""
         state, view = self._state, ArrayView(self._state, turn.games, agents)
         node, alive, numbers = state.streets.ids(view.node).tolist(), view.mask.tolist(), agents.tolist()
-        deeds, sent = list[tuple[int, int, int, str, Any]](), list[tuple[int, Outgoing]]()
+        deeds, sent, routes = list[tuple[int, int, int, str, Any]](), list[tuple[int, Outgoing]](), list[Route]()
         self._look_at(self._context.fork)
         shown_by = [(cells, self._shown(view, name, cells)) for name, cells in self._cells.items()]
 
@@ -194,23 +197,24 @@ class ScalarStrategies:
                         cells[number][0] = fork.in_order(data[at * len(numbers) + i])
             columns = [i for i, is_living in enumerate(alive[at]) if is_living]
             living = [numbers[i] for i in columns]
-            ends, done, messages = self._ask(fork, turn, at, living, [node[at][i] for i in columns])
+            ends, done, messages, given = self._ask(fork, turn, at, living, [node[at][i] for i in columns])
             for i, end in zip(columns, ends, strict=True):
                 node[at][i] = end
+            routes.extend(Route(at, living[i], action) for i, action in given)
             deeds.extend((at, living[i], *deed) for i, deed in done)
             sent.extend((int(turn.games[at]), message) for message in messages)
 
         needs_game = any(self._needs_game[number] for number in numbers)
         self._context.ask(turn, "the strategies of agents", ask, needs_game=needs_game)
         ends = np.array(node, np.int64).reshape(view.node.shape)
-        return self._actions(view, ends), state.deeds.from_plain(deeds, turn.node), self._outboxes(sent)
+        return self._actions(view, ends), state.deeds.from_plain(deeds, turn.node), self._outboxes(sent), routes
 
     def _actions(self, view: ArrayView, ends: IntArray) -> IntArray:
         """Return the actions that lead to or towards nodes; -1: it stops where it is."""
         if self._state.movement.leaves_nodes:
             stops = ends < 0
             rows = self._state.streets.rows(np.where(stops, self._state.streets.ids(view.node), ends))
-            return np.where(stops, STOP, AIMS + rows)
+            return np.where(stops | ~view.mask, STOP, AIMS + rows)
         found = view.action_to(ends)
         is_far = found < 0
         return np.where(is_far, BY_HOPS + self._state.streets.rows(ends), found) if is_far.any() else found
@@ -232,8 +236,8 @@ class ScalarStrategies:
 
     def _ask(
         self, fork: RuleFork, turn: ArrayTurn, at: int, living: list[int], starts: list[int]
-    ) -> tuple[Sequence[int], list[tuple[int, tuple[int, str, Any]]], list[Outgoing]]:
-        """Ask agents of a game; return the nodes that they go to, the deeds of each, by its place, and messages."""
+    ) -> tuple[Sequence[int], list[tuple[int, tuple[int, str, Any]]], list[Outgoing], list[tuple[int, ResolvedAction]]]:
+        """Ask agents of a game; return the nodes that they go to, deeds, by their places, messages, and given ways."""
         game = int(turn.games[at])
         players = self._of(game)
         state, turns, settings = players.state, fork.parts.turns, fork.parts.settings
@@ -273,10 +277,13 @@ class ScalarStrategies:
             if action.heading != ():
                 raise NeedsTurnEngine("it turns agents")
             done += [(i, (order, kind, values)) for order, (kind, values) in enumerate((action.deeds or {}).items())]
-        ends: Sequence[int] = decisions.ends
-        if self._state.movement.leaves_nodes:
+        given = [(i, one) for i, one in decisions.actions.items() if one.times or one.progress or len(one.path) > 1]
+        ends, leaves_nodes = list[int](decisions.ends), self._state.movement.leaves_nodes
+        if leaves_nodes:
             ends = [decisions.actions[i].end if i in decisions.actions else -1 for i in range(len(slots))]
-        return ends, done, messages
+        for i, _ in given:
+            ends[i] = -1 if leaves_nodes else starts[i]
+        return ends, done, messages, given
 
     def _note_failures(
         self,

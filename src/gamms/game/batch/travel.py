@@ -14,6 +14,7 @@ from gamms.errors import NoPath
 from gamms.game.batch.by_edges import ByEdges
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.movement import AIMS, STOP, Anywhere, Illegal, Legs, Movement, Moves, Paths, Places
+from gamms.game.order import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.game.travel import ROUNDED, SLACK, one_way
 from gamms.ir.agents import Motion, Progress
@@ -316,6 +317,28 @@ class ByMetres(Movement):
         return _ALONG + 2 * entries + is_from_node
 
     # -- moves ----------------------------------------------------------------------------------------------------
+
+    def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
+        """Return the moves of agents that go as the turn engine has found, (agents,)."""
+        ends = [[leg for leg in action.legs if leg.end in (0.0, 1.0)] for action in actions]  # who turns comes back
+        nodes = [tuple([leg.target if leg.end else leg.source for leg in legs]) for legs in ends]
+        pairs = zip(actions, nodes, strict=True)
+        moves = super().moves_of([action._replace(path=action.path[:1] + passed) for action, passed in pairs])
+        row, paths = {one: i for i, one in enumerate(self.streets.columns.edge_ids.tolist())}, moves.as_paths()
+        shape = len(actions), max(len(action.legs) for action in actions)
+        legs = Legs(np.full(shape, -1), *(np.zeros(shape) for _ in range(4)))
+        edge, share = np.full(len(actions), -1), np.zeros(len(actions))
+        for i, action in enumerate(actions):
+            paths.times[i, 1 : 1 + len(ends[i])] = [leg.until for leg in ends[i]]
+            for number, leg in enumerate(action.legs):
+                for column, value in zip(legs, (row[leg.edge], *leg[3:7]), strict=True):
+                    column[i, number] = value
+            if action.progress is not None:
+                edge[i], share[i] = row[action.progress.edge], action.progress.share
+        stays = np.asarray((legs.edge < 0).all(axis=-1))
+        waits = np.zeros_like(stays)
+        paths = paths._replace(legs=legs, edge=edge, stays=stays, waits=waits, rests=edge < 0)
+        return moves._replace(goes=(legs.begin != legs.end).any(axis=-1), paths=paths, progress=(edge, share))
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
         """Return where actions lead, of all agents of some games."""
