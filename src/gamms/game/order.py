@@ -257,7 +257,7 @@ class TurnOrder:
                 slot.counts["moves"] += moved
         else:
             self._add_to_counts("moves", self._moved)
-        self.update_blocked()
+            self.update_blocked()
         self.restart_counts()
 
     def update_blocked(self) -> None:

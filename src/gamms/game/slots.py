@@ -117,7 +117,7 @@ class AgentSlot:
                 "memory": state.memory_of(self.name),
                 **({"team_memory": None} if settings.team_memory else {}),
                 "facts": FactsOf(state, self.team, self.name) if state.agent_facts or state.team_facts else facts,
-                "blocked": state.blocked.get(self.name),
+                "blocked": self._why_blocked(),
                 "fork": self.fork,
                 **({"deeds": settings.deeds} if settings.deeds else {}),
             }
@@ -126,7 +126,11 @@ class AgentSlot:
     def show_blocked(self) -> None:
         """Let its state say why its last action was not done, as the game knows it now."""
         if self._template is not None:
-            self._template["blocked"] = self._made_of[0].blocked.get(self.name)
+            self._template["blocked"] = self._why_blocked()
+
+    def _why_blocked(self) -> str | None:
+        blocked = self._made_of[0].blocked
+        return blocked.get(self.name) if blocked else None
 
     def marks(self) -> tuple[Any, Any]:
         """Return what it has drawn in this turn, for `go_to`."""
