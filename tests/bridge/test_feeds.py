@@ -146,7 +146,7 @@ def test_an_asynchronous_iterable_is_cancelled_when_the_feed_is_closed():
         await asyncio.sleep(60)
 
     with Feed(fixes()) as feed:
-        assert begun.wait(2.0)
+        assert begun.wait(30.0)
         assert len(feed.take()) == 1
     assert not feed._reader._thread.is_alive()
 

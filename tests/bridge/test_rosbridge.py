@@ -76,7 +76,7 @@ def _no_thread_is_left():
     _get_shared_manager().terminate()
 
 
-def wait_until(holds, seconds=5.0):
+def wait_until(holds, seconds=30.0):
     ends = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < ends, "it has not come"

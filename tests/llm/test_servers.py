@@ -138,7 +138,7 @@ def test_the_agents_of_a_turn_are_asked_together(server, strategy_of):
     waiting = threading.Barrier(3)
 
     def script(_):
-        waiting.wait(2)
+        waiting.wait(30)
         return {"move": 1}
 
     server.script = script
@@ -147,7 +147,14 @@ def test_the_agents_of_a_turn_are_asked_together(server, strategy_of):
 
 
 def test_only_so_many_are_asked_at_once(server, strategy_of):
-    server.script = lambda _: time.sleep(0.01) or {"move": 1}
+    pair = threading.Barrier(2)
+
+    def script(_):
+        pair.wait(30)
+        time.sleep(0.01)  # for a third, which is not asked
+        return {"move": 1}
+
+    server.script = script
     with new_game(strategy_of(at_once=2), [f"a{i}" for i in range(6)]) as ctx:
         assert outcomes(ctx.game.run(1)) == ["answer"] * 6
     assert server.most_at_once == 2

@@ -294,7 +294,7 @@ def test_answers_are_sent_without_waiting_for_more(paused):
             begun = time.monotonic()
             client.get(paused.url.partition("#")[0] + "nothing")  # whose head and body are sent one after the other
             times.append(time.monotonic() - begun)
-    assert sorted(times)[5] < 0.035  # Nagle's algorithm waits 0.04 s
+    assert min(times) < 0.035  # Nagle's algorithm waits 0.04 s, each time
 
 
 def hostile(draw):
