@@ -1,6 +1,7 @@
 """What commands say where the system fails them: one sentence that names the file, and nothing half written."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -41,17 +42,26 @@ def hear_ctrl_c():
     signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
-@pytest.fixture(autouse=True)
-def folder(tmp_path, monkeypatch):
-    """A folder with spaces and umlauts in its name, with a game, a recording, and what is neither."""
-    place = tmp_path / "spiele für zwei"
-    place.mkdir()
-    monkeypatch.chdir(place)
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    """A folder with a game, a recording, and what is neither, of which each test gets a copy."""
+    place = tmp_path_factory.mktemp("made")
     (place / "game.yaml").write_text(GAME % 3, encoding="utf-8")
     (place / "endless.yaml").write_text(GAME % 10_000_000, encoding="utf-8")
     (place / "junk.ggr").write_bytes(b"\x00\x01junk" * 9)
     (place / "binary.yaml").write_bytes(bytes(range(256)))
-    assert run("run", "game.yaml", "--out", "öut").exit_code == 0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(place)
+        assert run("run", "game.yaml", "--out", "öut").exit_code == 0
+    return place
+
+
+@pytest.fixture(autouse=True)
+def folder(made, tmp_path, monkeypatch):
+    """The same in a folder with spaces and umlauts in its name."""
+    place = tmp_path / "spiele für zwei"
+    shutil.copytree(made, place)
+    monkeypatch.chdir(place)
     return place
 
 
