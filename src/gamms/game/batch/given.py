@@ -74,11 +74,10 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
             raise BadType(f"messages[{channel!r}] must be (where, body) or (where, body, to), not {shown(sent)}.")
         where, body, to = (*sent, None)[:3]
         messages[channel] = _as_mask(own(where), shape, channel), own(body), own(to)
-    return Given(value.get("moves"), deeds, messages, _as_flights(own(value.get("flights")), team, shape))
-
-
-def _as_flights(given: object, team: Hashable, shape: tuple[int, int]) -> FloatArray | None:
-    return None if given is None else as_flights(given, f"Flights of team {shown(team)}", shape)
+    flights = own(value.get("flights"))
+    if flights is not None:
+        flights = as_flights(flights, f"Flights of team {shown(team)}", shape)
+    return Given(value.get("moves"), deeds, messages, flights)
 
 
 def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
@@ -109,24 +108,17 @@ class Acting:
 
     def __init__(self, game: PlayedGame, roster: Roster) -> None:
         self._game, self._roster = game, roster
-        self._actions: dict[Hashable, dict[str, _ActionOfOne]] = {}
-        self._may_stay: dict[Hashable, bool] = {}
+        self._taking: dict[Hashable, _Taking] = {}
 
     def take(self, given: Mapping[Hashable, Given], number: int) -> None:
         """Let agents take other actions from now on: those of a game of the batch, by team."""
-        may_stay = {team: one.may_stay for team, one in given.items()}
-        if may_stay != self._may_stay:
+        if given.keys() != self._taking.keys():
             self.end()
-        if may_stay and not self._may_stay:
-            game, plans = self._game, self._game.plans
-            self._may_stay, self._actions = may_stay, {team: {} for team in given}
-            taking = {
-                team: Plan(_Taking(actions, game, plans.get(team), may_stay=may_stay[team]))
-                for team, actions in self._actions.items()
-            }
-            game.plans = {**plans, **taking}
-        for team, actions in self._actions.items():
-            actions.update(_of_agents(self._game, self._roster, given, number, team))
+            plans = self._game.plans
+            self._taking = {team: _Taking(self._game, self._roster, team, plans.get(team)) for team in given}
+            self._game.plans = {**plans, **{team: Plan(one) for team, one in self._taking.items()}}
+        for team, one in self._taking.items():
+            one.given, one.number = given[team], number
 
     def end(self) -> None:
         """Let strategies and plans decide again; after a reset, too, as the first plans are part of the start."""
@@ -134,56 +126,7 @@ class Acting:
         if any(isinstance(plan.function, _Taking) for plan in plans.values()):
             own = {team: one.function.own if isinstance(one.function, _Taking) else one for team, one in plans.items()}
             self._game.plans = {team: plan for team, plan in own.items() if plan is not None}
-        self._actions, self._may_stay = {}, {}
-
-
-class _ActionOfOne(NamedTuple):
-    """What one agent does in one game, as its state has it."""
-
-    move: int
-    flight: list[float]
-    do: dict[str, dict[str, Any]]
-    outbox: list[dict[str, Any]]
-
-
-def _of_agents(
-    game: PlayedGame, roster: Roster, given: Mapping[Hashable, Given], number: int, team: Hashable
-) -> dict[str, _ActionOfOne]:
-    """Return what agents of a team do, by name."""
-    moves, deeds, messages, flights, _ = given[team]
-    found = {}
-    for i, (agent, move) in enumerate(zip(roster.members(team).tolist(), moves[number].tolist(), strict=True)):
-        do = {
-            deed: _plain_fields(game, roster, deed, {key: _one_of(value, number, i) for key, value in fields.items()})
-            for deed, (where, fields) in deeds.items()
-            if where[number, i]
-        }
-        outbox = [
-            {"channel": channel, "to": _receiver(roster, to, number, i), "body": _one_of(body, number, i)}
-            for channel, (where, body, to) in messages.items()
-            if where[number, i]
-        ]
-        flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
-        found[roster.names[agent]] = _ActionOfOne(move, flight, do, outbox)
-    return found
-
-
-def _plain_fields(game: PlayedGame, roster: Roster, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the fields of a deed of one agent as scalar forms have them."""
-    declared = game.settings()["deeds"].get(deed, {})
-    plain: dict[str, Any] = {}
-    for key, value in fields.items():
-        kind = field_of(declared[key]).kind if key in declared else ""
-        known = {"agent": roster.names, "node": game.ctx.graph.columns().node_ids}.get(kind)
-        if known is not None and value not in (None, -1):
-            plain[key] = known[value] if kind == "agent" else int(known[value])
-        elif known is None and value is not None:
-            plain[key] = value
-    return plain
-
-
-def _receiver(roster: Roster, to: object, number: int, agent: int) -> Any:
-    return roster.names[_one_of(to, number, agent)] if isinstance(to, np.ndarray) else to
+        self._taking = {}
 
 
 def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller has given
@@ -195,39 +138,66 @@ def _one_of(value: Any, number: int, agent: int) -> Any:  # Any: what a caller h
 
 
 class _Taking:
-    """A plan by which agents, if they are alive, take actions, by name; in place of a plan of the game or of none.
+    """A plan by which agents of a team, if they are alive, take actions; in place of a plan of the game or of none.
 
     Those that were not there from the start follow their strategies, or stay.
     """
 
-    def __init__(
-        self, actions: Mapping[str, _ActionOfOne], game: PlayedGame, own: Plan | None, *, may_stay: bool
-    ) -> None:
-        self._actions, self._game, self.own, self._may_stay = actions, game, own, may_stay
+    given: Given
+    number: int
+
+    def __init__(self, game: PlayedGame, roster: Roster, team: Hashable, own: Plan | None) -> None:
+        self._game, self._roster, self.own = game, roster, own
+        self._place_of = {roster.names[agent]: i for i, agent in enumerate(roster.members(team).tolist())}
 
     def __call__(self, states: dict[str, Any]) -> None:
+        agents = self._game.ctx.agent.agents
         for name, state in states.items():
-            if name not in self._actions:
-                strategy = self._game.ctx.agent.agents[name].strategy
-                if strategy is None:
-                    state["action"] = state["legal"][0]
-                else:
-                    strategy(state)
-                continue
-            legal, action = state["legal"], self._actions[name]
-            state.get("outbox", []).extend(action.outbox)
-            if "quat" in state:  # it flies
-                state["action"] = flown(action.flight, self._game.ctx.agent.agents[name].speed, action.do)
-                continue
-            move = action.move
-            if self._may_stay and not 0 <= move < len(legal):
-                move = 0
-            if not 0 <= move < len(legal):
+            if name in self._place_of:
+                self._act(state, self._place_of[name], agents[name].speed)
+            elif agents[name].strategy is None:
+                state["action"] = state["legal"][0]
+            else:
+                agents[name].strategy(state)
+
+    def _act(self, state: dict[str, Any], i: int, speed: float | None) -> None:
+        """Let an agent do what is given, which is at a place in the columns."""
+        (moves, deeds, messages, flights, may_stay), number = self.given, self.number
+        do = {
+            deed: self._plain_fields(deed, {key: _one_of(value, number, i) for key, value in fields.items()})
+            for deed, (where, fields) in deeds.items()
+            if where[number, i]
+        }
+        for channel, (where, body, to) in messages.items():
+            if where[number, i]:
+                receiver = self._roster.names[_one_of(to, number, i)] if isinstance(to, np.ndarray) else to
+                message = {"channel": channel, "to": receiver, "body": _one_of(body, number, i)}
+                state.get("outbox", []).append(message)
+        if "quat" in state:  # it flies
+            flight = [0.0, 0.0, 0.0] if flights is None else flights[number, i].tolist()
+            state["action"] = flown(flight, speed, do)
+            return
+        legal, move = state["legal"], int(moves[number, i])
+        if not 0 <= move < len(legal):
+            if not may_stay:
                 raise BadValue(
-                    f"Action {move} of agent {shown(name)}, turn {state['turn']}, is not the number of a legal node: "
-                    f"it has {len(legal)}, numbered from 0."
+                    f"Action {move} of agent {shown(state['name'])}, turn {state['turn']}, is not the number of a "
+                    f"legal node: it has {len(legal)}, numbered from 0."
                 )
-            state["action"] = {"node_id": legal[move], "do": action.do} if action.do else legal[move]
+            move = 0
+        state["action"] = {"node_id": legal[move], "do": do} if do else legal[move]
+
+    def _plain_fields(self, deed: str, fields: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the fields of a deed of one agent as scalar forms have them."""
+        declared, plain = self._game.settings()["deeds"].get(deed, {}), dict[str, Any]()
+        for key, value in fields.items():
+            kind = field_of(declared[key]).kind if key in declared else ""
+            known = {"agent": self._roster.names, "node": self._game.ctx.graph.columns().node_ids}.get(kind)
+            if known is not None and value not in (None, -1):
+                plain[key] = known[value] if kind == "agent" else int(known[value])
+            elif known is None and value is not None:
+                plain[key] = value
+        return plain
 
 
 def flown(flight: Sequence[float], speed: float | None, do: Mapping[str, Any]) -> dict[str, Any]:
