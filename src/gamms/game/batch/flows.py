@@ -151,27 +151,16 @@ class Flows:
         if self._lines + len(new) > len(self._edges):
             self._line_of[:], self._lines, new = -1, 0, starts
         at_once = max(1, _BY_SEARCH // self._edges.shape[1])
+        arcs, nodes = self._streets.ways(None), self._edges.shape[1]
         for first in range(0, len(new), at_once):
             some = new[first : first + at_once]
             lines = slice(self._lines, self._lines + len(some))
-            self._edges[lines] = self._breadth_first(some)
+            tree = kernels.reached_from(arcs, some, nodes)
+            self._edges[lines] = -1
+            self._edges[tree.lines + self._lines, tree.rows] = tree.far
             self._line_of[some] = np.arange(lines.start, lines.stop)
             self._lines = lines.stop
         return self._line_of[starts]
-
-    def _breadth_first(self, starts: IntArray) -> IntArray:
-        """Return how many edges lead from each of some nodes to all, (starts, nodes); -1: there is no path."""
-        streets, nodes = self._streets, len(self._streets.counts)
-        found = np.full(len(starts) * nodes, -1)
-        ring, edges = np.arange(len(starts)) * nodes + starts, 0
-        while len(ring):
-            found[ring] = edges
-            edges += 1
-            lines = ring // nodes
-            ends, rows = streets.legal_of(ring - lines * nodes)
-            ring = np.repeat(lines * nodes, np.diff(ends)) + rows
-            ring = np.unique(ring[found[ring] < 0])
-        return found.reshape(-1, nodes)
 
     def _in_reach(self, starts: IntArray, limit: float, weight: str | None) -> list[tuple[IntArray, IntArray]]:
         """Return the rows that can be reached from each of some nodes, some of these at once: places, and rows."""
