@@ -17,10 +17,10 @@ from gamms.game.batch.view import ArrayView
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
 from gamms.game.snapshots import Snapshot
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
-from gamms.typing import AgentType, IAgent
+from gamms.typing import AgentType
 from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
 
@@ -132,7 +132,7 @@ class OneByOneEngine:
         self._revision = self._game.ctx.graph.graph.revision
         self._legal = None if isinstance(movement, Anywhere) else Noted(movement)
         state = GameArrays(self._roster, self._legal or movement, self.seeds, np.zeros(shape, np.int64))
-        state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
+        self._places = state.places = Places(np.full((*shape, 3), -1), np.zeros(shape), np.zeros((*shape, 2)))
         sensors = {i: noted_sensors(agent) for i, agent in enumerate(self._roster.agents)}
         state.noted = {i: names for i, names in sensors.items() if names}
         if self._flyers:
@@ -152,26 +152,18 @@ class OneByOneEngine:
         state.now.clear()
         if self._legal is not None:
             self._note_legal(self._legal, number, nodes)
-        if state.places is None:
-            return
-        edge, offset_m, xy = (column[number] for column in state.places)
+        edge, offset_m, xy = (column[number] for column in self._places)
         edge[:], offset_m[:], xy[:] = -1, 0.0, state.streets.columns.xy[nodes]
-        if state.heights is not None:
-            self._observe_flyers(agents, xy, state.heights[number])
+        for i in self._flyers:
+            if agents[i].name in known and state.heights is not None:
+                *xy[i], state.heights[number, i] = agents[i].position
         self._note_sights(number)
         block = ctx.agent.block
         for i, agent in enumerate(agents if block.travellers else ()):
-            progress = block.on_edge(block.row_of(agent.name)) if agent.name in ctx.agent.agents else None
+            progress = block.on_edge(block.row_of(agent.name)) if agent.name in known else None
             place = None if progress is None else located(ctx.graph.graph, progress)
             if place is not None:
                 edge[i], offset_m[i], xy[i] = place[:3]
-
-    def _observe_flyers(self, agents: Sequence[IAgent], xy: FloatArray, heights: FloatArray) -> None:
-        """Note where in the air these agents of the game that the context has are."""
-        for i in self._flyers:
-            agent = agents[i]
-            if agent.name in self._game.ctx.agent.agents:
-                xy[i], heights[i] = agent.position[:2], agent.position[2]
 
     def _note_sights(self, number: int) -> None:
         """Note what sensors show that only the turn engine can ask."""
