@@ -331,9 +331,6 @@ class _TurnOfOne(ArrayTurn):
             waits[0, number] = length > 1 and track.path[0] == track.path[1]
         self.paths = Paths(nodes, times, lengths, lengths == 1, waits, np.ones_like(waits))
 
-    def _row(self, node: int) -> int:
-        return int(self.streets.rows(node))
-
     def _roads_changed(self, _: IntArray, edges: tuple[int, ...], is_open: bool) -> None:
         graph = self._ctx.graph
         (graph.open_roads if is_open else graph.close_roads)(edges)
@@ -393,7 +390,7 @@ class _TurnOfOne(ArrayTurn):
         """Put agents, dead or alive, where they began, each with an event."""
         for number in agents[at == 0].tolist():
             self._game.respawn(self.roster.names[number])
-            self.node[0, number] = self._row(self.roster.agents[number].current_node_id)
+            self.node[0, number] = self.streets.rows(self.roster.agents[number].current_node_id)
             self.alive[0, number] = True
 
     def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:

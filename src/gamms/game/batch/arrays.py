@@ -27,7 +27,7 @@ from gamms.game.batch.view import COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, Arra
 from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
-from gamms.game.settings import NamedRule, Plan
+from gamms.game.settings import NamedRule
 from gamms.ir.game_state import PHASES
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -162,13 +162,17 @@ class ArrayEngine:
     @contextmanager
     def _on(self, ground: Ground) -> Iterator[GameArrays]:
         """Play games on a ground."""
-        before, self._here = self._here, ground
-        self.state.stand_on(ground)
+        before = self._here
+        self._stand_on(ground)
         try:
             yield self.state
         finally:
-            self._here = before
-            self.state.stand_on(before)
+            self._stand_on(before)
+
+    def _stand_on(self, ground: Ground) -> None:
+        state, self._here = self.state, ground
+        state.roster, state.movement, state.streets = ground.roster, ground.movement, ground.movement.streets
+        state.shared, state.now = ground.shared, ground.now
 
     def _leave_small_grounds(self) -> None:
         """Let games leave the arrays of which few have the same roads closed: the turn engine is faster then."""
@@ -496,10 +500,11 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
     deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
     for agent, one in deciders:
         if form_of(one) is None:
-            yield agent, f"the {_kind_of(agent, plans)} {as_code(one)}"
+            kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
+            yield agent, f"the {kind} {as_code(one)}"
         if getattr(form_of(one), MAY_SKIP, False):
             yield agent, f"{as_code(one)}, which may set no action"
-        if not _fits(one, speeds):
+        if SPEEDS.index(getattr(form_of(one), FITS, speeds)) < SPEEDS.index(speeds):
             yield agent, f"{as_code(one)}, with speeds in {speeds}"
         if getattr(form_of(one), COVERS, False) and turns_with_its_agent(agent):
             yield agent, f"{as_code(one)}, with sensors that turn with agent {agent.name!r}"
@@ -532,14 +537,5 @@ def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) ->
     return [one for one in found if len(one.at)]
 
 
-def _fits(decider: object, speeds: str) -> bool:
-    """Whether the array form of a strategy or a plan is for such speeds."""
-    return SPEEDS.index(getattr(form_of(decider), FITS, speeds)) >= SPEEDS.index(speeds)
-
-
 def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:
     return order is not None and any(all(agent.team not in teams for teams in order) for agent in agents)
-
-
-def _kind_of(agent: IAgent, plans: Mapping[Any, Plan]) -> str:
-    return f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"

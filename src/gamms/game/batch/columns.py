@@ -162,10 +162,9 @@ class Roster(NamedTuple):
     @property
     def reserved(self) -> dict[Hashable, list[str]]:
         """The names of agents that may come, by team."""
-        numbers = np.flatnonzero(~self.is_first).tolist()
-        found: dict[Hashable, list[str]] = {self.teams[self.team_of[number]]: [] for number in numbers}
-        for number in numbers:
-            found[self.teams[self.team_of[number]]].append(self.names[number])
+        found: dict[Hashable, list[str]] = {}
+        for number in np.flatnonzero(~self.is_first).tolist():
+            found.setdefault(self.teams[self.team_of[number]], []).append(self.names[number])
         return found
 
     def members(self, team: Hashable) -> IntArray:

@@ -238,7 +238,6 @@ class DeviceEngine(ArrayEngine):
         self.library = library
         super().__init__(game, seeds, start, roster)
         self._resolver = game.settings()["conflicts"]
-        self._orders: dict[tuple[bytes, ...], Tensor] = {}
 
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return DeviceGames(roster, movement, seeds, start, self.library)
@@ -279,10 +278,8 @@ class DeviceEngine(ArrayEngine):
             parts.append((np.flatnonzero(~taken), idle))
         if len(parts) == 1:
             return parts[0][1]
-        key = tuple(agents.tobytes() for agents, _ in parts)
-        if key not in self._orders:
-            self._orders[key] = library.put(np.argsort(np.concatenate([agents for agents, _ in parts])))
-        return xp.take(xp.concat([part for _, part in parts], axis=1), self._orders[key], axis=1)
+        order = np.argsort(np.concatenate([agents for agents, _ in parts]))
+        return xp.take(xp.concat([part for _, part in parts], axis=1), library.put(order), axis=1)
 
     def _asked(self, group: Group, agents: IntArray, mask: Tensor) -> Tensor:
         """Return what the strategy of a group decides."""

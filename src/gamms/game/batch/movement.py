@@ -363,7 +363,7 @@ class Movement:
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
         """Return where actions lead, of all agents of some games."""
-        ends = self.streets.step(node, actions)
+        ends = self.nodes(node, actions)
         return Moves(node, ends, ends != node)
 
     def moves_of(self, actions: Sequence[ResolvedAction]) -> Moves:
@@ -416,11 +416,6 @@ class Anywhere(Movement):
     ) -> IntArray:
         """Return the actions that lead to nodes, which are all legal."""
         return self.action_to(node, targets)
-
-    def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
-        """Return where actions lead."""
-        ends = self.nodes(node, actions)
-        return Moves(node, ends, ends != node)
 
 
 class Noted(Movement):

@@ -74,16 +74,11 @@ class GameColumns(NamedTuple):
 
 
 class _Cast(NamedTuple):
-    """Who plays in a game: the agents of the start, and some that have come.
-
-    Attributes:
-        agents, sensors: as they were when the last of them came.
-        attributes: of the agents then, in the order of the rows.
-    """
+    """Who plays in a game, the agents of the start and some that have come, as they were when the last one came."""
 
     agents: Any  # the agent engine's own class
     sensors: Any  # likewise
-    attributes: list[dict[str, Any]]
+    attributes: list[dict[str, Any]]  # of the agents, in the order of the rows
 
 
 class RuleFork:

@@ -206,10 +206,6 @@ def lookouts(
         names: of sensors.
         may_lack_forms: whether those without an array form are left out.
         left_out: agent -> its sensors that are left out.
-
-    Raises:
-        UnknownName (KeyError): no agent carries one of a name.
-        BadValue: one has no array form.
     """
     agents = roster.agents
     unknown = [name for name in names if name not in names_of(agents, numbers)]
@@ -248,16 +244,7 @@ def seen(
     *,
     with_own: bool = False,
 ) -> Seen:
-    """Return which agents some agents see.
-
-    Args:
-        state: of the batch.
-        games: (games,) numbers of games.
-        agents: (agents,) numbers in the roster, ascending.
-        asked: (games, agents) which of them are asked.
-        looks: their sensors.
-        with_own: whether sensors at fixed places show the agents that carry them.
-    """
+    """Return which agents some agents see."""
     world, roster, found = _World(state, games), len(state.roster.names), list[tuple[IntArray, ...]]()
     for lookout in looks:
         if len(lookout.columns) and len(lookout.others):

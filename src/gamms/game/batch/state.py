@@ -1,7 +1,7 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -148,15 +148,6 @@ class Headings:
         far = np.where(goes, far, 1.0)
         follows = np.isnan(fixed[:, 0])
         return np.where(follows, dx / far, fixed[:, 0]), np.where(follows, dy / far, fixed[:, 1])
-
-
-class MapOfGames(Protocol):
-    """A map, and what was worked out of it; see `grounds.Ground`."""
-
-    roster: Roster
-    movement: Movement
-    shared: dict[Hashable, Any]
-    now: dict[Hashable, Any]
 
 
 class GameArrays:
@@ -317,11 +308,6 @@ class GameArrays:
             self.add_score(key, np.arange(len(self)), points)
         self.events.clear()
         self.now.clear()
-
-    def stand_on(self, ground: MapOfGames) -> None:
-        """Have the map of some games."""
-        self.roster, self.movement, self.streets = ground.roster, ground.movement, ground.movement.streets
-        self.shared, self.now = ground.shared, ground.now
 
     def chosen(self, column: Any, games: IntArray, agents: IntArray) -> Any:
         """Return a copy of a column (games, agents) of some games and agents, ascending."""
