@@ -46,6 +46,8 @@ def test_sensors_and_columns_are_those_of_the_members(ctx):
     assert [agent.fuel for agent in team] == [1.5, 2]
     assert team["speed"].tolist() == [2, 2]
     assert team.sense("near")[1].tolist() == list(team.agents[1].get_state()["sensor"]["near"][1])
+    with pytest.raises(BadType, match=r"senses with a sensor or its id, not \['near'\]"):
+        team.sense(["near"])
 
 
 def test_values_are_set_where_a_mask_says(ctx):

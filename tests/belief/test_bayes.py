@@ -6,7 +6,7 @@ from math import ceil, dist
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import gamms
@@ -328,6 +328,7 @@ def noticed(state, data, chances, speed, bends):
     detection=st.sampled_from([0.0, 0.4, 1.0]),
     bends=st.sampled_from([(), ({1, 2},), ({0, 1}, {3, 4})]),
 )
+@example(seed=25, speed=4.0, sights=[0, 0], detection=1.0, bends=())
 def test_agents_believe_what_bayes_rule_gives_over_nodes_and_parts_of_edges(seed, speed, sights, detection, bends):
     with street(bends=bends) as ctx:
         walk = walk_by_metres(ctx, speed)
@@ -377,6 +378,17 @@ def test_an_empty_node_in_view_does_not_rule_out_the_edges_behind_it():
         assert by_metres.probability("a") == {2: 1.0}  # 4 m on its way
         by_metres.predict(2)
         assert by_metres.probability("a") == {1: 0.5, 3: 0.5}
+
+
+def test_an_edge_of_two_turns_is_gone_along_in_two():
+    with street() as ctx:
+        filter = belief.Filter(ctx, belief.to_goals({0: 1}, wander=0.0), ["a"], metres=5.0)
+        filter.update(found={"a": 2})
+        found = []
+        for _ in range(4):
+            filter.predict()
+            found.append(filter.probability("a"))
+        assert found == [{2: 1.0}, {1: 1.0}, {1: 1.0}, {0: 1.0}]
 
 
 def test_a_likelihood_of_nodes_counts_on_an_edge_by_the_greater_one_of_its_ends():

@@ -153,8 +153,9 @@ def watching(ctx, found, name="prey"):
     return watch
 
 
-def test_nodes_that_were_seen_empty_are_not_in_it_but_may_be_entered_again(make_ctx, add):
-    ctx, found = make_ctx(6), []
+@pytest.mark.parametrize("unit", ["edges", "metres"])
+def test_nodes_that_were_seen_empty_are_not_in_it_but_may_be_entered_again(make_ctx, add, unit):
+    ctx, found = make_ctx(6, game={"speed_unit": unit}), []
     add(ctx, "spy", 0, "red", sight=20.0, strategy=watching(ctx, found))
     add(ctx, "prey", 5, "blue")
     ctx.game.run(2)

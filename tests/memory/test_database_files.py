@@ -274,16 +274,30 @@ def test_pages_that_refer_to_each_other_are_not_read_for_ever(rows_of, database)
         rows_of(again, "m")
 
 
-def test_a_longer_file_may_take_more_steps(tmp_path):
+@pytest.mark.parametrize(("size", "changes", "is_enough"), [(100, 0, False), (500_000, 0, True), (100, 5_000, True)])
+def test_a_longer_file_and_more_changes_may_take_more_steps_to_read(tmp_path, size, changes, is_enough):
+    database = Database(str(tmp_path / "some.db"))
+    database.write("CREATE TABLE filled AS SELECT zeroblob(?)", [size])
+    database.commit()
+    database.abandon()
+    database = Database(database.path)
+    database.connection.executemany("INSERT INTO filled VALUES (?)", [(0,)] * changes)
     steps = "WITH RECURSIVE n(i) AS (SELECT 0 UNION ALL SELECT i + 1 FROM n LIMIT 250000) SELECT count(*) FROM n"
-    for size in (100, 500_000):
-        path = str(tmp_path / f"{size}.db")
-        with contextlib.closing(sqlite3.connect(path)) as connection, connection:
-            connection.execute("CREATE TABLE filled AS SELECT zeroblob(?)", (size,))
-        database = Database(path)
-        with contextlib.nullcontext() if size > 100 else pytest.raises(BadFile, match="far longer to read"):
-            assert database.read(steps) == [(250_000,)]
-        database.abandon()
+    with contextlib.nullcontext() if is_enough else pytest.raises(BadFile, match="far longer to read"):
+        assert database.read(steps) == [(250_000,)]
+    database.abandon()
+
+
+def test_a_row_that_cannot_be_written_is_no_duplicate(database):
+    first = database()
+    first.create_map("m", {"id": int}, "id")
+    first.close()
+    store = database()
+    store.create_map("m", {"id": int}, "id")
+    with contextlib.closing(sqlite3.connect(database.path)) as connection, connection:
+        connection.execute("DROP TABLE m")
+    with pytest.raises(BadFile, match="no such table"):
+        store.insert_data("m", {"id": 1})
 
 
 def test_no_flipped_byte_leaks_an_error_of_sqlite(rows_of, database):

@@ -77,6 +77,17 @@ def test_an_equilibrium_cannot_be_exploited_and_other_play_can():
     assert exploitability(PENNIES, given, team="blue") == pytest.approx(expected / 2, abs=1e-9)
 
 
+@pytest.mark.parametrize("team", ["cops", "robbers"])
+@pytest.mark.parametrize("order", [None, [["cops"], ["robbers"]], [["robbers"], ["cops"]]])
+def test_the_strategy_of_a_best_response_gets_what_it_is_worth(team, order):
+    game = pursuit("path", [0], [3], turns=9, settings={"order": order} if order else {})
+    solution = solve(game, reward="turns", team="cops")
+    other = solution.strategy("robbers" if team == "cops" else "cops")
+    answer = best_response(game, team=team, against=other, reward="turns")
+    played = game.play(strategies={team: answer.strategy, "robbers" if team == "cops" else "cops": other})
+    assert abs(answer.value) == played.turns
+
+
 def test_turns_are_paid_by_the_team_whose_reward_they_are():
     still = pursuit("path", [0], [4], turns=9)
     assert best_response(still, team="cops", against=stay, reward="turns").value == -4.0
