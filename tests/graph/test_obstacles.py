@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.errors import BadType, BadValue, ContextTerminated, DuplicateId, UnknownName
-from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
+from gamms.graph.obstacles import FaceGrid, Obstacles, checked_face, checked_faces
 
 WALL = {"tr": (2, 1, 3), "tl": (0, 1, 3), "br": (2, 1, 0), "bl": (0, 1, 0), "type": 4}
 
@@ -294,3 +294,15 @@ def test_faces_added_one_by_one_are_those_added_at_once_whatever_comes_between()
     at_once.replace([face for face in faces if face.id % 7])
     assert list(one_by_one) == list(at_once)
     assert all(map(np.array_equal, one_by_one.columns(), at_once.columns()))
+
+
+def test_all_faces_near_a_place_are_found_and_few_others():
+    rng = np.random.default_rng(3)
+    low = rng.uniform(0.0, 1000.0, (400, 3))
+    boxes = np.concatenate((low, low + rng.uniform(1.0, 12.0, (400, 3))), axis=1)
+    grid, found = FaceGrid(boxes), []
+    for place in np.concatenate((boxes[:100, :2], boxes[100:200, 3:5])):  # at corners of faces
+        near = (boxes[:, :2] <= place).all(axis=1) & (boxes[:, 3:5] >= place).all(axis=1)
+        found.append(grid.between(tuple(place), tuple(place), len(boxes)))
+        assert {*np.flatnonzero(near).tolist()} <= {*found[-1].tolist()}
+    assert np.mean([len(rows) for rows in found]) < 40
