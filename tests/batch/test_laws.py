@@ -185,7 +185,7 @@ LEAVE = re.compile("comes with the strategy|why a rule has refused a move")
 
 def attentive(state, *more):
     """Do what follows from all that the agent sees, knows and remembers."""
-    legal, memory, shared = state["legal"], state["memory"], state["team_memory"]
+    legal, memory, shared = state["legal"], state["memory"], state.get("team_memory", {})
     sights = {name: (str(kind), [*data.items()]) for name, (kind, data) in state["sensor"].items() if kind in SHOWN}
     sights |= {name: (str(kind), data) for name, (kind, data) in state["sensor"].items() if kind not in SHOWN}
     facts = {name: repr(value) for name, value in state["facts"].items() if name in ("land", "flags")}
@@ -334,7 +334,18 @@ KINDS = [
 
 
 def open_game(
-    streets, agents, rules, conflicts, early=(), order=None, motion=None, deeds=None, called=(), asked="", channels=None
+    streets,
+    agents,
+    rules,
+    conflicts,
+    early=(),
+    order=None,
+    motion=None,
+    deeds=None,
+    called=(),
+    asked="",
+    channels=None,
+    shared=True,
 ):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     ctx.game.deeds = {} if deeds is None else DEEDS
@@ -382,6 +393,7 @@ def open_game(
     for name, phase in called:
         ctx.game.add(CALLED[name], phase=phase)
     ctx.game.conflicts, ctx.game.order, ctx.game.channels = conflicts, order, channels or {}
+    ctx.game.team_memory = shared
     if "p" in asked:
         ctx.game.command(ctx.agent.get_agent(min(agents)).team, agreed)
     return ctx
@@ -446,9 +458,10 @@ motions = st.one_of(
     called=st.one_of(st.just([]), st.lists(st.tuples(st.sampled_from(sorted(CALLED)), phases), max_size=3)),
     asked=st.sampled_from(["", "a", "bc", "abc", "p", "bcw", "abcw"]),
     radio=st.sampled_from([None, *RADIOS]),
+    shared=st.sampled_from([True, True, False]),
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked, radio
+    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked, radio, shared
 ):
     channels = None if radio is None else {"radio": radio}
     called = [one for one in called if one[0] != "recruit" or asked in ("", "a")]  # teams that are asked get no others
@@ -456,7 +469,9 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
     if motion is not None and "speed_unit" in motion:
         order = None
     with (
-        open_game(streets, agents, rules, conflicts, early, order, motion, deeds, called, asked, channels) as ctx,
+        open_game(
+            streets, agents, rules, conflicts, early, order, motion, deeds, called, asked, channels, shared
+        ) as ctx,
         ctx.game.batch(seeds=seeds, most_agents={agents[min(agents)][0]: ["b9", "y9", "z9"]}) as games,
     ):
         assert games.slow is None or "game by game" in games.slow or "agent by agent" in games.slow, games.slow

@@ -332,6 +332,7 @@ def uses_flags(ctx):
     ctx.game.scores["captures"] = sum(ctx.game.data["flags"]["captures"].values())
 
 
+@pytest.mark.parametrize("shares_memory", [True, False])
 @pytest.mark.parametrize(
     ("rule", "why"),
     [
@@ -344,8 +345,8 @@ def uses_flags(ctx):
         (uses_flags, "data['flags']"),
     ],
 )
-def test_rules_that_need_the_turn_engine_get_it(rule, why):
-    with scene([FLAGS], max_turns=8).build(seed=1) as ctx:
+def test_rules_that_need_the_turn_engine_get_it(rule, why, shares_memory):
+    with scene([FLAGS], max_turns=8, settings={"team_memory": shares_memory}).build(seed=1) as ctx:
         ctx.game.add(rule)
         detached = check(ctx, [1, 2])
         assert sorted(detached) == [0, 1]

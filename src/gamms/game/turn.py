@@ -204,8 +204,8 @@ class TurnEngine:
         if "time" in state:
             state["time"] = self._legality.travel.now
         state["turn"] = game.turn
+        known = game.team_memories.get(slot.team)  # read in any case: batches know by it who looks at observations
         if self._settings.team_memory:
-            known = game.team_memories.get(slot.team)
             state["team_memory"] = memory_copy(known) if known else {}
         if self._settings.channels:
             state["inbox"], state["outbox"] = inboxes.of(slot.name), []

@@ -37,11 +37,10 @@ def called_one_by_one(game: PlayedGame) -> dict[str, Callable[..., object]]:
 
 def why_not_called(game: PlayedGame) -> str | None:
     """Return why what has no array form cannot be called game by game either, in words; None: it can."""
-    settings, block = game.settings(), game.ctx.agent.block
+    block = game.ctx.agent.block
     sensors = [sensor for agent in game.agents for sensor in agent.sensors.values()]
     reasons = [
         (block.has_arrays, "agents of a team in arrays"),
-        (not settings["team_memory"], "team_memory=False"),  # by memories it is known who looks at observations
         (not all(getattr(one, "sees_world_only", False) for one in sensors), "sensors that may see more than the map"),
     ]
     return next((why for is_so, why in reasons if is_so), None)

@@ -238,8 +238,7 @@ class ScalarStrategies:
         self, fork: RuleFork, turn: ArrayTurn, at: int, living: list[int], starts: list[int]
     ) -> tuple[Sequence[int], list[tuple[int, tuple[int, str, Any]]], list[Outgoing], list[tuple[int, ResolvedAction]]]:
         """Ask agents of a game; return the nodes that they go to, deeds, by their places, messages, and given ways."""
-        game = int(turn.games[at])
-        players = self._of(game)
+        players = self._of(game := int(turn.games[at]))
         state, turns, settings = players.state, fork.parts.turns, fork.parts.settings
         state.turn = int(turn.turn[at])
         slots, part = self._part(players, fork, game, living)
@@ -261,7 +260,8 @@ class ScalarStrategies:
 
         decisions = Decisions(slots, starts, settings, state, phase_of(fork.ctx), self._targets, observe)
         try:
-            turns.ask_part(part, decisions, self._state.seeds[game], is_usual=not settings.channels)
+            seed, are_in_line = self._state.seeds[game], settings.team_memory and not settings.channels
+            turns.ask_part(part, decisions, seed, is_usual=are_in_line)
             if decisions.awaited:
                 fork.refuse("it is awaited")
             fork.raise_notes()
@@ -412,6 +412,5 @@ def why_not_asked(game: PlayedGame, agents: Sequence[IAgent]) -> str | None:
         (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
         (any(_draws_elsewhere(one, by, by_metres=by_metres) for by, one in sensors), "sensors that err or report late"),
         (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),
-        (not settings["team_memory"], "team_memory=False"),
     ]
     return next((why for is_so, why in reasons if is_so), None)
