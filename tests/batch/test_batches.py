@@ -190,6 +190,24 @@ def test_impossible_actions_are_refused_and_name_game_and_agent():
         assert games.turn.tolist() == [0, 0]
 
 
+def test_actions_of_a_wrong_shape_are_refused_before_rules_are_called():
+    def count(ctx):
+        ctx.game.scores["turns"] += 1
+
+    def counted(turn):
+        turn.add_score("turns", np.arange(len(turn.games)), 1)
+
+    count.array_form = counted
+    with scene().build(seed=0) as ctx:
+        ctx.game.add(count, phase="before")
+        with ctx.game.batch(2) as games:
+            games.step({"red": np.zeros((2, 3), np.int64)})
+            for wrong in (np.zeros((1, 3), np.int64), np.full((2, 3), 0.5)):
+                with pytest.raises((BadType, BadValue), match="team 'red'"):
+                    games.step({"red": wrong})
+            assert games.scores["turns"].tolist() == [1, 1]
+
+
 def test_a_batch_needs_games_that_can_end_and_a_number_of_them():
     with pytest.raises(BadValue, match="number of games"):
         scene().batch()
