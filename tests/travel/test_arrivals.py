@@ -103,3 +103,20 @@ def test_agents_that_are_asked_on_their_way_cover_speed_times_time():
             lengths = [abs(leg.end - leg.begin) * ctx.graph.graph.get_edge(leg.edge).length for leg in move.legs]
             assert sum(lengths) == pytest.approx(33.0 + int(name[-1]), rel=1e-9)
     assert min(asked.values()) > 3
+
+
+def test_a_plan_gets_the_states_of_the_agents_of_its_team_that_arrive():
+    ctx, asked = town(), []
+
+    def plan(states):
+        asked.append((next(iter(states.values()))["time"], tuple(states)))
+        for state in states.values():
+            state["action"] = state["legal"][-1]
+
+    for name, node, speed in (("ann", 0, 40.0), ("bob", 12, 9.0), ("cis", 24, 40.0)):
+        ctx.agent.create_agent(name, start_node_id=node, speed=speed, team="red")
+    ctx.game.command("red", plan)
+    ctx.game.step()
+    assert asked[0] == (0.0, ("ann", "bob", "cis"))
+    assert len(asked) > 2
+    assert all(0.0 < time < 1.0 and "bob" not in names for time, names in asked[1:])

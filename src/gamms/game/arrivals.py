@@ -11,6 +11,10 @@ from gamms.game.travel import progress_at
 from gamms.ir.agents import AgentBlock
 from gamms.typing.game import EdgePlace, Move
 
+MOST_ARRIVALS = 1000  # in one turn; more, and an agent goes to and fro on edges of no length
+WAITS = f"it arrived {MOST_ARRIVALS} times in one turn, and waits"
+NO_DEEDS = "deeds are done where a turn begins, not at an arrival in it"
+
 
 class Arrivals:
     """The agents that are under way in a turn, in the order of time in which they arrive at nodes.

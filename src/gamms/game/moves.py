@@ -216,7 +216,7 @@ class TurnMoves:
         """Let the agent of a slot, which has come to the end of its last leg, stand just before that from then on."""
         action = self.actions[i]
         leg = action.legs[-1]
-        short = leg._replace(end=1.0 - _SHORT if leg.end == 1.0 else _SHORT)
+        short = leg._replace(end=1.0 - SHORT if leg.end == 1.0 else SHORT)
         stands = short._replace(begin=short.end, since=leg.until, until=1.0)
         passed = len(action.path) - (leg.end == 1.0)  # back on an edge, it is at the node that it had passed last
         progress = Progress(leg.source, leg.target, short.end, leg.edge, Motion.STOPPED)
@@ -320,7 +320,7 @@ class TurnMoves:
         return TurnMoves(self.order, starts, ends, actions)
 
 
-_SHORT = 1e-9  # of an edge: so far before a node stands who may not enter it
+SHORT = 1e-9  # of an edge: so far before a node stands who may not enter it
 
 
 def _just_stays(action: ResolvedAction) -> bool:

@@ -89,7 +89,7 @@ class Part:
             if slot.team not in plans
         ]
         teams = dict.fromkeys(slot.team for _, slot in pairs)  # in the order of their first agents
-        self.commanded = [_commanded(slots, team, plans[team]) for team in teams if team in plans]
+        self.commanded = [_commanded(pairs, team, plans[team]) for team in teams if team in plans]
         blind = {i for one in self.commanded if one.plan.arrays for i in one.indices}
         self.observing = [i for i in self.members if i not in blind]
         self.see_world_only = all(slots[i].sees_world_only for i in self.observing)
@@ -281,10 +281,10 @@ def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> boo
     return bool(side(agent) if callable(side) else agent.team == side)
 
 
-def _commanded(slots: Sequence[AgentSlot], team: Hashable, plan: Plan) -> Commanded:
-    indices = [i for i, slot in enumerate(slots) if slot.team == team]
-    are_plain = all(slots[i].is_plain for i in indices)
-    return Commanded(team, plan, indices, [slots[i].name for i in indices], are_plain=are_plain)
+def _commanded(members: Sequence[tuple[int, AgentSlot]], team: Hashable, plan: Plan) -> Commanded:
+    own = [(i, slot) for i, slot in members if slot.team == team]
+    are_plain = all(slot.is_plain for _, slot in own)
+    return Commanded(team, plan, [i for i, _ in own], [slot.name for _, slot in own], are_plain=are_plain)
 
 
 SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding

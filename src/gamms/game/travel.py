@@ -19,6 +19,7 @@ from gamms.typing.game import Leg
 
 ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end is not asked again in it
 SLACK = 1e-9  # of a turn: a way that takes exactly as long must not fail by rounding
+LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # of an edge: who is under way is on it, though these shares may be rounded
 
 
 class Road(NamedTuple):
@@ -112,6 +113,8 @@ class Way(NamedTuple):
 def progress_at(leg: Leg, time: float) -> Progress | None:
     """Return where an agent on a leg is at a time of the turn; None: on a node."""
     share = leg.share_at(time) if time < leg.until else leg.end
+    if time < leg.until and leg.begin != leg.end:
+        share = min(max(share, LEAST), MOST)
     if not 0.0 < share < 1.0:
         return None
     moving = Motion.FORWARD if leg.end > leg.begin else Motion.BACK
@@ -210,7 +213,7 @@ class Travel:
         if target == place.target or (target == here and may_turn):
             return self._advance(speed, here, self._steps(place, here, [], is_back=target == here), place)
         if speed is None:
-            raise BadValue(f"Node {target} is no end of the edge from node {here} to node {place.target}.")
+            raise BadValue(no_end(target, here, place.target))
         graph, weight = self._ctx.graph.graph, self._settings.weight
         ahead = (1.0 - place.share) * road.cost + graph.distance(place.target, target, weight)
         behind = place.share * road.cost + graph.distance(here, target, weight) if may_turn else inf
@@ -385,3 +388,8 @@ def one_way(source: int, target: int) -> BadValue:
         f"The edge from node {source} to node {target} is a one-way road: the agent cannot turn round on "
         f"it; legal is node {target}, and what lies beyond."
     )
+
+
+def no_end(target: int, source: int, end: int) -> str:
+    """Return the error of agents without a speed that want to leave their edge for a node that is none of its ends."""
+    return f"Node {target} is no end of the edge from node {source} to node {end}."

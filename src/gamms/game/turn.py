@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue, UnknownName
-from gamms.game.arrivals import Arrivals
+from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
 from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import PrivateForks
@@ -36,7 +36,6 @@ if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
 _FEWEST_IN_ARRAYS = 32  # agents whose conflicts are resolved in arrays (benchmarks: teams)
-_MOST_ARRIVALS = 1000  # in one turn; more, and an agent goes to and fro on edges of no length
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
@@ -55,11 +54,13 @@ class TurnEngine:
         is_moving: whether agents are asked and moved right now.
         part: the number of those who are asked, in the order of play.
         refusals: what rules refuse, while they may; else None.
+        travel: where agents of a game by metres go.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
         self._ctx, self._settings, self._state, self._phase = ctx, settings, state, phase
         self._legality = Legality(ctx, settings)
+        self.travel = self._legality.travel
         self._facts, self._fork = ReadOnlyMapping(state.facts), PrivateForks(ctx)
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
@@ -414,8 +415,8 @@ class TurnEngine:
                     asked[i] += 1
                     if i in losers:
                         arrivals.hold(i)
-                    elif asked[i] >= _MOST_ARRIVALS:
-                        self._note_illegal(slots[i], f"it arrived {_MOST_ARRIVALS} times in one turn, and waits")
+                    elif asked[i] >= MOST_ARRIVALS:
+                        self._note_illegal(slots[i], WAITS)
                     elif i in actions and self._continue(turn, actions[i], i):
                         arrivals.depart(i)
         finally:
@@ -440,7 +441,7 @@ class TurnEngine:
     def _continue(self, turn: TurnMoves, action: ResolvedAction, i: int) -> bool:
         """Let an agent that has arrived do what it has decided there; return whether it goes on."""
         if action.deeds:
-            self._note_illegal(turn.slots[i], "deeds are done where a turn begins, not at an arrival in it")
+            self._note_illegal(turn.slots[i], NO_DEEDS)
         turn.go_on(i, action._replace(deeds=None))
         return bool(action.legs)
 

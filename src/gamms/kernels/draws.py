@@ -89,7 +89,7 @@ def draw_bits_many(purpose: int, names: BitArray, turn: int, k: int = 0) -> BitA
     return _mix_many(_mix_many(_mix_many(names ^ np.uint64(purpose)) + turned) + counted)
 
 
-def draw_bits_rows(purposes: BitArray, names: BitArray, turns: IntArray, k: int = 0) -> BitArray:
+def draw_bits_rows(purposes: BitArray, names: BitArray, turns: IntArray, k: IntArray | int = 0) -> BitArray:
     """Return what `draw_bits` returns for each row; the arrays are broadcast against each other."""
     return bits_at_rows(later_key_rows(first_key_rows(purposes, names), turns), k)
 

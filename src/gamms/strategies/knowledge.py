@@ -20,6 +20,7 @@ from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
+    BOARDS,
     COVERS,
     FITS,
     IS_BLIND,
@@ -48,7 +49,6 @@ _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_AR
 
 _warned: WeakKeyDictionary[IContext, set[str]] = WeakKeyDictionary()  # context -> strategies warned about
 
-_BOARDS = "boards"  # an attribute of forms: under which keys they write into the memories of teams
 LITTLE = 1e-9  # a speed: agents that do not move get to their own node in no time, and nowhere else in this game
 
 _WAYS_OUT = {
@@ -389,12 +389,12 @@ def offer_form(
             was written in the same turn.
     """
     forms = [getattr(part, "array_form", None) for part in parts]
-    boards = [one for form in forms for one in getattr(form, _BOARDS, ())] + [board] * (board is not None)
+    boards = [one for form in forms for one in getattr(form, BOARDS, ())] + [board] * (board is not None)
     if None in forms or len(set(boards)) < len(boards):
         return
     made: Any = partial(form, *values, *forms)
     setattr(made, IS_BLIND, not looks and all(getattr(one, IS_BLIND, False) for one in forms))
-    setattr(made, _BOARDS, tuple(boards))
+    setattr(made, BOARDS, tuple(boards))
     setattr(made, COVERS, looks == COVERS or any(getattr(one, COVERS, False) for one in forms))
     passing = any(getattr(one, MAY_SKIP, False) for one in forms)
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)

@@ -176,14 +176,14 @@ class _ViewOfOne(ArrayView):
         self.draw = _DrawsOfOne(state["draw"])
         self._host, self._internals, self._memory = host, internals, state["memory"]
         self._sensed, self._inbox, self.deeds, self.outboxes = state["sensor"], state.get("inbox", ()), [], []
-        known, columns, none = host.game.channels, streets.columns, np.zeros(len(roster.names), np.int64)
+        known, columns = host.game.channels, streets.columns
         if known:
             xyz = np.column_stack((columns.xy, np.zeros(len(columns.xy))))
-            game.radio = Radio(known, roster, columns.node_ids, xyz, none, 1)
+            game.radio = Radio(known, roster, columns.node_ids, xyz, 1)
         check = partial(checked_value, ctx=host)
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
         if isinstance(movement, Noted):
-            movement.note(0, number, streets.rows(state["legal"] or (here,)))
+            movement.note(0, number, streets.rows(state["legal"] or (here,)), state.get("time", 0.0))
         if self.flies or "xy" in state:
             shape = len(roster.names)
             places = Places(np.full((1, shape, 3), -1), np.zeros((1, shape)), np.zeros((1, shape, 2)))

@@ -8,22 +8,24 @@ from typing import Any
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.game.batch.arrivals import Arrivals
+from gamms.game.batch.asking import Asking
 from gamms.game.batch.channels import Outbox, Radio, Scene, why_not_sent
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of, places_of
+from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Ground, ViewOfGrounds, is_other_by_roads, key_of
-from gamms.game.batch.movement import Anywhere, Movement, Route
+from gamms.game.batch.movement import Anywhere, Movement, Moves
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
 from gamms.game.batch.sight import DELAYS, sees_from_edges, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings
-from gamms.game.batch.travel import movement_of, why_not_moved
+from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
-from gamms.game.batch.view import COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
+from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
 from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
 from gamms.game.result import Result
@@ -67,8 +69,7 @@ class ArrayEngine:
         )
         if settings["channels"]:
             self.state.radio = self._made_radio(settings["channels"])
-        self._outboxes: list[Outbox] = []  # of this turn
-        self._routes: list[Route] = []  # of those that decide now
+        self._arriving = movement if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals else None
         self._own: list[OwnState | None] = [None] * len(seeds)
         self._kinds: dict[str, Any] = {}  # agent that has come -> what it is and carries
         self._here = self._made_ground(game, lambda: game.fork(0), roster, movement)
@@ -197,13 +198,11 @@ class ArrayEngine:
 
     def _made_radio(self, channels: Mapping[str, Channel]) -> Radio:
         state, graph = self.state, self._game.ctx.graph.graph
-        columns, part_of = state.streets.columns, np.zeros(len(state.roster.names), np.int64)
-        for number, members in enumerate(self._parts):
-            part_of[np.s_[:] if members is None else members] = number
+        columns = state.streets.columns
         ground = graph.ground(columns.node_ids)
         z = np.zeros(len(columns.node_ids)) if ground is None else ground.z
         xyz, visible = np.column_stack((columns.xy, z)), self._game.ctx.graph.visible
-        return Radio(channels, state.roster, columns.node_ids, xyz, part_of, len(state), visible)
+        return Radio(channels, state.roster, columns.node_ids, xyz, len(state), visible)
 
     def _publish_facts(self, facts: Mapping[str, Any]) -> None:
         self.state.facts.update(facts)
@@ -258,45 +257,61 @@ class ArrayEngine:
 
     def _play_turn(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of games on one ground, whose rules of the phase "before" were applied."""
-        state, self._outboxes = self.state, []
-        actions, is_given = self._given(turn, given)
-        deeds, outboxes = self._given_deeds(turn, given) if given else ([], [])
+        state, asking = self.state, Asking(self.state, self._here, given, at_arrivals=self._arriving is not None)
+        resting = None if self._arriving is None else ~self._arriving.is_going(turn.games)
+        actions, is_given = asking.given(turn, resting)
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some
-                self._finish(turn.of(~is_going))
+                self._finish(turn.of(~is_going), asking.outboxes)
                 turn, actions = turn.of(is_going), actions[is_going]
                 if not len(turn.games):
                     break
-            wanted, is_decided = actions, is_given
+            part, is_member, wanted = None, np.ones(len(is_given), np.bool_), actions
             if members is not None:
-                moves = np.isin(np.arange(len(is_given)), members)
-                wanted, is_decided = np.where(moves, actions, state.movement.idle), is_given | ~moves
-            part = None if members is None else TurnPart(number, len(self._parts), members)
-            of_part = turn.alive if members is None else turn.alive & moves
-            state.shared[DELAYS].note(turn.games, of_part)
-            if self._here.asked is not None and given:
-                at_once = is_given if members is None else is_given & moves
-                self._here.asked.forget_blocked(turn, np.flatnonzero(at_once).tolist())
-            chosen, own_deeds = self._decided(turn, wanted, is_decided)
-            if deeds or outboxes:
-                those = np.zeros(state.node.shape, np.bool_)  # of the part, in the games that go on
-                those[turn.games] = of_part
-                own_deeds += _deeds_of(turn, deeds, those)
-                self._outboxes += [box.those(those[box.at, box.senders]) for box in outboxes]
-            self._play_part(turn, chosen, own_deeds, part)
+                is_member = np.isin(np.arange(len(is_given)), members)
+                part, wanted = (
+                    TurnPart(number, len(self._parts), members),
+                    np.where(is_member, actions, state.movement.idle),
+                )
+            asked = turn.alive & is_member
+            state.shared[DELAYS].note(turn.games, asked)
+            course = None
+            if self._arriving is not None:
+                course = self._course(turn, self._arriving, asked)
+                asked = asked & ~self._arriving.is_going(turn.games)
+            chosen, deeds = asking.ask(turn, wanted, is_given | ~is_member, asked)
+            if course is None:
+                moves, in_conflict = asking.moves(turn, chosen), None
+                turn.note_illegal(moves.illegal)
+            else:
+                moves = course.play(chosen, asking.at_arrivals)
+                in_conflict = course.blocked
+            self._play_part(turn, moves, in_conflict, deeds, part)
         if len(turn.games):
-            self._finish(turn)
+            self._finish(turn, asking.outboxes)
 
-    def _finish(self, turn: ArrayTurn) -> None:
+    def _course(self, turn: ArrayTurn, by: ByMetres, members: BoolArray) -> Arrivals:
+        """Return the course of a turn in which agents decide at arrivals."""
+        form, scalar = self._here.conflicts, self._here.asked
+
+        def resolve(part: ArrayTurn, ends: IntArray) -> BoolArray:
+            stopped: BoolArray = form(part, ends) & (ends != part.places)
+            if scalar is not None:
+                scalar.note_stopped(part, stopped, ends)
+            return stopped
+
+        return Arrivals(self.state, turn, by, members, None if form is None else resolve)
+
+    def _finish(self, turn: ArrayTurn, outboxes: Sequence[Outbox]) -> None:
         """Send what is to be sent in a turn in which all have moved, and apply its rules."""
         state = self.state
-        if self._outboxes and state.radio is not None:
+        if outboxes and state.radio is not None:
             hops = partial(state.movement.routes, None)
             rows = np.broadcast_to(turn.games[:, None], turn.node.shape), np.indices(turn.node.shape)[1]
             places = state.movement.places(turn.node, rows)
             scene = Scene(turn.games, turn.turn, turn.node, places.xy, turn.alive, state.purposes, hops)
-            state.radio.send(scene, self._outboxes)
+            state.radio.send(scene, outboxes)
         turn.end_moves()
         if self._here.rules["before"]:
             turn.keep_moves()
@@ -323,15 +338,24 @@ class ArrayEngine:
             parts.append((other, part))
         return parts
 
-    def _play_part(self, turn: ArrayTurn, actions: IntArray, deeds: list[ArrayDeeds], part: TurnPart | None) -> None:
-        """Let some agents do and move at once what they have decided; None: all."""
-        movement, routes, self._routes = self.state.movement, self._routes, []
-        moves = movement.moves(turn.node, actions, turn.games)
-        if routes:
-            at, agents, ways = zip(*routes, strict=True)
-            moves = moves.put((np.array(at), np.array(agents)), movement.moves_of(ways))
-        turn.note_illegal(moves.illegal)
-        turn.paths, in_conflict = moves.paths, np.zeros(moves.ends.shape, np.bool_)
+    def _play_part(
+        self,
+        turn: ArrayTurn,
+        moves: Moves,
+        in_conflict: BoolArray | None,
+        deeds: list[ArrayDeeds],
+        part: TurnPart | None,
+    ) -> None:
+        """Let some agents do and move at once what they have decided; None: all.
+
+        Args:
+            turn: of the games.
+            moves: of all agents; those that do not move now stay.
+            in_conflict: which agents conflicts have stopped; None: that is to be found.
+            deeds: that they do.
+            part: of the turn, by the order of play; None: all move at once.
+        """
+        turn.paths = moves.paths
         if self._here.checks or deeds or self._here.rules["deeds"]:
             turn.begin_part(moves, deeds)
             is_refused = np.zeros(moves.ends.shape, np.bool_)
@@ -343,65 +367,16 @@ class ArrayEngine:
             for named, form in self._here.rules["deeds"]:
                 self._call(named, form, turn)
             moves = turn.left_of(moves)
-        if self._here.has_conflicts:
+        if in_conflict is None and self._here.has_conflicts:
             turn.places, ends = self.state.movement.ends(moves)
             form, context = self._here.conflicts, self._here.context
             in_conflict = (context.resolve(turn, moves) if form is None else form(turn, ends)) & moves.goes
-            self.state.counts["blocked"][turn.games] += in_conflict
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, in_conflict, ends)
-        turn.move(moves.without(in_conflict), in_conflict, part)
-
-    def _given(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> tuple[IntArray, BoolArray]:
-        """Return the actions that were given, (games, agents) of this turn, and to which agents, (agents,)."""
-        actions, is_given = (
-            np.full(turn.node.shape, self.state.movement.idle),
-            np.zeros(len(turn.roster.names), np.bool_),
-        )
-        for team, wanted in given.items():
-            agents = turn.roster.members(team)
-            view = ArrayView(self.state, turn.games, agents)
-            actions[:, agents] = view.checked(wanted.moves_in(view, wanted.moves[turn.games]), f"team {shown(team)}")
-            is_given[agents] = True
-        return actions, is_given
-
-    def _given_deeds(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> tuple[list[ArrayDeeds], list[Outbox]]:
-        """Return the deeds and messages that were given, of games by their numbers in the batch."""
-        state, deeds, outboxes = self.state, list[ArrayDeeds](), list[Outbox]()
-        acting = {team: one for team, one in given.items() if one.deeds or one.messages}
-        is_played = np.zeros((len(state), 1), np.bool_)
-        is_played[turn.games] = True
-        for team, one in acting.items():
-            view = ArrayView(state, np.arange(len(state)), turn.roster.members(team))
-            view.mask, view.deeds, view.outboxes = view.mask & is_played, [], []
-            one.act(view)
-            deeds += view.deeds
-            outboxes += view.outboxes
-        return deeds, outboxes
-
-    def _decided(self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray) -> tuple[IntArray, list[ArrayDeeds]]:
-        """Return these actions with those of agents, (agents,), whose strategies are to be asked, and what they do."""
-        actions, deeds = given.copy(), list[ArrayDeeds]()
-        for group in self._here.groups:
-            agents = group.agents[~is_decided[group.agents]]
-            if len(agents):
-                view = ArrayView(self.state, turn.games, agents)
-                view.deeds, view.outboxes = [], []
-                try:
-                    columns = agents if len(agents) < actions.shape[1] else np.s_[:]
-                    actions[:, columns] = view.checked(group.form(view), group.name, may_aim=True)
-                    deeds += view.deeds
-                    self._outboxes += view.outboxes
-                except Exception as error:
-                    error.add_note(f"In the strategy {group.name} of a batch.")
-                    raise
-        asked = self._here.asked
-        agents = np.zeros(0, np.int64) if asked is None else asked.agents[~is_decided[asked.agents]]
-        if asked is not None and len(agents):
-            actions[:, agents], done, sent, self._routes = asked.decide(turn, agents)
-            deeds += done
-            self._outboxes += sent
-        return actions, [one for one in deeds if len(one.at)]
+            moves = moves.without(in_conflict)
+        in_conflict = np.zeros(moves.ends.shape, np.bool_) if in_conflict is None else in_conflict
+        self.state.counts["blocked"][turn.games] += in_conflict
+        turn.move(moves, in_conflict, part)
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
         turn.has_scalar_form = not getattr(named.rule, IN_ARRAYS_ALONE, False)
@@ -502,6 +477,8 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
         if form_of(one) is None:
             kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
             yield agent, f"the {kind} {as_code(one)}"
+        if getattr(form_of(one), BOARDS, ()) and by_metres and settings["decide"] == "arrival":
+            yield agent, f"{as_code(one)}, whose team knows at arrivals what it wrote in the same turn"
         if getattr(form_of(one), MAY_SKIP, False):
             yield agent, f"{as_code(one)}, which may set no action"
         if SPEEDS.index(getattr(form_of(one), FITS, speeds)) < SPEEDS.index(speeds):
@@ -525,16 +502,6 @@ def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
     for agent, why in why_not_decided(game, game.agents):
         found.setdefault(agent.team, why)
     return found
-
-
-def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) -> list[ArrayDeeds]:
-    """Return the deeds of some agents, (games of the batch, agents), as they are done in a turn."""
-    number, found = places_of(turn.games, len(those)), []
-    for one in deeds:
-        done = one.those(those[one.at, one.agents])
-        at = number[done.at]
-        found.append(done._replace(at=at, nodes=turn.node[at, done.agents]))
-    return [one for one in found if len(one.at)]
 
 
 def _leaves_out_a_team(order: Sequence[Sequence[Any]] | None, agents: Sequence[IAgent]) -> bool:

@@ -32,7 +32,7 @@ class Outbox(NamedTuple):
         senders: numbers in the roster.
         to: of each an agent, a team, or None.
         bodies: of each.
-        order: of several messages of one agent in a turn, that with the smaller number comes first.
+        order: of several messages of one agent that it sends at once, that with the smaller number comes first.
     """
 
     channel: str
@@ -45,6 +45,10 @@ class Outbox(NamedTuple):
     def those(self, which: BoolArray | IntArray) -> "Outbox":
         """Return some of the messages."""
         return some_rows(self, which)
+
+    def sent_at(self, moment: int) -> "Outbox":
+        """Return the messages, sent when agents were asked for that time in the turn."""
+        return self._replace(order=moment * _MOST_AT_ONCE + self.order)
 
 
 class Heard(NamedTuple):
@@ -110,7 +114,6 @@ class Radio(GameLog[list[_Sent]]):
         roster: of every game.
         ids: (nodes,) of the nodes.
         xyz: (nodes, 3) where they are.
-        part_of: (agents,) in which part of a turn agents move.
         num_games: of the batch.
         visible: says which of some places (places, 3) are in sight of one, (3,); None: no agent asks.
     """
@@ -121,13 +124,12 @@ class Radio(GameLog[list[_Sent]]):
         roster: Roster,
         ids: IntArray,
         xyz: FloatArray,
-        part_of: IntArray,
         num_games: int,
         visible: Callable[[FloatArray, FloatArray], BoolArray] | None = None,
     ) -> None:
         super().__init__(num_games)
         self._visible = visible
-        self.channels, self._roster, self._ids, self._xyz, self._part_of = channels, roster, ids, xyz, part_of
+        self.channels, self._roster, self._ids, self._xyz = channels, roster, ids, xyz
         self._teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
         self._pair_keys: BitArray | None = None
         self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
@@ -171,7 +173,8 @@ class Radio(GameLog[list[_Sent]]):
             if len(those):
                 at, senders = number[box.at], box.senders
                 wave = _Waves(self, self.channels[name], scene, at, senders, box.to)
-                place = (self._part_of[senders] * len(self._roster.names) + senders) * _MOST_AT_ONCE + box.order
+                moment, order = np.divmod(box.order, _MOST_AT_ONCE)
+                place = (moment * len(self._roster.names) + senders) * _MOST_AT_ONCE + order
                 turns = scene.turns[at] + 1
                 sent.append(_Sent(name, box.at, turns, senders, box.to, box.bodies, place, *wave.outcomes(turns)))
         self._pending.append(sent)

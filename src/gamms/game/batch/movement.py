@@ -12,7 +12,7 @@ from gamms.game.batch.columns import some_rows
 from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.order import ResolvedAction
 from gamms.game.streets import Streets
-from gamms.ir.agents import Progress
+from gamms.ir.agents import Motion, Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing.game import Leg
@@ -70,6 +70,7 @@ class Paths(NamedTuple):
         rests: (games, agents) who is on the last node from when it is reached to 1.
         legs: in games by metres.
         edge: in games by metres, (games, agents): the row of the edge that an agent is on at the end; -1: on its node.
+        motion: likewise, how it moves there, see `ir.agents.Motion`.
     """
 
     nodes: IntArray
@@ -80,6 +81,7 @@ class Paths(NamedTuple):
     rests: BoolArray
     legs: Legs | None = None
     edge: IntArray | None = None
+    motion: IntArray | None = None
 
     @property
     def arrives(self) -> BoolArray:
@@ -103,11 +105,11 @@ class Paths(NamedTuple):
 
     def _columns(self) -> list[Any]:
         """Return all arrays, those of the legs behind the others."""
-        return [*self[:6]] if self.legs is None else [*self[:6], self.edge, *self.legs]
+        return [*self[:6]] if self.legs is None else [*self[:6], self.edge, self.motion, *self.legs]
 
     def _made(self, columns: list[Any]) -> "Paths":
         """Return paths of other arrays, in the order of `_columns`."""
-        return Paths(*columns[:6], *((Legs(*columns[7:]), columns[6]) if columns[6:] else ()))
+        return Paths(*columns[:6], *((Legs(*columns[8:]), *columns[6:8]) if columns[6:] else ()))
 
     def between(self, number: int, parts: int) -> "Paths":
         """Return the same paths, gone in that one of several equal parts of the turn."""
@@ -139,7 +141,7 @@ class Paths(NamedTuple):
         at_front, own = [(0, 0)] * (self.nodes.ndim - 1), self._columns()
         more = [*at_front, (0, most - self.nodes.shape[-1])]
         columns: list[Any] = [np.pad(self.nodes, more, "edge"), np.pad(self.times, more, constant_values=np.inf)]
-        columns += [column.copy() for column in own[2:7]]
+        columns += [column.copy() for column in own[2:8]]
         if self.legs is not None:
             more[-1] = 0, most_legs - self.legs.edge.shape[-1]
             columns += [np.pad(one, more, constant_values=0 if i else -1) for i, one in enumerate(self.legs)]
@@ -217,7 +219,8 @@ class Moves(NamedTuple):
                 column[..., 0] = np.where(stopped, values, column[..., 0])
         ends_on: IntArray = np.where(stopped, edge, -1 if paths.edge is None else paths.edge)
         stays, rests = paths.stays & ~(stopped & on_edge), paths.rests & ~(stopped & on_edge)
-        return paths._replace(legs=Legs(*columns), edge=ends_on, stays=stays, rests=rests)
+        motion: IntArray = np.where(stopped, Motion.STOPPED, Motion.STOPPED if paths.motion is None else paths.motion)
+        return paths._replace(legs=Legs(*columns), edge=ends_on, motion=motion, stays=stays, rests=rests)
 
     def put(self, which: Which, others: "Moves") -> "Moves":
         """Return these moves, but those of some agents, by the index `which`, are others."""
@@ -268,7 +271,7 @@ class Movement:
     def __init__(self, streets: Streets) -> None:
         self.streets = streets
         self.edge = self.street = np.zeros((0, 0), np.int64)  # in games by metres, see `ByMetres`
-        self.share = np.zeros((0, 0))
+        self.share, self.now = np.zeros((0, 0)), np.zeros(0)
         self.is_ahead: BoolArray = np.zeros(0, np.bool_)
         self._tables: dict[str | None, RouteTable] = {}
 
@@ -441,15 +444,16 @@ class Noted(Movement):
 
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which stay."""
-        self._agents = shape[1]
+        self._agents, self.now = shape[1], np.zeros(shape[0])
         self._count, self._nodes = np.ones(shape[0] * shape[1], np.int64), np.zeros((shape[0] * shape[1], 1), np.int64)
 
-    def note(self, game: int, agent: int, legal: IntArray) -> None:
-        """Note where an agent of a game may go: rows of nodes."""
+    def note(self, game: int, agent: int, legal: IntArray, now: float = 0.0) -> None:
+        """Note where an agent of a game may go, rows of nodes, at a time of the turn."""
         number, most = game * self._agents + agent, len(legal)
         self._widen(most)
         self.is_plain = False
         self._noted.add(agent)
+        self.now[game] = now
         self._count[number], self._nodes[number, :most] = most, legal
 
     def note_plain(self, game: int, node: IntArray) -> None:

@@ -34,9 +34,9 @@ from gamms.typing import IAgent
 from gamms.typing.game import EdgePlace
 from gamms.typing.sensor_engine import ISensor
 
-# From how many games on arrays are not slower, see decision 0057: where agents are asked, where their strategies may
-# need their context, and where rules are called.
-FEWEST, FEWEST_IN_CONTEXT, FEWEST_CALLED = 16, 64, 32
+# From how many games on arrays are not slower, see decisions 0057 and 0058: where agents are asked, where they decide
+# at arrivals, where their strategies may need their context, and where rules are called.
+FEWEST, FEWEST_AT_ARRIVALS, FEWEST_IN_CONTEXT, FEWEST_CALLED = 16, 32, 64, 32
 _MOST_ASKED = 4  # one in so many agents, where rules are called, too
 _FAILURES = ("illegal", "errors", "overruns")  # counts of what goes wrong when agents decide
 
@@ -84,8 +84,10 @@ class _Targets(Legality):
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
         """Return where an agent wants to get in a game by metres."""
         if isinstance(wanted, list):
+            if self._settings.decide == "arrival":
+                self._fork.refuse("it gives the nodes of its way")
             return super().travelled(mover, here, wanted)
-        if wanted is not None and wanted not in self.legal[mover.name]:
+        if wanted is not None and (mover.speed is None or wanted not in self.legal[mover.name]):
             super().travelled(mover, here, wanted)  # which may find that it cannot
         return ResolvedAction(-1 if wanted is None else wanted, (here,))
 
@@ -181,15 +183,25 @@ class ScalarStrategies:
 
     # -- asking -----------------------------------------------------------------------------------------------------
 
-    def decide(self, turn: ArrayTurn, agents: IntArray) -> tuple[IntArray, list[ArrayDeeds], list[Outbox], list[Route]]:
-        """Ask some agents; return their actions, (games, agents), deeds, messages, and ways that they give by nodes."""
-        state, view = self._state, ArrayView(self._state, turn.games, agents)
+    def decide(
+        self, turn: ArrayTurn, agents: IntArray, asked: BoolArray | None
+    ) -> tuple[IntArray, list[ArrayDeeds], list[Outbox], list[Route]]:
+        """Ask some agents; return their actions, (games, agents), deeds, messages, and ways that they give by nodes.
+
+        Args:
+            turn: of the games.
+            agents: their numbers in the roster.
+            asked: (games, all agents) which are asked of those that live; None: all.
+        """
+        state, view = self._state, ArrayView(self._state, turn.games, agents, asked)
         node, alive, numbers = state.streets.ids(view.node).tolist(), view.mask.tolist(), agents.tolist()
         deeds, sent, routes = list[tuple[int, int, int, str, Any]](), list[tuple[int, Outgoing]](), list[Route]()
         self._look_at(self._context.fork)
         shown_by = [(cells, self._shown(view, name, cells)) for name, cells in self._cells.items()]
 
         def ask(fork: RuleFork, at: int) -> None:
+            if not any(alive[at]):
+                return
             self._look_at(fork)
             for cells, data in shown_by:
                 for i, number in enumerate(numbers):
@@ -305,6 +317,8 @@ class ScalarStrategies:
 
     def _part(self, players: Players, fork: RuleFork, game: int, living: list[int]) -> tuple[list[AgentSlot], Part]:
         """Return what is needed to ask these agents."""
+        if self._state.movement.leaves_nodes:
+            fork.parts.turns.travel.now = self._targets.travel.now = float(self._state.movement.now[game])
         settings = fork.parts.settings
         if players.made_for != (fork, fork.casting):
             players.made_for, players.slots, players.living = (fork, fork.casting), {}, [-1]
@@ -391,7 +405,7 @@ def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are
     """Return why so many games, of which some agents are asked one by one, would be slower in arrays; None: not."""
     plans = game.settings()["plans"]
     deciders = [decider_of(agent, plans) for agent in asked]
-    fewest = FEWEST if deciders else 1
+    fewest = (FEWEST_AT_ARRIVALS if game.settings()["decide"] == "arrival" else FEWEST) if deciders else 1
     if any(getattr(one, "__closure__", one) is not None for one in deciders):
         fewest = FEWEST_IN_CONTEXT
     if are_called:

@@ -496,7 +496,9 @@ def _bits(
     used, number = np.unique(carriers, return_inverse=True)
     keys = np.array([state.purposes(purpose, *(lookout.draws[i] or ()), *which) for i in used.tolist()])
     shape = (-1,) + (1,) * (names.ndim - 1)
-    return kernels.draw_bits_rows(keys[number, games].reshape(shape), names, state.turn[games].reshape(shape))
+    turns, number_of = state.turn[games], state.looks[games, lookout.carriers[carriers]]
+    purposes: BitArray = keys[number, games].reshape(shape)
+    return kernels.draw_bits_rows(purposes, names, turns.reshape(shape), number_of.reshape(shape))
 
 
 def _with_false_alarms(world: _World, lookout: Lookout, asked: BoolArray, reports: Reports) -> Reports:

@@ -188,6 +188,8 @@ class GameArrays:
         shared: what was worked out once for all games, from what does not change, by what it is.
         now: what was worked out of how the games are now, by what it is; emptied when they change.
         headings: which way agents look, if their sensors turn with them or rules are called that have no array form.
+        drawn, looks: (games, agents) how much agents that are asked at arrivals have drawn in this turn, and how often
+            they have looked around.
         memory_of: (agents,) the number of the memory that an agent shares with its team, or has for itself.
     """
 
@@ -226,9 +228,9 @@ class GameArrays:
         self.places: Places | None = None
         self.heights: FloatArray | None = None
         self.sighted: dict[tuple[int, int], dict[str, tuple[IntArray, IntArray]]] = {}
-        self.noted: dict[int, list[str]] = {}
-        self.now: dict[Hashable, Any] = {}
+        self.noted, self.now = dict[int, list[str]](), dict[Hashable, Any]()
         self.headings: Headings | None = None
+        self.drawn, self.looks = np.zeros((2, *shape), np.int64)
         self.memory_of = np.arange(len(roster.names))
         self._makers: dict[Hashable, Callable[[int], Arrays]] = {}
         self._purposes: dict[tuple[str | int, ...], BitArray] = {}

@@ -4,7 +4,6 @@ All numbers are worked out by the same operations in the same order as there, so
 """
 
 from collections.abc import Sequence
-from heapq import heappop, heappush
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -12,37 +11,24 @@ import numpy as np
 
 from gamms.errors import NoPath
 from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster, some_rows
+from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import AIMS, STOP, Anywhere, Illegal, Legs, Movement, Moves, Paths, Places
+from gamms.game.batch.reach import Reach, TravelTerms
+from gamms.game.moves import SHORT
 from gamms.game.order import ResolvedAction
 from gamms.game.streets import Streets
-from gamms.game.travel import ROUNDED, SLACK, one_way
+from gamms.game.travel import ROUNDED, SLACK, no_end, one_way
 from gamms.ir.agents import Motion, Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.text import as_code
 from gamms.typing import AgentType
 from gamms.typing.game import Leg
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import point_along
 
 _ALONG = 1 << 62  # actions from here on lead to an end of an edge, and along it; see `ByMetres.along`
-_MOST_KNOWN = 1 << 22  # legal nodes that are kept
-
-
-class TravelTerms(NamedTuple):
-    """By what agents travel.
-
-    Attributes:
-        weight: of the edges, by which they choose paths.
-        costs: (edges,) by that weight.
-        seconds: (edges,) that each takes at least; None: edges have no speed of their own.
-        turn_seconds: how long a turn lasts, in the time of speeds.
-    """
-
-    weight: str
-    costs: FloatArray
-    seconds: FloatArray | None
-    turn_seconds: float
 
 
 class ByMetres(Movement):
@@ -58,6 +44,7 @@ class ByMetres(Movement):
         edge: (games, agents) the rows of the edges that agents are on; -1: they are on their nodes.
         share: (games, agents) of the edge that is behind them.
         motion: (games, agents) how they move there, see `ir.agents.Motion`.
+        now: (games,) of the turn, from 0 to 1: when the agents that are asked decide.
         sources: of the entries of `streets.targets`.
         back: (edges,) the row of the edge by which one turns round on each; -1: none.
         street: (edges,) a number that an edge and the one back have in common.
@@ -65,13 +52,11 @@ class ByMetres(Movement):
     """
 
     is_plain, leaves_nodes = False, True
-    remembers = ("edge", "share")
-
     idle = STOP
-    _arrays: tuple[IntArray, ...]
 
     def __init__(self, graph: IGraph, streets: Streets, speeds: Sequence[float | None], terms: TravelTerms) -> None:
         super().__init__(streets)
+        self.remembers = ("edge", "share", "motion") if terms.decides_at_arrivals else ("edge", "share")
         self._graph, self.terms = graph, terms
         self._is_paced = np.array([speed is not None for speed in speeds], np.bool_)
         self._speeds = np.array([1.0 if speed is None else speed for speed in speeds])
@@ -88,7 +73,7 @@ class ByMetres(Movement):
         self.street: IntArray = np.unique(street, return_inverse=True)[1]
         self.is_ahead: BoolArray = street == ids
         self.sources = np.repeat(np.arange(nodes), streets.counts)
-        self._forget()
+        self._reach = Reach(streets, self._kinds, self.takes)
         self.begin((0, len(speeds)))
 
     def _backs(self, ways: IntArray) -> IntArray:
@@ -108,6 +93,7 @@ class ByMetres(Movement):
     def begin(self, shape: tuple[int, int]) -> None:
         """Reserve memory for so many games and agents, all of which are on nodes."""
         self.edge, self.share, self.motion = np.full(shape, -1), np.zeros(shape), np.zeros(shape, np.int64)
+        self.now = np.zeros(shape[0])
 
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents be on their nodes."""
@@ -119,8 +105,13 @@ class ByMetres(Movement):
     def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:  # noqa: ARG002 - all move
         """Note where on edges agents are."""
         self.edge[games], self.share[games] = moves.progress
-        if moves.paths is not None and moves.paths.legs is not None:
-            self.motion[games] = _motion(moves.paths.legs)
+        if moves.paths is not None and moves.paths.motion is not None:
+            self.motion[games] = moves.paths.motion
+
+    def is_going(self, games: IntArray) -> BoolArray:
+        """Return which agents of games where agents decide at arrivals are on their way, and are not asked now."""
+        going: BoolArray = (self.edge[games] >= 0) & (self.motion[games] != Motion.STOPPED)
+        return going & self.terms.decides_at_arrivals
 
     def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
         """Return where on edges agents are."""
@@ -133,9 +124,9 @@ class ByMetres(Movement):
     def legs(self, paths: Paths) -> dict[tuple[int, int], tuple[list[Leg], Progress | None]]:
         """Return what agents cover of edges in a turn, and where they end."""
         found: dict[tuple[int, int], tuple[list[Leg], Progress | None]] = {}
-        if paths.legs is None or paths.edge is None:
+        if paths.legs is None or paths.edge is None or paths.motion is None:
             return found
-        motion, columns = _motion(paths.legs).tolist(), self.streets.columns
+        motion, columns = paths.motion.tolist(), self.streets.columns
         ids, backs = columns.edge_ids.tolist(), self.back.tolist()
         rows = paths.legs.edge
         for at, agent, number in np.argwhere(rows >= 0).tolist():
@@ -180,96 +171,44 @@ class ByMetres(Movement):
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
         """Return the numbers of the choices of agents; those of agents on edges are found one by one, which is slow."""
-        edge, share = self.edge[which], self.share[which]
-        kind = np.broadcast_to(self._kind_of[which[1]], node.shape)
-        if len(self._flat) > _MOST_KNOWN:
-            self._forget()
-        keys = kind * len(self.streets.counts) + node
-        for key in np.unique(keys[(edge < 0) & (self._number[keys] < 0)]).tolist():
-            kind_of, start = divmod(key, len(self.streets.counts))
-            self._number[key] = self._add([*self._near(start), *self._around(start, kind_of, 0.0)])
-        found: IntArray = self._number[keys]
+        edge, kind = self.edge[which], np.broadcast_to(self._kind_of[which[1]], node.shape)
+        left = np.broadcast_to(1.0 - self.now[which[0]], node.shape)
+        found, on_node = np.zeros(node.shape, np.int64), np.nonzero(edge < 0)
+        found[on_node] = self._reach.from_nodes(node[on_node], kind[on_node], left[on_node])
         for place in np.argwhere(edge >= 0).tolist():
             at = tuple(place)
-            found[at] = self._add(self._on_edge(int(node[at]), int(edge[at]), float(share[at]), int(kind[at])))
+            game, agent = (int(np.broadcast_to(one, node.shape)[at]) for one in which)
+            found[at] = self._reach.add(self._on_edge(int(node[at]), (game, agent), int(kind[at])))
         return found
-
-    def most_legal(self, limit: int) -> int:
-        """Return how many nodes are legal at most: on an edge, fewer than from both its ends together."""
-        columns, most = self.streets.columns, 1
-        for kind in range(len(self._kinds)):
-            reached = []
-            for node in range(len(self.streets.counts)):
-                reached.append({*self._near(node), *self._around(node, kind, 0.0)})
-                most = max(most, len(reached[-1]))
-                if most > limit:
-                    return most
-            for source, target in zip(columns.sources.tolist(), columns.targets.tolist(), strict=True):
-                most = max(most, len(reached[source] | reached[target]))
-        return most
 
     def counts(self, choices: IntArray) -> IntArray:
         """Return how many nodes are legal."""
-        found: IntArray = self._columns()[1][choices]
-        return found
+        return self._reach.counts(choices)
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        first, _, flat = self._columns()
-        found: IntArray = flat[first[choices] + actions]
-        return found
+        return self._reach.nodes(choices, actions)
 
-    def _columns(self) -> tuple[IntArray, ...]:
-        """Return where the nodes of each choice begin, how many there are, and all these nodes."""
-        if len(self._arrays[0]) != len(self._first):
-            columns = self._first, self._count, self._flat
-            self._arrays = tuple(np.array(column, np.int64) for column in columns)
-        return self._arrays
+    def most_legal(self, limit: int) -> int:
+        """Return how many nodes are legal at most."""
+        return self._reach.most(limit)
 
-    def _forget(self) -> None:
-        self._number = np.full(len(self._kinds) * len(self.streets.counts), -1)
-        self._first, self._count, self._flat = list[int](), list[int](), list[int]()
-        self._arrays = (np.zeros(0, np.int64),) * 3
-
-    def _add(self, nodes: Sequence[int]) -> int:
-        different = list(dict.fromkeys(nodes))
-        self._first.append(len(self._flat))
-        self._count.append(len(different))
-        self._flat += different
-        return len(self._first) - 1
-
-    def _near(self, node: int) -> list[int]:
-        streets = self.streets
-        near: list[int] = streets.targets[streets.offsets[node] : streets.offsets[node + 1]].tolist()
-        return near
-
-    def _on_edge(self, here: int, edge: int, share: float, kind: int) -> list[int]:
-        """Return what is legal for an agent on an edge."""
-        columns, may_turn, speed = self.streets.columns, bool(self.back[edge] >= 0), self._kinds[kind]
+    def _on_edge(self, here: int, who: tuple[int, int], kind: int) -> list[int]:
+        """Return what is legal for an agent of a game on an edge; see `Travel.reachable`."""
+        columns, edge, share = self.streets.columns, int(self.edge[who]), float(self.share[who])
+        may_turn, speed, near, around = (
+            bool(self.back[edge] >= 0),
+            self._kinds[kind],
+            self._reach.near,
+            self._reach.around,
+        )
         row, target = np.array(edge), int(columns.targets[edge])
-        found = [here] if may_turn else []
-        found += self._near(target)
-        found += self._near(here) if may_turn else ()
-        found += self._around(target, kind, float(self.takes(row, 1.0 - share, speed)))
-        return found + (self._around(here, kind, float(self.takes(row, share, speed))) if may_turn else [])
-
-    def _around(self, node: int, kind: int, begun: float) -> list[int]:
-        """Return the nodes within a turn from a node, the first ones first; see `Travel`."""
-        speed, columns = self._kinds[kind], self.streets.columns
-        if np.isnan(speed) or begun > 1.0 + SLACK:
-            return []
-        ids, found, heap = columns.node_ids, dict[int, None](), [(begun, int(columns.node_ids[node]), node)]
-        while heap:
-            now, _, at = heappop(heap)
-            if at in found:
-                continue
-            found[at] = None
-            edges = columns.out_edges[columns.offsets[at] : columns.offsets[at + 1]]
-            then = (now + self.takes(edges, 1.0, speed)).tolist()
-            for time, end in zip(then, columns.targets[edges].tolist(), strict=True):
-                if end not in found and time <= 1.0 + SLACK:
-                    heappush(heap, (time, int(ids[end]), end))
-        return list(found)
+        ahead, behind = (float(self.takes(row, part, speed)) for part in (1.0 - share, share))
+        if self.terms.decides_at_arrivals and self.motion[who] != Motion.STOPPED:
+            end, begun = (here, behind) if self.motion[who] == Motion.BACK else (target, ahead)
+            return [*near(end), *around(end, kind, begun)]
+        found = [*([here] if may_turn else ()), *near(target), *(near(here) if may_turn else ())]
+        return [*found, *around(target, kind, ahead), *(around(here, kind, behind) if may_turn else ())]
 
     # -- what strategies decide -----------------------------------------------------------------------------------
 
@@ -282,11 +221,24 @@ class ByMetres(Movement):
         found = np.full(node.shape, -1)
         found[~has_speed] = table.actions(node[~has_speed], targets[~has_speed], allowed)
         edge = self.edge[games, agents]
+        stopped = np.flatnonzero(~has_speed & (edge >= 0) & (found >= 0))  # just before a node, by a conflict
+        if len(stopped):
+            found[stopped] = AIMS + self._next_legal(node[stopped], targets[stopped], (games[stopped], agents[stopped]))
         ends = self.streets.columns.targets[edge]
         has_path = np.isfinite(table.distances(node, targets))
         on = edge >= 0
         has_path[on] |= np.isfinite(table.distances(ends[on], targets[on]))
         return np.where(has_speed, np.where(has_path, AIMS + targets, -1), found)
+
+    def _next_legal(self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:
+        """Return targets that are legal, and of the others as far as the nodes of the shortest path are legal."""
+        choices, table, goes_on = self.choices(node, which), self.routes("length"), np.ones(len(node), np.bool_)
+        found = np.where(self.action_to(choices, targets) >= 0, targets, node)
+        while goes_on.any():
+            ahead = table.following(found, targets)
+            goes_on &= (found != targets) & (self.action_to(choices, ahead) >= 0)
+            found = np.where(goes_on, ahead, found)
+        return found
 
     def places(self, node: IntArray, which: tuple[IntArray, IntArray]) -> Places:
         """Return where agents are; those on edges are found one by one."""
@@ -337,18 +289,32 @@ class ByMetres(Movement):
                 edge[i], share[i] = row[action.progress.edge], action.progress.share
         stays = np.asarray((legs.edge < 0).all(axis=-1))
         waits = np.zeros_like(stays)
-        paths = paths._replace(legs=legs, edge=edge, stays=stays, waits=waits, rests=edge < 0)
+        paths = paths._replace(legs=legs, edge=edge, motion=_motion(legs), stays=stays, waits=waits, rests=edge < 0)
         return moves._replace(goes=(legs.begin != legs.end).any(axis=-1), paths=paths, progress=(edge, share))
 
     def moves(self, node: IntArray, actions: IntArray, games: IntArray) -> Moves:
         """Return where actions lead, of all agents of some games."""
-        trip = _Trip(self, node, actions, games)
-        trip.decide()
-        trip.travel()
+        trip = Trip(self, node, games)
+        trip.decide(np.arange(node.size), actions.ravel())
+        rows = np.flatnonzero(trip.goes)
+        trip.travel(rows, trip.first_steps(rows))
         return trip.moves()
 
 
-class _Trip:
+class Steps(NamedTuple):
+    """Parts of edges that agents go along, from which share to which, and the nodes that these lead to, (agents,)."""
+
+    edge: IntArray
+    begin: FloatArray
+    end: FloatArray
+    node: IntArray
+
+    def those(self, which: BoolArray | IntArray) -> "Steps":
+        """Return some of them."""
+        return some_rows(self, which)
+
+
+class Trip:
     """The ways of all agents of some games through a turn.
 
     Agents are numbered from 0, game by game. Each goes along steps: parts of edges, one after the other, until the turn
@@ -357,75 +323,91 @@ class _Trip:
     Args:
         by: how they go.
         node: rows, (games, agents).
-        actions: likewise.
         games: the numbers of the games.
+
+    Attributes:
+        here: rows of the nodes that agents have passed last.
+        edge, share: where on edges they are.
+        goes: which agents set off.
+        now: when they do.
+        legs: what they cover: agents, the numbers of their legs, and the columns of `Legs`.
+        illegal: actions that could not be done.
     """
 
-    def __init__(self, by: ByMetres, node: IntArray, actions: IntArray, games: IntArray) -> None:
+    def __init__(self, by: ByMetres, node: IntArray, games: IntArray) -> None:
         self._by, self._shape, self._games = by, node.shape, games
-        agents = np.arange(node.shape[1])
-        self._agents, self._actions = np.tile(agents, len(games)), actions.ravel()
-        self._here, self._begun = node.ravel(), by.edge[games].ravel()
+        self._agents = np.tile(np.arange(node.shape[1]), len(games))
+        self._starts, self.here, self._begun = node.ravel(), node.flatten(), by.edge[games].ravel()
         self._from = by.share[games].ravel()
         self._is_paced = by._is_paced[self._agents]
         self._speed = by._speeds[self._agents]
-        number = len(self._here)
+        number = len(self.here)
         self._goal, self._last = np.full(number, -1), np.full(number, -1)  # nodes; the last one is next to the goal
         self._by_length = np.zeros(number, np.bool_)  # whether the way is the shortest by length
         self._is_back = np.zeros(number, np.bool_)
-        self._goes = np.zeros(number, np.bool_)
+        self.goes = np.zeros(number, np.bool_)
         self.illegal: list[Illegal] = []
-        self._edge, self._share = self._begun.copy(), self._from.copy()  # where agents are at the end
+        self.edge, self.share, self.now = self._begun.copy(), self._from.copy(), np.zeros(number)
         self._count, self._passed = np.zeros(number, np.int64), np.ones(number, np.int64)  # legs and nodes
-        self._legs: list[tuple[Any, ...]] = []
+        self.legs: list[tuple[Any, ...]] = []
         self._nodes: list[tuple[Any, ...]] = []
+        self._stops_short = np.zeros(number, np.bool_)
 
     # -- where to -------------------------------------------------------------------------------------------------
 
-    def decide(self) -> None:
-        """Work out which way agents set off."""
-        by, actions = self._by, self._actions
-        chosen = np.flatnonzero(actions < STOP)
+    def decide(self, rows: IntArray, actions: IntArray) -> None:
+        """Work out which way some agents set off, by what they have decided."""
+        by = self._by
+        self._goal[rows] = self._last[rows] = -1
+        self.goes[rows] = self._is_back[rows] = self._by_length[rows] = False
+        some = actions < STOP
+        chosen = rows[some]
         if len(chosen):
-            choices = by.choices(
-                self._here[chosen], (np.repeat(self._games, self._shape[1])[chosen], self._agents[chosen])
-            )
-            self._aim(chosen, by.nodes(choices, actions[chosen]))
-        aimed = np.flatnonzero((actions >= AIMS) & (actions < _ALONG))
-        self._aim(aimed, actions[aimed] - AIMS)
-        self._follow(np.flatnonzero(actions >= _ALONG))
+            who = np.repeat(self._games, self._shape[1])[chosen], self._agents[chosen]
+            self._aim(chosen, by.nodes(by.choices(self.here[chosen], who), actions[some]))
+        some = (actions >= AIMS) & (actions < _ALONG)
+        self._aim(rows[some], actions[some] - AIMS)
+        some = actions >= _ALONG
+        self._follow(rows[some], actions[some] - _ALONG)
+
+    def go_on(self, rows: IntArray, motion: IntArray) -> None:
+        """Let agents go on along their edges, whose motion this is."""
+        self.goes[rows], self._is_back[rows] = True, motion == Motion.BACK
 
     def _aim(self, rows: IntArray, targets: IntArray) -> None:
         """Let agents go towards nodes; those on an edge by the shorter way."""
         by, columns = self._by, self._by.streets.columns
-        on_node = self._begun[rows] < 0
-        away = rows[on_node & (targets != self._here[rows])]
-        self._goal[rows], self._goes[away] = targets, True
+        on_node = self.edge[rows] < 0
+        away = rows[on_node & (targets != self.here[rows])]
+        self._goal[rows], self.goes[away] = targets, True
         rows, targets = rows[~on_node], targets[~on_node]
         if not len(rows):
             return
-        edge, share, here = self._begun[rows], self._from[rows], self._here[rows]
+        edge, share, here = self.edge[rows], self.share[rows], self.here[rows]
         end, may_turn, table = columns.targets[edge], by.back[edge] >= 0, by.routes(by.terms.weight)
         ahead = (1.0 - share) * by.terms.costs[edge] + table.distances(end, targets)
         behind = np.where(may_turn, share * by.terms.costs[edge] + table.distances(here, targets), np.inf)
         is_end, is_here = targets == end, (targets == here) & may_turn
         self._is_back[rows] = ~is_end & (is_here | (behind < ahead))
-        has_way = is_end | is_here | (ahead < np.inf) | (behind < np.inf)
-        self._goes[rows[has_way]] = True
+        has_way, is_paced = is_end | is_here | (ahead < np.inf) | (behind < np.inf), self._is_paced[rows]
+        has_way &= is_end | is_here | is_paced
+        self.goes[rows[has_way]] = True
         for i in np.flatnonzero(~has_way).tolist():
             known = columns.node_ids[[end[i], targets[i], here[i]]].tolist()
             message = str(NoPath(*known[:2]) if may_turn[i] or known[1] != known[2] else one_way(known[2], known[0]))
+            if not is_paced[i]:
+                message = no_end(known[1], known[2], known[0])
             self._refuse(int(rows[i]), message)
 
-    def _follow(self, rows: IntArray) -> None:
+    def _follow(self, rows: IntArray, ways: IntArray) -> None:
         """Let agents go to an edge by the shortest way by length, and along it."""
         if not len(rows):
             return
         by, streets = self._by, self._by.streets
-        entry, is_from_node = np.divmod(self._actions[rows] - _ALONG, 2)
-        first, last, here = by.sources[entry], streets.targets[entry], self._here[rows]
+        entry, is_from_node = np.divmod(ways, 2)
+        first, last, here = by.sources[entry], streets.targets[entry], self.here[rows]
         self._goal[rows], self._last[rows], self._by_length[rows] = first, last, True
-        edge = self._begun[rows]
+        edge = self.edge[rows]
         end, on_edge = streets.columns.targets[edge], edge >= 0
         ahead = np.where(first == here, last, by.routes("length").following(here, first))
         is_back = on_edge & (is_from_node > 0) & (ahead != end)
@@ -433,7 +415,7 @@ class _Trip:
         self._goal[rows[ends_there]], self._last[rows[ends_there]] = end[ends_there], -1
         self._is_back[rows] = is_back
         is_illegal = is_back & (by.back[edge] < 0)
-        self._goes[rows[~is_illegal]] = True
+        self.goes[rows[~is_illegal]] = True
         for i in np.flatnonzero(is_illegal).tolist():
             source, target = streets.columns.node_ids[[here[i], end[i]]].tolist()
             self._refuse(int(rows[i]), str(one_way(source, target)))
@@ -444,50 +426,55 @@ class _Trip:
 
     # -- through the turn -----------------------------------------------------------------------------------------
 
-    def travel(self) -> None:
-        """Follow the ways until the turn is over."""
-        rows = np.flatnonzero(self._goes)
-        edge, begin, end, node = self._first_steps(rows)
-        now, lengths = np.zeros(len(rows)), self._by.streets.columns.lengths
+    def travel(self, rows: IntArray, steps: Steps) -> None:
+        """Follow the ways of agents until the turn is over, or, where they decide at arrivals, to the next node."""
         while len(rows):
-            share, metres = np.abs(end - begin), lengths[edge]
-            with np.errstate(divide="ignore", invalid="ignore"):
-                endless = np.where(metres > 0.0, (1.0 - now) / metres, 0.0)
-                paced = self._by.takes(edge, share, self._speed[rows])
-                takes = np.where(self._is_paced[rows], paced, share * metres * endless)
-                part = np.where(takes < np.inf, share * (1.0 - now) / takes, 0.0)
-            is_late = now + takes > 1.0 + SLACK
-            stop = np.where(end > begin, begin + part, begin - part)
-            on = np.flatnonzero(is_late & (part > 0.0) & (stop > 0.0) & (stop < 1.0))
-            self._edge[rows[on]], self._share[rows[on]] = edge[on], stop[on]
-            self._add_legs(rows[on], edge[on], begin[on], stop[on], now[on], np.ones(len(on)))
-            until = np.where(now + takes < 1.0 - ROUNDED, now + takes, 1.0)
-            on = np.flatnonzero(~is_late)
-            rows, node = rows[on], node[on]
-            self._add_legs(rows, edge[on], begin[on], end[on], now[on], until[on])
-            now = until[on]
-            self._nodes.append((rows, self._passed[rows], node, now))
+            now, (until, stop) = self.now[rows], self._ends(rows, steps)
+            on = np.flatnonzero((until == np.inf) & (stop > 0.0) & (stop < 1.0))
+            self.edge[rows[on]], self.share[rows[on]] = steps.edge[on], stop[on]
+            self._add_legs(rows[on], steps.those(on)._replace(end=stop[on]), now[on], np.ones(len(on)))
+            on = np.flatnonzero(until < np.inf)
+            rows, steps = rows[on], steps.those(on)
+            self._add_legs(rows, steps, now[on], until[on])
+            self.now[rows] = until[on]
+            self._nodes.append((rows, self._passed[rows], steps.node, until[on]))
             self._passed[rows] += 1
-            self._edge[rows], self._share[rows] = -1, 0.0
-            at, following = self._next_nodes(rows, node)
-            rows, now = rows[at], now[at]
-            edge, node = self._by.cheapest(node[at], following), following
-            begin, end = np.zeros(len(rows)), np.ones(len(rows))
-        stands = np.flatnonzero((self._begun >= 0) & (self._count == 0))
-        whole, share = np.ones(len(stands)), self._from[stands]
-        self._add_legs(stands, self._begun[stands], share, share, whole * 0.0, whole)
+            self.edge[rows], self.share[rows], self.here[rows] = -1, 0.0, steps.node
+            if self._by.terms.decides_at_arrivals:
+                return
+            at, following = self._next_nodes(rows, steps.node)
+            edge, rows = self._by.cheapest(steps.node[at], following), rows[at]
+            steps = Steps(edge, np.zeros(len(rows)), np.ones(len(rows)), following)
 
-    def _first_steps(self, rows: IntArray) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
-        """Return the edges that agents set off along, from which share to which, and the nodes that these lead to."""
-        on_edge, is_back, here = self._begun[rows] >= 0, self._is_back[rows], self._here[rows]
-        edge, node = self._begun[rows].copy(), here.copy()
+    def covers(self, rows: IntArray, steps: Steps) -> BoolArray:
+        """Return which agents cover some part of their steps in what is left of the turn."""
+        until, stop = self._ends(rows, steps)
+        return (until < np.inf) | ((stop > 0.0) & (stop < 1.0))
+
+    def _ends(self, rows: IntArray, steps: Steps) -> tuple[FloatArray, FloatArray]:
+        """Return when agents are at the ends of their steps, and where on their edges those are that the turn stops."""
+        now, share = self.now[rows], np.abs(steps.end - steps.begin)
+        metres = share * self._by.streets.columns.lengths[steps.edge]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            endless = np.where(metres > 0.0, (1.0 - now) / metres, 0.0)
+            paced = self._by.takes(steps.edge, share, self._speed[rows])
+            takes = np.where(self._is_paced[rows], paced, metres * endless)
+            part = np.where(takes < np.inf, share * (1.0 - now) / takes, 0.0)
+        ends = np.where(now + takes < 1.0 - ROUNDED, now + takes, 1.0)
+        stop = np.where(steps.end > steps.begin, steps.begin + part, steps.begin - part)
+        return np.where(now + takes > 1.0 + SLACK, np.inf, ends), np.where(part > 0.0, stop, np.nan)
+
+    def first_steps(self, rows: IntArray) -> Steps:
+        """Return what agents set off along."""
+        on_edge, is_back, here = self.edge[rows] >= 0, self._is_back[rows], self.here[rows]
+        edge, node = self.edge[rows], here.copy()
         ahead = on_edge & ~is_back
         node[ahead] = self._by.streets.columns.targets[edge[ahead]]
         off = np.flatnonzero(~on_edge)
         at, following = self._next_nodes(rows[off], here[off], is_first=True)
         edge[off[at]], node[off[at]] = self._by.cheapest(here[off[at]], following), following
-        begin = np.where(on_edge, self._from[rows], 0.0)
-        return edge, begin, np.where(on_edge & is_back, 0.0, 1.0), node
+        begin = np.where(on_edge, self.share[rows], 0.0)
+        return Steps(edge, begin, np.where(on_edge & is_back, 0.0, 1.0), node)
 
     def _next_nodes(self, rows: IntArray, node: IntArray, *, is_first: bool = False) -> tuple[IntArray, IntArray]:
         """Return which agents that are on nodes go on, by their places in `rows`, and to which nodes next."""
@@ -503,33 +490,46 @@ class _Trip:
         at = np.flatnonzero(goes_on)
         return at, following[at]
 
-    def _add_legs(
-        self, rows: IntArray, edge: IntArray, begin: FloatArray, end: FloatArray, since: FloatArray, until: FloatArray
-    ) -> None:
-        self._legs.append((rows, self._count[rows], edge, begin, end, since, until))
+    def _add_legs(self, rows: IntArray, steps: Steps, since: FloatArray, until: FloatArray) -> None:
+        self.legs.append((rows, self._count[rows], *steps[:3], since, until))
         self._count[rows] += 1
 
+    def stop_short(self, rows: IntArray, leg: Legs) -> None:
+        """Let agents that have come to the ends of their legs, (agents,), stand just before that from then on."""
+        short = np.where(leg.end == 1.0, 1.0 - SHORT, SHORT)
+        self._count[rows] -= 1
+        self._passed[rows] -= 1
+        self._add_legs(rows, Steps(leg.edge, leg.begin, short, leg.edge), leg.since, leg.until)
+        on = np.flatnonzero(leg.until < 1.0)
+        stands = Steps(leg.edge, short, short, leg.edge).those(on)
+        self._add_legs(rows[on], stands, leg.until[on], np.ones(len(on)))
+        self.edge[rows], self.share[rows], self._stops_short[rows] = leg.edge, short, True
+
     def moves(self) -> Moves:
-        """Return the ways as moves."""
-        shape, number = self._shape, len(self._here)
+        """Return the ways as moves; agents that were on edges and did not set off stand there."""
+        stands = np.flatnonzero((self._begun >= 0) & (self._count == 0))
+        whole, share = np.ones(len(stands)), self._from[stands]
+        self._add_legs(stands, Steps(self._begun[stands], share, share, self.here[stands]), whole * 0.0, whole)
+        shape, number = self._shape, len(self.here)
         wide = int(self._count.max(initial=0))
         edge, others = np.full((number, wide), -1), [np.zeros((number, wide)) for _ in range(4)]
-        for rows, place, edges, *columns in self._legs:
+        for rows, place, edges, *columns in self.legs:
             edge[rows, place] = edges
             for column, values in zip(others, columns, strict=True):
                 column[rows, place] = values
         begin, end, since, until = (column.reshape(*shape, wide) for column in others)
         legs = Legs(edge.reshape(*shape, wide), begin, end, since, until)
         most = int(self._passed.max(initial=1))
-        nodes, times = np.repeat(self._here[:, None], most, axis=1), np.full((number, most), np.inf)
+        nodes, times = np.repeat(self._starts[:, None], most, axis=1), np.full((number, most), np.inf)
         times[:, 0] = 0.0
         for rows, place, node, when in self._nodes:
-            nodes[rows, place], times[rows, place] = node, when
+            on = place < self._passed[rows]  # else they were stopped short of it
+            nodes[rows[on], place[on]], times[rows[on], place[on]] = node[on], when[on]
         behind = np.arange(most) >= self._passed[:, None]
         last = nodes[np.arange(number), self._passed - 1]
-        nodes = np.where(behind, last[:, None], nodes)
-        stays, rests = (self._count == 0).reshape(shape), (self._edge < 0).reshape(shape)
-        lengths, edge_at_end = self._passed.reshape(shape), self._edge.reshape(shape)
+        nodes, times = np.where(behind, last[:, None], nodes), np.where(behind, np.inf, times)
+        stays, rests = (self._count == 0).reshape(shape), (self.edge < 0).reshape(shape)
+        lengths, edge_at_end = self._passed.reshape(shape), self.edge.reshape(shape)
         paths = Paths(
             nodes.reshape(*shape, most),
             times.reshape(*shape, most),
@@ -539,10 +539,11 @@ class _Trip:
             rests,
             legs,
             edge_at_end,
+            np.where(self._stops_short.reshape(shape), Motion.STOPPED, _motion(legs)),
         )
-        ends, starts = last.reshape(shape), self._here.reshape(shape)
+        ends, starts = last.reshape(shape), self._starts.reshape(shape)
         before = self._begun.reshape(shape), self._from.reshape(shape)
-        after = edge_at_end, self._share.reshape(shape)
+        after = edge_at_end, self.share.reshape(shape)
         goes = (legs.begin != legs.end).any(axis=-1)
         return Moves(starts, ends, goes, paths, after, before, tuple(self.illegal))
 
@@ -552,7 +553,11 @@ def _motion(legs: Legs) -> IntArray:
     last = np.maximum((legs.edge >= 0).sum(axis=-1) - 1, 0)[..., None]
     if not legs.edge.shape[-1]:
         return np.full(last.shape[:-1], Motion.STOPPED)
-    way = np.take_along_axis(legs.end - legs.begin, last, axis=-1)[..., 0]
+    return motion_along(np.take_along_axis(legs.end - legs.begin, last, axis=-1)[..., 0])
+
+
+def motion_along(way: FloatArray) -> IntArray:
+    """Return how agents move that cover such shares of an edge; see `ir.agents.Motion`."""
     return np.where(way > 0.0, Motion.FORWARD, np.where(way < 0.0, Motion.BACK, Motion.STOPPED))
 
 
@@ -567,7 +572,8 @@ def movement_of(game: PlayedGame, roster: Roster) -> Movement:
     if unit != "edges":
         costs, is_by_seconds = np.asarray(graph.graph.weights(weight), np.float64), unit == "metres_per_second"
         seconds = costs if weight == "travel_time" and is_by_seconds else None
-        terms = TravelTerms(weight, costs, seconds, settings["turn_seconds"] if is_by_seconds else 1.0)
+        turn_seconds = settings["turn_seconds"] if is_by_seconds else 1.0
+        terms = TravelTerms(weight, costs, seconds, turn_seconds, settings["decide"] == "arrival")
         return ByMetres(graph.graph, streets, speeds, terms)
     return Movement(streets) if speeds.count(None) == len(speeds) else ByEdges(streets, speeds)
 
@@ -575,11 +581,13 @@ def movement_of(game: PlayedGame, roster: Roster) -> Movement:
 def why_not_moved(game: PlayedGame) -> str | None:
     """Return what has no array form of how agents move, in words; None: all has."""
     settings = game.settings()
-    by_metres = settings["speed_unit"] != "edges"
+    by_metres, conflicts = settings["speed_unit"] != "edges", settings["conflicts"]
+    at_arrivals = by_metres and settings["decide"] == "arrival"
     reasons = [
         (by_metres and settings["legal"] == "any", f"speed_unit={settings['speed_unit']!r} with legal='any'"),
-        (by_metres and settings["decide"] == "arrival", "decide='arrival'"),
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
+        (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
+        (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
         (by_metres and len(settings["order"] or ()) > 1, "an order of play in a game by metres"),
     ]
     for agent in game.agents:

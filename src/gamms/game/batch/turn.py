@@ -137,7 +137,7 @@ class MovesOfTurn:
         """Take back moves and deeds that rules have refused, note the deeds that remain, and return the moves."""
         state, games, refused = self._state, self.games, self._refused
         for at, agent, kind in sorted(refused):
-            self._note_error(at, agent, f"{kind}: {'; '.join(sorted(refused[at, agent, kind]))}")
+            self.note_error(at, agent, f"{kind}: {'; '.join(sorted(refused[at, agent, kind]))}")
         if refused:
             keys = [list(zip(one.at.tolist(), one.agents.tolist(), strict=True)) for one in self._deeds]
             self._deeds = [
@@ -231,9 +231,10 @@ class MovesOfTurn:
         """Note which actions could not be done."""
         for at, agent, message in sorted(illegal):
             if self.alive[at, agent]:
-                self._note_error(at, agent, message)
+                self.note_error(at, agent, message)
 
-    def _note_error(self, at: int, agent: int, message: str) -> None:
+    def note_error(self, at: int, agent: int, message: str) -> None:
+        """Note that what an agent does is not legal, and why."""
         state, game, name = self._state, int(self.games[at]), self.roster.names[agent]
         state.counts["illegal"][game, agent] += 1
         state.errors[game].append({"turn": int(self.turn[at]), "agent": name, "kind": "illegal", "message": message})

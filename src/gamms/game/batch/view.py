@@ -35,6 +35,7 @@ IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show
 COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, which must not turn with their agents
 FITS = "fits"  # an attribute of forms: up to which speeds they are those of strategies, of `SPEEDS`
 SPEEDS = ("edge", "edges", "metres")
+BOARDS = "boards"  # an attribute of forms: under which keys they write into the memory of the team
 PORTABLE = "portable_form"  # an attribute of forms: the same for a `DeviceView`, in arrays of any library
 IS_LEGAL = "is_legal"  # an attribute of portable forms whose actions are legal, which need not be read to check them
 MAY_SKIP = "may_skip"  # an attribute of forms that may give -1, where the scalar forms set no action
@@ -62,10 +63,10 @@ class ViewDraws(ArrayDraws):
 
     _later_keys, _bits_at = staticmethod(kernels.later_key_rows), staticmethod(kernels.bits_at_rows)
 
-    def __init__(self, first: BitArray, turns: IntArray) -> None:
+    def __init__(self, first: BitArray, turns: IntArray, count: IntArray | int = 0) -> None:
         self._of = first, turns
         self._keys: BitArray | None = None
-        self._count: IntArray | int = 0
+        self._count = count  # how many numbers were drawn in the turn so far
         self._among: tuple[ViewDraws, BoolArray] | None = None
 
     def only(self, asked: BoolArray) -> Self:
@@ -73,6 +74,11 @@ class ViewDraws(ArrayDraws):
         narrowed = copy(self)
         narrowed._among = self, asked
         return narrowed
+
+    @property
+    def count(self) -> IntArray | int:
+        """How many numbers were drawn in the turn so far: by all, or by each."""
+        return self._count if self._among is None else self._among[0].count
 
     def bits(self) -> BitArray:
         """Return 64 random bits for each."""
@@ -116,14 +122,18 @@ class ArrayView(Mapping[str, Any]):
     deeds: list[ArrayDeeds] | None = None
     outboxes: list[Outbox] | None = None
 
-    def __init__(self, state: GameArrays, games: IntArray, agents: IntArray) -> None:
-        self._state, self.games, self.agents = state, games, agents
+    def __init__(self, state: GameArrays, games: IntArray, agents: IntArray, asked: BoolArray | None = None) -> None:
+        self._state, self.games, self.agents, self._asked = state, games, agents, asked
         self.streets, self.roster, self.memory_of = state.streets, state.roster, state.memory_of
         self.node: IntArray = state.chosen(state.node, games, agents)
         self.mask: BoolArray = state.chosen(state.alive, games, agents)
         self.turn = state.turn[games]
         self.movement, self._known = state.movement, dict[str, IntArray]()
-        self.draw = ViewDraws(state.chosen(state.draw_keys(), games, agents), self.turn)
+        keys = state.chosen(state.draw_keys(), games, agents)
+        self.draw = ViewDraws(keys, self.turn)
+        if asked is not None:  # they may have drawn in this turn
+            self.mask = self.mask & asked[:, agents]
+            self.draw = ViewDraws(keys, self.turn, state.chosen(state.drawn, games, agents)).only(self.mask)
         self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
 
     def __getitem__(self, key: str) -> Any:
@@ -140,7 +150,12 @@ class ArrayView(Mapping[str, Any]):
     @property
     def choices(self) -> IntArray:
         """What is legal for each agent, by the numbers of `movement`."""
-        if "all" not in self._known:
+        if "all" not in self._known and self._asked is not None and self.mask.any():
+            which = np.nonzero(self.mask)
+            of_asked = self.movement.choices(self.node[which], self.numbers(which))
+            self._known["all"] = np.full(self.node.shape, of_asked[0])
+            self._known["all"][which] = of_asked
+        elif "all" not in self._known:
             self._known["all"] = self.movement.choices(self.node, self.numbers(np.s_[:, :]))
         return self._known["all"]
 
@@ -158,6 +173,10 @@ class ArrayView(Mapping[str, Any]):
     def legal_rows(self) -> tuple[IntArray, BoolArray]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
         return self.movement.legal(self.choices)
+
+    def _time(self) -> FloatArray:
+        now = self.movement.now
+        return now[self.games] if len(now) else np.zeros(len(self.games))
 
     def _legal(self) -> IntArray:
         rows, is_legal = self.legal_rows()
@@ -220,11 +239,12 @@ class ArrayView(Mapping[str, Any]):
 
     def of(self, agents: IntArray) -> "ArrayView":
         """Return the view of other agents in the same games, by their numbers in the roster, ascending."""
-        return ArrayView(self._state, self.games, agents)
+        return ArrayView(self._state, self.games, agents, self._asked)
 
     def in_games(self, which: IntArray) -> "ArrayView":
         """Return the view of the same agents in some of its games, by their places, ascending."""
-        return ArrayView(self._state, self.games[which], self.agents)
+        asked = None if self._asked is None else self._asked[which]
+        return ArrayView(self._state, self.games[which], self.agents, asked)
 
     @property
     def xp(self) -> Any:
@@ -547,6 +567,7 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "name": ArrayView._names,
     "team": ArrayView._teams,
     "turn": lambda view: view.turn,
+    "time": lambda view: view._time(),
     "draw": lambda view: view.draw,
     "facts": lambda view: view._state.facts,
     "sensor": lambda view: view._sensors(),

@@ -1,0 +1,165 @@
+"""What agents of many games do: what strategies decide in arrays or one by one, and what is given from outside."""
+
+from collections.abc import Hashable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from gamms.game.batch.arrivals import Decided
+from gamms.game.batch.channels import Outbox
+from gamms.game.batch.columns import places_of
+from gamms.game.batch.deeds import ArrayDeeds
+from gamms.game.batch.given import Given
+from gamms.game.batch.grounds import Ground
+from gamms.game.batch.movement import Moves, Route
+from gamms.game.batch.state import GameArrays
+from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.view import ArrayView
+from gamms.ir.graph import IntArray
+from gamms.ir.obstacles import BoolArray
+from gamms.text import shown
+
+
+class Asking:
+    """What the agents of games on one ground are asked in a turn.
+
+    Args:
+        state: of all games.
+        here: the ground.
+        given: team -> what its agents do, in place of what their strategies decide.
+        at_arrivals: whether agents are asked where they arrive, each by itself.
+
+    Attributes:
+        outboxes: what they send.
+    """
+
+    def __init__(self, state: GameArrays, here: Ground, given: Mapping[Hashable, Given], *, at_arrivals: bool) -> None:
+        self._state, self._here, self._given, self._at_arrivals = state, here, given, at_arrivals
+        self.outboxes, self._moment = list[Outbox](), 0  # how often agents were asked
+        self._acts: _Acts | None = None  # that are given
+        self._routes = list[Route]()  # of those that decide now
+
+    def given(self, turn: ArrayTurn, asked: BoolArray | None = None) -> tuple[IntArray, BoolArray]:
+        """Return the actions that were given, (games, agents) of this turn, and to which agents, (agents,).
+
+        Those of agents that are asked are checked; None: of all.
+        """
+        actions, is_given = (
+            np.full(turn.node.shape, self._state.movement.idle),
+            np.zeros(len(turn.roster.names), np.bool_),
+        )
+        for team, wanted in self._given.items():
+            agents = turn.roster.members(team)
+            view = ArrayView(self._state, turn.games, agents, asked)
+            actions[:, agents] = view.checked(wanted.moves_in(view, wanted.moves[turn.games]), f"team {shown(team)}")
+            is_given[agents] = True
+        return actions, is_given
+
+    def moves(self, turn: ArrayTurn, actions: IntArray) -> Moves:
+        """Return where the actions of those that were asked lead, of all agents of the games."""
+        movement, routes, self._routes = self._state.movement, self._routes, []
+        moves = movement.moves(turn.node, actions, turn.games)
+        if not routes:
+            return moves
+        at, agents, ways = zip(*routes, strict=True)
+        return moves.put((np.array(at), np.array(agents)), movement.moves_of(ways))
+
+    def ask(
+        self, turn: ArrayTurn, actions: IntArray, is_decided: BoolArray, asked: BoolArray
+    ) -> tuple[IntArray, list[ArrayDeeds]]:
+        """Ask agents, (games, agents); return their actions and deeds, those that are given among them.
+
+        Args:
+            turn: of the games.
+            actions: that are given, for all agents.
+            is_decided: (agents,) which are not asked, because their actions are given or because others move.
+            asked: (games, agents) which agents move.
+        """
+        if self._acts is None and self._given:
+            self._acts = self._given_acts(turn)
+        acts, scalar, num_sent = self._acts, self._here.asked, len(self.outboxes)
+        if scalar is not None and acts is not None:
+            for at in range(len(turn.games)):
+                scalar.forget_blocked(turn, np.flatnonzero(is_decided & asked[at]).tolist(), [at])
+        chosen, deeds = self._decided(turn, actions, is_decided, asked if self._at_arrivals else None)
+        if acts is not None:
+            those = np.zeros(self._state.node.shape, np.bool_)
+            those[turn.games] = asked
+            deeds += _deeds_of(turn, acts.deeds, those)
+            self.outboxes += [box.those(those[box.at, box.senders]) for box in acts.outboxes]
+        self.outboxes[num_sent:] = [box.sent_at(self._moment) for box in self.outboxes[num_sent:]]
+        self._moment += 1
+        return chosen, deeds
+
+    def at_arrivals(self, turn: ArrayTurn, asked: BoolArray) -> Decided:
+        """Ask agents that arrive in a turn of some games."""
+        actions, is_given = self.given(turn, asked)
+        actions, deeds = self.ask(turn, actions, is_given | ~asked.any(axis=0), asked)
+        does_deeds = np.zeros(asked.shape, np.bool_)
+        for one in deeds:
+            does_deeds[one.at, one.agents] = True
+        return Decided(actions, does_deeds)
+
+    def _given_acts(self, turn: ArrayTurn) -> "_Acts":
+        """Return the deeds and messages that were given, of games by their numbers in the batch."""
+        state, deeds, outboxes = self._state, list[ArrayDeeds](), list[Outbox]()
+        acting = {team: one for team, one in self._given.items() if one.deeds or one.messages}
+        is_played = np.zeros((len(state), 1), np.bool_)
+        is_played[turn.games] = True
+        for team, one in acting.items():
+            view = ArrayView(state, np.arange(len(state)), turn.roster.members(team))
+            view.mask, view.deeds, view.outboxes = view.mask & is_played, [], []
+            one.act(view)
+            deeds += view.deeds
+            outboxes += view.outboxes
+        return _Acts(deeds, outboxes)
+
+    def _decided(
+        self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray, asked: BoolArray | None
+    ) -> tuple[IntArray, list[ArrayDeeds]]:
+        """Return these actions with those of agents, (agents,), whose strategies are to be asked, and what they do.
+
+        Where agents decide at arrivals, `asked` are those that do now, (games, agents).
+        """
+        actions, deeds = given.copy(), list[ArrayDeeds]()
+        for group in self._here.groups:
+            agents = group.agents[~is_decided[group.agents]]
+            if len(agents):
+                view = ArrayView(self._state, turn.games, agents, asked)
+                view.deeds, view.outboxes = [], []
+                try:
+                    columns = agents if len(agents) < actions.shape[1] else np.s_[:]
+                    actions[:, columns] = view.checked(group.form(view), group.name, may_aim=True)
+                    deeds += view.deeds
+                    self.outboxes += view.outboxes
+                    if asked is not None:
+                        self._state.drawn[np.ix_(turn.games, agents)] = view.draw.count
+                except Exception as error:
+                    error.add_note(f"In the strategy {group.name} of a batch.")
+                    raise
+        scalar = self._here.asked
+        agents = np.zeros(0, np.int64) if scalar is None else scalar.agents[~is_decided[scalar.agents]]
+        if scalar is not None and len(agents):
+            actions[:, agents], done, sent, self._routes = scalar.decide(turn, agents, asked)
+            deeds += done
+            self.outboxes += sent
+        if asked is not None:
+            self._state.looks[turn.games] += asked
+        return actions, [one for one in deeds if len(one.at)]
+
+
+class _Acts(NamedTuple):
+    """Deeds and messages that were given, of games by their numbers in the batch."""
+
+    deeds: list[ArrayDeeds]
+    outboxes: list[Outbox]
+
+
+def _deeds_of(turn: ArrayTurn, deeds: Sequence[ArrayDeeds], those: BoolArray) -> list[ArrayDeeds]:
+    """Return the deeds of some agents, (games of the batch, agents), as they are done in a turn."""
+    number, found = places_of(turn.games, len(those)), []
+    for one in deeds:
+        done = one.those(those[one.at, one.agents])
+        at = number[done.at]
+        found.append(done._replace(at=at, nodes=turn.node[at, done.agents]))
+    return [one for one in found if len(one.at)]
