@@ -114,8 +114,10 @@ class Guarded(Shareable):
 
     def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""
-        if name[0] != "_" and self._phase.agent is not None:
-            self._phase.refuse(f"set {self._called}.{name}")
+        if name[0] != "_":
+            phase = getattr(self, "_phase", UNDECIDED)  # a subclass may set attributes before it begins
+            if phase.agent is not None:
+                phase.refuse(f"set {self._called}.{name}")
         object.__setattr__(self, name, value)
 
     def __setstate__(self, state: dict[str, Any] | tuple[dict[str, Any] | None, dict[str, Any]]) -> None:

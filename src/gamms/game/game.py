@@ -40,8 +40,8 @@ class Game(RuleVerbs):
     """
 
     def __init__(self, ctx: HostContext) -> None:
-        super().__init__()
         self._phase = phase_of(ctx)
+        super().__init__()
         self.ctx: Any = ctx
         self._state = GameState()
         self._ruleset = RuleSet(ctx)
