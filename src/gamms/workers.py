@@ -101,7 +101,7 @@ class Worker:
 
 @contextmanager
 def _ctrl_c_waits() -> Iterator[None]:
-    """Let a process that is started meanwhile begin with Ctrl-C blocked, as it is for the one that starts it."""
+    """Start processes with SIGINT blocked: Ctrl-C is for the process that starts them."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return

@@ -270,10 +270,8 @@ class ArrayEngine:
             part, is_member, wanted = None, np.ones(len(is_given), np.bool_), actions
             if members is not None:
                 is_member = np.isin(np.arange(len(is_given)), members)
-                part, wanted = (
-                    TurnPart(number, len(self._parts), members),
-                    np.where(is_member, actions, state.movement.idle),
-                )
+                part = TurnPart(number, len(self._parts), members)
+                wanted = np.where(is_member, actions, state.movement.idle)
             asked = turn.alive & is_member
             state.shared[DELAYS].note(turn.games, asked)
             course = None

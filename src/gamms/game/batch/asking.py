@@ -44,10 +44,8 @@ class Asking:
 
         Those of agents that are asked are checked; None: of all.
         """
-        actions, is_given = (
-            np.full(turn.node.shape, self._state.movement.idle),
-            np.zeros(len(turn.roster.names), np.bool_),
-        )
+        actions = np.full(turn.node.shape, self._state.movement.idle)
+        is_given = np.zeros(len(turn.roster.names), np.bool_)
         for team, wanted in self._given.items():
             agents = turn.roster.members(team)
             view = ArrayView(self._state, turn.games, agents, asked)
@@ -117,9 +115,13 @@ class Asking:
     def _decided(
         self, turn: ArrayTurn, given: IntArray, is_decided: BoolArray, asked: BoolArray | None
     ) -> tuple[IntArray, list[ArrayDeeds]]:
-        """Return these actions with those of agents, (agents,), whose strategies are to be asked, and what they do.
+        """Ask the strategies of agents whose actions are not given; return all actions, and their deeds.
 
-        Where agents decide at arrivals, `asked` are those that do now, (games, agents).
+        Args:
+            turn: of the games.
+            given: actions, (games, agents).
+            is_decided: (agents,) which are not asked.
+            asked: (games, agents) which agents arrive now, where agents decide at arrivals; else None.
         """
         actions, deeds = given.copy(), list[ArrayDeeds]()
         for group in self._here.groups:
