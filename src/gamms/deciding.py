@@ -39,6 +39,7 @@ class DecidePhase:
     Attributes:
         agent: the one whose strategy is running, or `Deciders`; AWAITED: each asyncio task decides for the agents that
             it was begun with by `decide_in_this_task`; None: no strategy is running. Any: the agent engine's own class.
+        moment: in which the world cannot change, as agents decide about what built-in sensors show; None: it can.
         sensor_changes: how often a setting of a sensor was set, or a sensor came or went.
         owner_changes: how often the owner of a sensor was set.
         strategy_changes: how often the strategy of an agent was set.
@@ -89,6 +90,7 @@ class DecidePhase:
     def suspended(self) -> Iterator[None]:
         """Run the program's own code on behalf of a strategy: drawers, the handlers of a window."""
         agent, self.agent = self.agent, None
+        self.moment = None  # it may change the world
         try:
             yield
         finally:

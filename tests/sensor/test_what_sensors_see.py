@@ -203,3 +203,27 @@ def test_rules_that_move_agents_and_look_see_what_has_changed(crowd):
     crowd.game.add(gather)
     crowd.game.run(max_turns=3)
     assert seen == [True] * 3 * len(names)
+
+
+def test_agents_that_a_drawer_moves_while_others_decide_are_seen_where_they_are(tmp_path):
+    seen = []
+
+    def strategy(state):
+        [(_, shown)] = state["sensor"].values()
+        seen.append(shown.get("a39"))
+        if len(seen) == 45:
+            ctx.visual.save(tmp_path / "picture.svg")
+        state["action"] = state["curr_pos"]
+
+    with gamms.create_context() as ctx:
+        for node in range(6):
+            ctx.graph.graph.add_node({"id": node, "x": 10.0 * node, "y": 0.0})
+        drawer = {"drawer": lambda ctx, data: setattr(ctx.agent.get_agent("a39"), "current_node_id", 5)}
+        ctx.visual.add_artist("mover", drawer)
+        for i in range(40):
+            ctx.sensor.create_sensor(f"eyes {i}", "AGENT_RANGE", sensor_range=15.0)
+            ctx.agent.create_agent(f"a{i}", start_node_id=0, sensors=[f"eyes {i}"], strategy=strategy)
+        ctx.game.step()
+        ctx.game.step()
+    assert seen[40:45] == [0] * 5
+    assert seen[45:] == [None] * 35
