@@ -180,7 +180,7 @@ def curious(state):
 
 
 # What games leave arrays for: an agent that is asked comes, or one asks why a rule in arrays has refused its move.
-LEAVE = re.compile("comes with the strategy|why a rule has refused a move")
+LEAVE = re.compile("comes with the strategy|comes with a sensor that reports late|why a rule has refused a move")
 
 
 def attentive(state, *more):
@@ -330,6 +330,12 @@ KINDS = [
     {"type": "AGENT_RANGE", "sensor_range": 4.0},
     {"type": "AGENT"},
     {"type": "AGENT_RANGE", "sensor_range": 1.6, "detection": [[0.0, 0.9], [1.5, 0.4]]},
+    {"type": "AGENT_RANGE", "sensor_range": 2.5, "position_noise_m": 0.8},
+    {"type": "AGENT_RANGE", "sensor_range": 3.0, "delay_turns": 2, "detection": 0.7},
+    {"type": "AGENT_RANGE", "sensor_range": 2.0, "false_alarm_rate": 0.6},
+    {"type": "AGENT", "delay_turns": 1, "position_noise_m": 0.4, "false_alarm_rate": 0.3},
+    {"type": "AGENT_RANGE", "sensor_range": 2.5, "at": (3.0, 0.5), "false_alarm_rate": 0.8, "delay_turns": 1},
+    {"type": "AGENT_ARC", "sensor_range": 3.0, "fov": 2.0, "detection": 0.6, "delay_turns": 1},
 ]
 
 
@@ -346,6 +352,7 @@ def open_game(
     asked="",
     channels=None,
     shared=True,
+    kinds=(0,),
 ):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     ctx.game.deeds = {} if deeds is None else DEEDS
@@ -367,7 +374,7 @@ def open_game(
     motion = motion or {}
     for number, (name, (team, node)) in enumerate(agents.items()):
         made = [random_walk if deeds is None else busy, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
-        kind = KINDS[number % 3 * (bool(asked) or "speed_unit" in motion)]
+        kind = KINDS[kinds[number % len(kinds)]]
         sees = [ctx.sensor.create_sensor(f"eyes of {name}", **kind).sensor_id]
         if asked and number % 2:
             sees.append(ctx.sensor.create_sensor(f"feet of {name}", "NEIGHBOR").sensor_id)
@@ -460,9 +467,10 @@ motions = st.one_of(
     asked=st.sampled_from(["", "a", "bc", "abc", "p", "bcw", "abcw"]),
     radio=st.sampled_from([None, *RADIOS]),
     shared=st.sampled_from([True, True, False]),
+    kinds=st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3),
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked, radio, shared
+    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked, radio, shared, kinds
 ):
     channels = None if radio is None else {"radio": radio}
     called = [one for one in called if one[0] != "recruit" or asked in ("", "a")]  # teams that are asked get no others
@@ -474,7 +482,7 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
         motion = motion | {"strategies": [one for one in motion["strategies"] if one != "assign"]}  # which gives paths
     with (
         open_game(
-            streets, agents, rules, conflicts, early, order, motion, deeds, called, asked, channels, shared
+            streets, agents, rules, conflicts, early, order, motion, deeds, called, asked, channels, shared, kinds
         ) as ctx,
         ctx.game.batch(seeds=seeds, most_agents={agents[min(agents)][0]: ["b9", "y9", "z9"]}) as games,
     ):

@@ -69,6 +69,32 @@ def test_what_strategies_see_draw_and_remember_is_that_of_games_alone(strategy):
     assert not games.detached
 
 
+def with_eyes(**keywords):
+    return {"near": {"type": "AGENT_RANGE", "sensor_range": 20.0, "false_alarm_rate": 0.5, **keywords}}
+
+
+def test_sensors_that_err_and_report_late_show_agents_that_are_asked_what_they_show_alone():
+    sees = scene([TAG], max_turns=6, sensors=with_eyes(position_noise_m=6.0, delay_turns=2))
+    sees = sees.replace(**{"teams.red.sensors": ["near"]})
+    metres = {"teams.red.speed": 7.0, "settings": {"speed_unit": "metres", "decide": "arrival"}}
+    for scenario in (sees, sees.replace(**metres)):  # by metres each agent is asked in the context of its game
+        with scenario.batch(seeds=[3, 4], strategies={"red": flee}) as games:
+            games.run()
+            assert games.is_in_arrays
+            assert not games.detached
+            alone = [scenario.play(seed=seed, strategies={"red": flee}) for seed in (3, 4)]
+            assert [plain(games.result(i)) for i in range(2)] == list(map(plain, alone))
+
+
+def test_a_sensor_that_counts_the_looks_of_several_agents_is_asked_in_games_one_by_one():
+    with scene([TAG], sensors=with_eyes(at=12)).build(seed=1, strategies={"red": flee}) as ctx:
+        shared = ctx.sensor.create_sensor("near", "AGENT_RANGE", at=12, detection=0.5)
+        for name in ("red_0", "red_1", "red_2"):
+            ctx.agent.get_agent(name).register_sensor("near", shared)
+        with ctx.game.batch(4) as games:
+            assert "a sensor that draws for several" in games.slow
+
+
 def test_flags_are_published_to_strategies_that_are_asked_agent_by_agent():
     assert not same({"red": carry}, rules=[TAG, FLAGS], max_turns=40).detached
 

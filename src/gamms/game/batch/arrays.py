@@ -273,7 +273,6 @@ class ArrayEngine:
                 part = TurnPart(number, len(self._parts), members)
                 wanted = np.where(is_member, actions, state.movement.idle)
             asked = turn.alive & is_member
-            state.shared[DELAYS].note(turn.games, asked)
             course = None
             if self._arriving is not None:
                 course = self._course(turn, self._arriving, asked)

@@ -12,6 +12,7 @@ from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Ground
 from gamms.game.batch.movement import Moves, Route
+from gamms.game.batch.sight import DELAYS
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView
@@ -73,6 +74,7 @@ class Asking:
             is_decided: (agents,) which are not asked, because their actions are given or because others move.
             asked: (games, agents) which agents move.
         """
+        self._state.shared[DELAYS].note(turn.games, asked)
         if self._acts is None and self._given:
             self._acts = self._given_acts(turn)
         acts, scalar, num_sent = self._acts, self._here.asked, len(self.outboxes)

@@ -43,9 +43,11 @@ class DelayedLooks:
         for number, source in enumerate(self._sources):
             kept, slots = self._kept(number), self._delays[number] + 1
             at, carriers = np.nonzero(asked[:, source.carriers])
-            places = games[at], kept["looks"][games[at], carriers] % slots, carriers
-            kept["looks"][games[at], carriers] += 1
-            kept["turn"][places], kept["node"][places] = self._state.turn[games[at]], -1
+            those, turn = (games[at], carriers), self._state.turn[games[at]]
+            last = kept["looks"][those] - 1
+            kept["looks"][those] += kept["turn"][games[at], last % slots, carriers] != turn  # of a turn, the last look
+            places = games[at], (kept["looks"][those] - 1) % slots, carriers
+            kept["turn"][places], kept["node"][places] = turn, -1
             found = seen(self._state, games, self._agents, asked, [source], with_own=True)
             carrier = np.searchsorted(source.carriers, found.viewers)
             other = np.searchsorted(source.others, found.others)

@@ -193,6 +193,13 @@ class RuleFork:
         row_of = self._block.row_of
         return dict(sorted(seen.items(), key=lambda one: row_of(one[0])))
 
+    def continue_looks(self, state: GameState, sensors: Sequence[tuple[int, Any]], counts: IntArray) -> None:
+        """Let sensors look as those of agents do that have looked so often in this turn, (agents,), of such a game."""
+        self._values.delayed_looks = state.delayed_looks
+        for number, sensor in sensors:
+            owner = self._state.roster.names[number] if sensor.at is None else None
+            sensor.notice.continue_from(owner, state.turn, counts.item(number))
+
     @property
     def rules_in_arrays(self) -> list[Callable[..., object]]:
         """The rules that have array forms."""

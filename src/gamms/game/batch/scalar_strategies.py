@@ -133,6 +133,7 @@ class ScalarStrategies:
         self._cells: dict[str, dict[int, list[Any]]] = {}  # sensor -> agent -> what it shows, where arrays say that
         self._fork: RuleFork | None = None  # for which it was worked out what follows
         self._needs_game: dict[int, bool] = {}  # agent -> whether it must be asked in the context of its game
+        self._counting: list[tuple[int, ISensor]] = []  # agents, and sensors that are asked there and count looks
         self._facts: list[Callable[[GameArrays, int], Mapping[str, Any]]] = []
         self._targets: _Targets
 
@@ -338,6 +339,8 @@ class ScalarStrategies:
                     for name, sense, sensor, result in slot.carried
                 )
                 players.slots[number] = slot
+        if self._counting:
+            fork.continue_looks(players.state, self._counting, self._state.looks[game])
         if players.living != living:
             slots, block = [players.slots[number] for number in living], fork.ctx.agent.block
             players.living, players.part = living, (slots, Part(slots, None, block.progress, settings.plans))
@@ -347,7 +350,7 @@ class ScalarStrategies:
         """Work out once for a context which sensors arrays have, and which agents must be asked in it."""
         if fork is self._fork:
             return
-        self._fork, self._cells, self._targets = fork, {}, _Targets(fork)
+        self._fork, self._cells, self._counting, self._targets = fork, {}, [], _Targets(fork)
         plans, movement = self._context.start().settings()["plans"], self._state.movement
         own, by_metres = fork.parts.settings.plans, movement.leaves_nodes
         self._facts = [facts for rule in fork.rules_in_arrays if (facts := getattr(rule, "facts_in_game", None))]
@@ -362,6 +365,8 @@ class ScalarStrategies:
                     self._cells.setdefault(name, {})[number] = [None]
                 elif not _sees_from_node(sensor):
                     needs_game = True
+                    if _counts_looks(sensor):
+                        self._counting.append((number, there.sensors[name]))
             self._needs_game[number] = needs_game
 
     def _shown(self, view: ArrayView, name: str, cells: Mapping[int, object]) -> list[dict[str, int]]:
@@ -383,7 +388,7 @@ class ScalarStrategies:
 def _is_in_arrays(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool:
     """Whether arrays say what a sensor that shows agents has in its `data`."""
     look = look_of(sensor, agent)
-    return look is not None and not look.errs and (not by_metres or sees_from_edges(sensor, agent))
+    return look is not None and (not by_metres or sees_from_edges(sensor, agent))
 
 
 def _sees_from_node(sensor: ISensor) -> bool:
@@ -392,13 +397,9 @@ def _sees_from_node(sensor: ISensor) -> bool:
     return not isinstance(look, str) and not look.turns
 
 
-def _draws_elsewhere(sensor: ISensor, agent: IAgent, *, by_metres: bool) -> bool:
-    """Whether what a sensor shows follows from draws or looks that only the turn engine counts."""
-    return (
-        not _is_in_arrays(sensor, agent, by_metres=by_metres)
-        and hasattr(sensor, "notice")
-        and bool(sensor.notice.needs_look)
-    )
+def _counts_looks(sensor: ISensor) -> bool:
+    """Whether what a sensor shows follows from how often it has looked, or what it saw before."""
+    return hasattr(sensor, "notice") and bool(sensor.notice.needs_look)
 
 
 def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are_called: bool) -> str | None:
@@ -418,13 +419,15 @@ def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are
 def why_not_asked(game: PlayedGame, agents: Sequence[IAgent]) -> str | None:
     """Return why agents cannot be asked one by one in games in arrays, in words; None: they can."""
     settings = game.settings()
-    by_metres = settings["speed_unit"] != "edges"
     sensors = [(agent, sensor) for agent in agents for sensor in getattr(agent, "sensors", {}).values()]
     deciders = [decider_of(agent, settings["plans"]) for agent in agents]
     reasons = [
         (any(hasattr(one, "prepare") for one in deciders), "what it prepares in a game"),
         (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
-        (any(_draws_elsewhere(one, by, by_metres=by_metres) for by, one in sensors), "sensors that err or report late"),
+        (
+            any(_counts_looks(one) and look_of(one, by) is None for by, one in sensors),
+            "a sensor that draws for several",
+        ),
         (game.ctx.agent.block.has_arrays, "agents of a team in arrays"),
     ]
     return next((why for is_so, why in reasons if is_so), None)

@@ -167,7 +167,7 @@ def sees_from_edges(sensor: ISensor, agent: IAgent) -> bool:
     look = look_of(sensor, agent)
     if look is None:
         return sensor.type not in SHOWING_AGENTS
-    return not (look.errs or look.hides is not None or (look.cone and look.turns))
+    return not (look.false_alarms or look.hides is not None or (look.cone and look.turns))
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
