@@ -244,6 +244,50 @@ def test_what_the_program_has_changed_before_the_first_turn_stays(tmp_path):
     assert first.agent.get_agent("red_1").strategy is mine
 
 
+def test_what_the_program_has_changed_stays_where_only_places_are_drawn():
+    game = Scenario(
+        **GRID, **GAMES["random places"], rules=[{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}]
+    )
+
+    def change(ctx):
+        ctx.agent.get_agent("red_0").current_node_id = 20
+        ctx.agent.get_agent("red_1").meta = {"luck": 3}
+        ctx.game.publish(extra=2)
+        ctx.game.data["paid"] = 7
+        ctx.game.scores["bonus"] = 4
+        ctx.game.emit("hello")
+        ctx.game.remove("tag")
+        ctx.game.add(lambda ctx: None, name="mine")
+
+    def seen(ctx):
+        with ctx:
+            names, metas = [one.name for one in ctx.game.rules], [agent.meta for agent in ctx.agent.create_iter()]
+            return names, metas, ctx.game.run(), repr(ctx.game.data), repr(ctx.game.facts)
+
+    first, second = game.build(), game.build(seed=5)
+    change(first)
+    first.game.run(2)
+    first.game.reset(5)
+    change(second)
+    assert seen(first) == seen(second)
+
+
+def test_strategies_are_prepared_for_every_seed():
+    class Walker:
+        def prepare(self, ctx):
+            self.way = int(ctx.stream("way").integers(100))
+
+        def __call__(self, state):
+            state["action"] = state["legal"][(self.way + state["turn"]) % len(state["legal"])]
+
+    teams = {"red": {"agents": [{"name": "ann", "node": 14}]}}
+    game = Scenario(**GRID, teams=teams)
+    with game.build(strategies={"red": Walker()}) as ctx:
+        for seed in range(6):
+            ctx.game.reset(seed)
+            assert ctx.game.run() == game.play(seed=seed, strategies={"red": Walker()})
+
+
 def test_a_seed_by_which_not_all_can_be_placed_leaves_the_game_as_it_was(tmp_path):
     teams = {
         "red": {"count": 1, "strategy": WALK},

@@ -527,6 +527,7 @@ class Game(RuleVerbs):
         self._restart_streams()
         try:
             self._internals.draw_start()
+            self._prepared = -1
         except BaseException:
             self.ctx.reseed(last, chance)
             raise

@@ -1,15 +1,15 @@
 """Builds the game of a scenario in a context, draws it again for another seed, and writes out its defaults."""
 
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
-from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
 from importlib import import_module
 from itertools import chain
 from operator import is_
-from typing import Any
+from typing import Any, NamedTuple
 
 from gamms.agent import BaseAgent as Agent
 from gamms.arguments import as_int
@@ -27,6 +27,7 @@ from gamms.scenario.code import (
     Library,
     called,
     first_of,
+    is_defined_in,
     located,
     made,
     needs,
@@ -45,8 +46,7 @@ _IN_FULL: dict[str, type[Any]] = {"rule": schema.Rule, "plan": schema.Plan}  # w
 _Start = int | tuple[float, float, float]  # a node, or (x, y, z)
 
 
-@dataclass
-class _Built:
+class _Built(NamedTuple):
     """An agent, with what it was built of."""
 
     agent: Agent
@@ -57,14 +57,13 @@ class _Built:
     strategy: Function | None = None
 
 
-# The agents by name, the rules by their names in the game, the plans by team, and the values of the game.
-_Drawn = tuple[dict[str, _Built], dict[str, Rule], dict[str, Plan], dict[str, dict[Any, Any]]]
+class _Drawn(NamedTuple):
+    """What was made with one seed, which is not to be written to."""
 
-
-def _copied_draw(drawn: _Drawn) -> _Drawn:
-    agents, rules, plans, values = drawn
-    copies = {name: replace(built, functions=dict(built.functions)) for name, built in agents.items()}
-    return copies, dict(rules), dict(plans), values
+    agents: dict[str, _Built]  # by name
+    rules: dict[str, Rule]  # by their names in the game
+    plans: dict[str, Plan]  # by team
+    values: dict[str, dict[Any, Any]]  # of the game
 
 
 class Builder:
@@ -85,6 +84,8 @@ class Builder:
         self._rules: dict[str, Rule] = {}  # by their names in the game
         self._plans: dict[str, Plan] = {}  # by team
         self._values = _values_of(ctx.game)
+        self._calls = 0  # of what may give something else when it is called again
+        self._again: set[str] = set()  # the parts of the game in which such calls are
         self._placing: Placing | None = None
         self._map: MapSnapshot | None = None  # as it was before the code of the scenario changed it, if that did
         self._called: dict[str, Any] = {}  # where functions of others than GAMMS are named -> what they gave first
@@ -98,21 +99,19 @@ class Builder:
         """
         map = self.ctx.graph.storage.snapshot()
         nodes = self._placed()
-        for member in self.members:
-            self._agents[member.name] = self._add_agent(member, nodes[member.name])
+        with self._noting("agents"):
+            self._agents = {one.name: self._add_agent(one, nodes[one.name]) for one in self.members}
         game = self.ctx.game
-        self._add_values()
-        self._add_strategies()
-        self._plans = self._made_plans()
+        with self._noting("values"):
+            self._add_values()
+        with self._noting("strategies"):
+            self._add_strategies()
+        with self._noting("plans"):
+            self._plans = self._made_plans()
         game.plans = self._plans
-        for number, given in enumerate(self.spec.rules):
-            with at(f"rules.{number}"):
-                rule, full = self._rule(given, f"rules.{number}"), in_full(schema.Rule, given)
-                before = game.rules
-                game.add(rule, phase=full.phase, name=full.name)
-                if hasattr(rule, "prepare") and not _is_ours(rule):
-                    self._by_seed.append(f"rules.{number}")
-            self._rules[next(one.name for one in game.rules if one not in before)] = rule
+        with self._noting("rules"):
+            for number, given in enumerate(self.spec.rules):
+                self._add_rule(given, number)
         if self.spec.conflicts is not None:
             with at("conflicts"):
                 game.conflicts = self._conflicts(self.spec.conflicts)
@@ -132,10 +131,16 @@ class Builder:
         """
         if self._map is not None:
             self.ctx.graph.storage.restore(self._map)
-        self._agents, self._rules, self._plans, self._values = _copied_draw(self.ctx.game.internals.state.drawn)
+        drawn: _Drawn = self.ctx.game.internals.state.drawn
+        self._agents, self._rules, self._plans, self._values = drawn
         nodes = self._placed()
-        for member in self.members:
-            self._draw_agent(member, nodes[member.name])
+        self._agents = {one.name: self._draw_agent(one, nodes[one.name]) for one in self.members}
+        if self._again:
+            self._call_again()
+        self._keep()
+
+    def _call_again(self) -> None:
+        """Make again what code gives, with the values that it writes; others that the program has set stay."""
         game = self.ctx.game
         now, first = _values_of(game), self._values
         changes = {name: _changed(now[name], first[name], is_same) for name in ("data", "scores", "events")}
@@ -146,10 +151,12 @@ class Builder:
             values.clear()
         state.histories["events"].clear(game.events)
         self._add_values()
-        self._add_strategies()
-        before, self._plans = self._plans, self._made_plans()
-        game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
-        self._draw_rules()
+        if "strategies" in self._again:
+            self._add_strategies()
+        if "plans" in self._again:
+            self._draw_plans()
+        if "rules" in self._again:
+            self._draw_rules()
         self._values = _values_of(game)
         game.publish(**facts)
         for (field, to, name), fact in private.items():
@@ -159,7 +166,6 @@ class Builder:
             game.data.pop(key, None)
         game.scores.update(changes["scores"])
         game.events.extend(changes["events"].values())
-        self._keep()
 
     def varies(self, others: Iterable["Builder"]) -> str | None:
         """Return where a function is named that gives something else for other seeds; None: none does.
@@ -173,9 +179,19 @@ class Builder:
                 self._by_seed += [path for path, image in known.items() if image_of(other._called.get(path)) != image]
         return next(iter(self._by_seed), None)
 
+    @contextmanager
+    def _noting(self, part: str) -> Iterator[None]:
+        """Note in the block whether a part of the game has to be made again for another seed."""
+        before = self._calls
+        yield
+        if self._calls != before:
+            self._again.add(part)
+
     def _noted(self, function: Function, path: str, call: Callable[[], Any]) -> Any:  # Any: whatever functions give
         """Return what the call of a function gives, noted where that may be something else for other seeds."""
         before, gave = self.ctx.seed_uses, call()
+        if gave is not function and not (is_defined_in(function, RULES) and first_of(function) != "ctx"):
+            self._calls += 1
         if not _is_ours(function) and gave is not function and getattr(gave, "func", None) is not function:
             self._called.setdefault(path, gave)
             if self.ctx.seed_uses != before:
@@ -184,12 +200,17 @@ class Builder:
 
     def _keep(self) -> None:
         """Keep what was drawn in the state of the game, so that snapshots of other seeds bring back what is theirs."""
-        self.ctx.game.internals.state.drawn = _copied_draw((self._agents, self._rules, self._plans, self._values))
+        self.ctx.game.internals.state.drawn = _Drawn(self._agents, self._rules, self._plans, self._values)
+
+    def _draw_plans(self) -> None:
+        """Make the plans again, and put them in place of those that are still there."""
+        game, before, self._plans = self.ctx.game, self._plans, self._made_plans()
+        game.plans = {team: self._plans[team] if one == before.get(team) else one for team, one in game.plans.items()}
 
     def _draw_rules(self) -> None:
         """Make the rules again, prepare them, and put them in place of those that are still there."""
-        now = self.ctx.game.rules
-        for (name, before), (number, given) in zip(list(self._rules.items()), enumerate(self.spec.rules), strict=True):
+        now, known, self._rules = self.ctx.game.rules, self._rules, {}
+        for (name, before), (number, given) in zip(known.items(), enumerate(self.spec.rules), strict=True):
             with at(f"rules.{number}"):
                 rule: Any = self._rule(given, f"rules.{number}")
                 if hasattr(rule, "prepare"):
@@ -227,10 +248,13 @@ class Builder:
         functions = {name: (sensor, sensor.function) for name, sensor in own}
         return _Built(agent, node, start, deepcopy(meta), functions)
 
-    def _draw_agent(self, member: Member, node: int) -> None:
-        built, start, meta = self._agents[member.name], self._start(member, node), self._config(member)["meta"]
+    def _draw_agent(self, member: Member, node: int) -> _Built:
+        built, start = self._agents[member.name], self._start(member, node)
         agent: Any = built.agent  # with attributes of its own
         _move_start(agent, built.start, start)
+        if "agents" not in self._again:
+            return built._replace(node=node, start=start)
+        meta, functions = self._config(member)["meta"], {}
         if is_same(getattr(agent, "meta", None), built.meta):
             agent.meta = meta
         for name, (sensor, before) in built.functions.items():
@@ -238,8 +262,8 @@ class Builder:
                 function = self._function(name)
                 if sensor.function is before:
                     sensor.function = function
-            built.functions[name] = sensor, function
-        built.node, built.start, built.meta = node, start, deepcopy(meta)
+            functions[name] = sensor, function
+        return _Built(agent, node, start, deepcopy(meta), functions, built.strategy)
 
     def _of(self, member: Member, key: str) -> Any:
         """Return what an agent sets for itself, else what its team sets for it; None if neither does."""
@@ -286,11 +310,11 @@ class Builder:
     def _add_strategies(self) -> None:
         """Make the strategies, and give them to the agents that the program has given no other."""
         mapped: dict[str, Mapping[str, Function]] = {}
-        for member in self.members:
-            built, strategy = self._agents[member.name], self._strategy(member, mapped)
+        for name, strategy in {one.name: self._strategy(one, mapped) for one in self.members}.items():
+            built = self._agents[name]
             if strategy is not None and built.agent.strategy is built.strategy:
                 built.agent.register_strategy(strategy)
-            built.strategy = built.strategy if strategy is None else strategy
+            self._agents[name] = built if strategy is None else built._replace(strategy=strategy)
 
     def _strategy(self, member: Member, mapped: dict[str, Mapping[str, Function]]) -> Function | None:
         given = self.given.get(member.name, self.given.get(member.team))
@@ -349,6 +373,18 @@ class Builder:
 
     # -- rules, conflicts, values -------------------------------------------------------------------------------
 
+    def _add_rule(self, given: str | schema.Rule, number: int) -> None:
+        game, path = self.ctx.game, f"rules.{number}"
+        with at(path):
+            rule, full = self._rule(given, path), in_full(schema.Rule, given)
+            before = game.rules
+            game.add(rule, phase=full.phase, name=full.name)
+            if hasattr(rule, "prepare"):
+                self._calls += 1
+                if not _is_ours(rule):
+                    self._by_seed.append(path)
+        self._rules[next(one.name for one in game.rules if one not in before)] = rule
+
     def _rule(self, given: str | schema.Rule, path: str) -> Rule:
         rule = in_full(schema.Rule, given)
         return self._made(Code(function=rule.rule, with_=rule.with_), path, "rule")
@@ -387,6 +423,7 @@ class Builder:
             return self._call(call, path)
         if set(value) == {"node_at"}:
             where = joined(path, "node_at")
+            self._calls += 1  # of a map that may change
             return node_at(self.ctx, checked(value["node_at"], schema.LatLon | tuple[float, float], where), where)
         return {key: self._value(one, joined(path, key)) for key, one in value.items()}
 
