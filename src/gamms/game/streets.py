@@ -81,19 +81,23 @@ class Streets:
 
     @cached_property
     def _narrow(self) -> tuple[RowArray, int, RowArray, RowArray]:
-        """Counts, the width of rows of targets, these targets, and their offsets where there are no rows: width 0."""
-        # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, and no
-        # offsets are read where rows of targets are about as long as each other (benchmarks: teams).
+        """Counts, the width of rows of steps, these steps, and their offsets where there are no rows: width 0.
+
+        A step is by how much the row of a target is larger than that of the node.
+        """
+        # NOTE: most of a turn of many agents is reading this from all over the map: counts take a byte or two, steps
+        # two where they fit, and no offsets are read where rows are about as long as each other (benchmarks: teams).
         nodes, most = len(self.counts), int(self.counts.max(initial=1))
-        targets, offsets = self.targets.astype(np.int32), self.offsets.astype(np.int32)
-        is_even = nodes * most <= 2 * len(targets)
+        steps, offsets = self.targets - np.repeat(np.arange(nodes), self.counts), self.offsets.astype(np.int32)
+        steps = steps.astype(np.int16 if np.abs(steps).max(initial=0) < 1 << 15 else np.int32)
+        is_even = nodes * most <= 2 * len(steps)
         if is_even:
             places = np.repeat(np.arange(nodes, dtype=np.int32) * np.int32(most) - offsets[:-1], self.counts)
-            places += np.arange(len(targets), dtype=np.int32)
-            rows = np.zeros(nodes * most, np.int32)
-            rows[places] = targets
-            targets = rows
-        return self.counts.astype(np.min_scalar_type(most)), most if is_even else 0, targets, offsets
+            places += np.arange(len(steps), dtype=np.int32)
+            rows = np.zeros(nodes * most, steps.dtype)
+            rows[places] = steps
+            steps = rows
+        return self.counts.astype(np.min_scalar_type(most)), most if is_even else 0, steps, offsets
 
     def counts_of(self, rows: IntArray) -> RowArray:
         """Return how many nodes are legal from each of some nodes, in as few bytes as that fits into."""
@@ -116,10 +120,9 @@ class Streets:
 
     def step(self, rows: IntArray, actions: IntArray) -> IntArray:
         """Return where actions lead, each the number of a legal node."""
-        _, width, targets, offsets = self._narrow
-        first = rows * width if width else offsets.take(rows)
-        places = np.add(first, actions, dtype=np.int64, casting="unsafe")  # numbers of 64 bits without a sign, too
-        found: IntArray = targets.take(places).astype(np.int64)
+        _, width, steps, offsets = self._narrow
+        places = (rows * width if width else offsets.take(rows)) + actions.astype(np.int64, copy=False)
+        found: IntArray = rows + steps.take(places, mode="clip")
         return found
 
     def action_to(self, rows: IntArray, targets: IntArray) -> IntArray:
