@@ -149,8 +149,9 @@ def below(bits: int, n: int) -> int:
 
 def below_many(bits: BitArray, n: IntArray | int) -> IntArray:
     """Return what `below` returns for each: (draws,); `n` is one number or one for each draw."""
-    found: IntArray = ((bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64) >> np.uint64(32)).view(np.int64)
-    return found
+    found = (bits >> np.uint64(32)) * np.asarray(n).astype(np.uint64)
+    found >>= np.uint64(32)
+    return found.view(np.int64)
 
 
 def fraction(bits: int) -> float:
@@ -192,16 +193,17 @@ def _mix(bits: int) -> int:
 
 
 def _mix_many(bits: BitArray) -> BitArray:
-    # NOTE: in place, but for the first step: 10,000 numbers stay in the cache (benchmarks: batches).
+    """The same of many, in place."""
+    # NOTE: so that 10,000 numbers stay in the cache (benchmarks: batches).
     shifted = bits >> np.uint64(30)
-    mixed: BitArray = bits ^ shifted
-    mixed *= np.uint64(_FACTORS[0])
-    np.right_shift(mixed, np.uint64(27), out=shifted)
-    mixed ^= shifted
-    mixed *= np.uint64(_FACTORS[1])
-    np.right_shift(mixed, np.uint64(31), out=shifted)
-    mixed ^= shifted
-    return mixed
+    bits ^= shifted
+    bits *= np.uint64(_FACTORS[0])
+    np.right_shift(bits, np.uint64(27), out=shifted)
+    bits ^= shifted
+    bits *= np.uint64(_FACTORS[1])
+    np.right_shift(bits, np.uint64(31), out=shifted)
+    bits ^= shifted
+    return bits
 
 
 def _mix_signed(bits: SignedArray) -> SignedArray:
