@@ -371,8 +371,6 @@ class ArrayEngine:
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, in_conflict, ends)
             moves = moves.without(in_conflict)
-        in_conflict = np.zeros(moves.ends.shape, np.bool_) if in_conflict is None else in_conflict
-        self.state.counts["blocked"][turn.games] += in_conflict
         turn.move(moves, in_conflict, part)
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:

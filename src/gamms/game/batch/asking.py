@@ -70,7 +70,7 @@ class Asking:
 
         Args:
             turn: of the games.
-            actions: that are given, for all agents.
+            actions: that are given, for all agents; it is written to.
             is_decided: (agents,) which are not asked, because their actions are given or because others move.
             asked: (games, agents) which agents move.
         """
@@ -121,11 +121,11 @@ class Asking:
 
         Args:
             turn: of the games.
-            given: actions, (games, agents).
+            given: actions, (games, agents), which is written to.
             is_decided: (agents,) which are not asked.
             asked: (games, agents) which agents arrive now, where agents decide at arrivals; else None.
         """
-        actions, deeds = given.copy(), list[ArrayDeeds]()
+        actions, deeds = given, list[ArrayDeeds]()
         for group in self._here.groups:
             agents = group.agents[~is_decided[group.agents]]
             if len(agents):

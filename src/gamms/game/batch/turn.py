@@ -100,7 +100,7 @@ class MovesOfTurn:
     def _find_agents(self) -> None:
         """Take where the agents are."""
         state, games = self._state, self.games
-        self._place_agents(state.node.take(games, axis=0), state.alive.take(games, axis=0))
+        self._place_agents(state.chosen(state.node, games), state.chosen(state.alive, games))
 
     def _place_agents(self, node: IntArray, alive: BoolArray) -> None:
         self.node, self.alive = self.starts, self.took_part = node, alive
@@ -161,10 +161,14 @@ class MovesOfTurn:
             was_put = was_put | has_left
         return moves._replace(starts=self.node).without(~self.alive | was_put)
 
-    def move(self, moves: Moves, in_conflict: BoolArray, part: TurnPart | None = None) -> None:
+    def move(self, moves: Moves, in_conflict: BoolArray | None, part: TurnPart | None = None) -> None:
         """Move agents, of a part of the turn or all, and note which, (games, agents), conflicts have stopped."""
         state, games = self._state, self.games
         state.counts["moves"][self._rows] += moves.ends != self.node
+        if in_conflict is None:
+            in_conflict = np.broadcast_to(np.False_, moves.ends.shape)
+        else:
+            state.counts["blocked"][self._rows] += in_conflict
         if state.headings is not None:
             members = np.s_[:] if part is None else part.members
             moves_now = np.zeros(self.node.shape, np.bool_)
