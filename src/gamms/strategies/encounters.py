@@ -9,11 +9,12 @@ from gamms import belief
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
+from gamms.game.batch.device_view import DeviceView
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.view import ArrayStrategy, ArrayView
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.strategies import portable
 from gamms.strategies.knowledge import (
     LITTLE,
     as_known_node,
@@ -63,11 +64,13 @@ def chase(ctx: IContext, otherwise: Strategy | None = random_walk) -> Strategy:
         nearest = ctx.graph.routes.nearest(here, enemies.values())
         move_to_agent(ctx, state, nearest, enemies, fallback, "chase")
 
-    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True, portable=portable.chase)
+    offer_form(strategy, _chase_in_arrays, parts=[fallback], looks=True, is_portable=True)
     return strategy
 
 
 def _chase_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    if isinstance(view, DeviceView):
+        return moves_to(view, _nearest_on_device(view), fallback)
     seen = view.enemies()
     return moves_to_agents(view, seen, nearest_seen(view, seen), fallback)
 
@@ -97,11 +100,26 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
         else:
             fallback(state)
 
-    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True, portable=portable.flee)
+    offer_form(strategy, _flee_in_arrays, parts=[fallback], looks=True, is_portable=True)
     return strategy
 
 
+def _nearest_on_device(view: DeviceView) -> Tensor:
+    """Return what `nearest_seen` returns of enemies."""
+    xp, seen, node = view.xp, view.sees_enemies(), view.nodes_of_all()
+    far = view.routes().distances(view.node[..., None], node[:, None, :], asked=seen)
+    far = xp.where(seen, far, inf)
+    is_it = xp.arange(far.shape[2], device=view.library.device) == xp.argmin(far, axis=2, keepdims=True)
+    return xp.max(xp.where(is_it & (far < inf), node[:, None, :], -1), axis=2)
+
+
 def _flee_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
+    actions = _farthest_on_device(view) if isinstance(view, DeviceView) else _farthest_in_arrays(view)
+    return asked(view, actions, fallback, actions < 0)
+
+
+def _farthest_in_arrays(view: ArrayView) -> IntArray:
+    """Return the actions that lead to the legal nodes farthest from enemies in sight; -1: none is in sight."""
     seen, actions = view.enemies(), no_actions(view)
     if len(seen.at):
         starts, _ = runs_of(seen)
@@ -112,7 +130,18 @@ def _flee_in_arrays(fallback: ArrayStrategy, view: ArrayView) -> IntArray:
         safety = np.minimum.reduceat(far, starts)
         is_best = safety == safety.max(axis=1, keepdims=True)
         actions[seen.at[starts], seen.viewers[starts]] = _lowest(view, legal[starts], is_best)
-    return asked(view, actions, fallback, actions < 0)
+    return actions
+
+
+def _farthest_on_device(view: DeviceView) -> Tensor:
+    """Return the same, computed for all agents."""
+    xp, (legal, is_legal) = view.xp, view.legal_rows()
+    seen, node = view.sees_enemies(), view.nodes_of_all()
+    is_asked = seen[..., None] & is_legal[:, :, None, :]
+    far = view.routes().distances(node[:, None, :, None], legal[:, :, None, :], asked=is_asked)
+    safety = xp.where(is_legal, xp.min(xp.where(seen[..., None], far, inf), axis=2), -inf)
+    is_best = is_legal & (safety == xp.max(safety, axis=2, keepdims=True))
+    return xp.where(xp.any(seen, axis=2), _lowest(view, legal, is_best), -1)
 
 
 def _legal_of(view: ArrayView, which: tuple[IntArray, ...]) -> tuple[IntArray, BoolArray]:
@@ -121,9 +150,9 @@ def _legal_of(view: ArrayView, which: tuple[IntArray, ...]) -> tuple[IntArray, B
 
 
 def _lowest(view: ArrayView, legal: IntArray, is_chosen: BoolArray) -> IntArray:
-    """Return the number of the legal node with the lowest id of those that are chosen, (agents,)."""
-    ids = np.where(is_chosen, view.streets.ids(legal), np.iinfo(np.int64).max)
-    lowest: IntArray = ids.argmin(axis=1)
+    """Return the number of the legal node with the lowest id of those that are chosen, on the last axis."""
+    ids = view.xp.where(is_chosen, view.streets.ids(legal), np.iinfo(np.int64).max)
+    lowest: IntArray = view.xp.argmin(ids, axis=-1)
     return lowest
 
 

@@ -17,6 +17,8 @@ import numpy as np
 from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
+from gamms.game.batch.device_view import DeviceView, columns_of, with_columns
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
 from gamms.game.batch.view import (
@@ -33,7 +35,6 @@ from gamms.game.batch.view import (
 )
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.strategies import portable as portable_forms
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
@@ -371,7 +372,7 @@ def offer_form(
     looks: bool | str = False,
     may_skip: bool | None = None,
     fits: str = "metres",
-    portable: Callable[..., Any] | None = None,
+    is_portable: bool = False,
     board: str | None = None,
 ) -> None:
     """Let a strategy be played in arrays, if the strategies that it calls can be.
@@ -384,7 +385,7 @@ def offer_form(
         looks: whether it asks what sensors show, besides its parts; `COVERS`: and which nodes they have in view.
         may_skip: whether it may set no action; None: where one of its parts may.
         fits: up to which speeds of agents: those of "edge" (none), "edges" or "metres".
-        portable: the form for other array libraries, called alike; None: there is none. Its actions are legal.
+        is_portable: whether the form is that for other array libraries, too; its actions are legal.
         board: the key under which it writes into the memory of the team. No other part may do so: it would read what
             was written in the same turn.
     """
@@ -400,35 +401,68 @@ def offer_form(
     setattr(made, MAY_SKIP, passing if may_skip is None else may_skip)
     setattr(made, FITS, min((fits, *(getattr(one, FITS, SPEEDS[-1]) for one in forms)), key=SPEEDS.index))
     others = [getattr(one, PORTABLE, None) for one in forms]
-    if portable is not None and None not in others:
-        setattr(made, PORTABLE, partial(portable, *values, *others))
+    if is_portable and None not in others:
+        setattr(made, PORTABLE, partial(form, *values, *others))
         setattr(getattr(made, PORTABLE), IS_LEGAL, True)
     strategy.__dict__["array_form"] = made
 
 
+# Forms for any array library call functions of `view.xp`, and what follows. On a device they compute for all agents:
+# looking for those that need an answer would read it. Draws count for these alone.
+
+
 def no_actions(view: ArrayView) -> IntArray:
     """Return -1 for all agents of a view: the array form of setting no action."""
-    return np.full(view.node.shape, -1)
+    return filled(view, -1)
+
+
+def filled(view: ArrayView, number: int) -> IntArray:
+    """Return a number for each agent of a view."""
+    found: IntArray = view.xp.full_like(view.node, number)
+    return found
 
 
 _pass_in_arrays = partial(no_actions)
 setattr(_pass_in_arrays, IS_BLIND, True)
 setattr(_pass_in_arrays, MAY_SKIP, True)
-setattr(_pass_in_arrays, PORTABLE, portable_forms.no_actions)
+setattr(_pass_in_arrays, PORTABLE, no_actions)
 _pass.__dict__["array_form"] = _pass_in_arrays
+
+
+def put(view: ArrayView, rows: IntArray) -> Tensor:
+    """Return an array of NumPy in the library of a view."""
+    return view.library.put(rows) if isinstance(view, DeviceView) else rows
+
+
+def may_hold(view: ArrayView, which: Tensor) -> bool:
+    """Return whether something is true of an agent of a view; yes on a device, which is not read for that."""
+    return isinstance(view, DeviceView) or bool(which.any())
 
 
 def asked(view: ArrayView, actions: IntArray, form: ArrayStrategy, which: BoolArray) -> IntArray:
     """Return the actions with those of a form for some agents, (games, agents); it is not asked if there are none."""
     some = view.only(which)
-    return np.where(some.mask, form(some), actions) if some.mask.any() else actions
+    found: IntArray = view.xp.where(some.mask, form(some), actions) if may_hold(view, some.mask) else actions
+    return found
 
 
-def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy) -> IntArray:
-    """Return what `move_to` does for all agents of a view; targets are rows of nodes (games, agents), -1: none."""
-    actions, going = no_actions(view), np.nonzero(view.mask & (targets >= 0))
-    if len(going[0]):
-        actions[going] = view.towards(targets[going], going)
+def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy, known: IntArray | None = None) -> IntArray:
+    """Return what `move_to` does for all agents of a view.
+
+    Args:
+        view: of the agents.
+        targets: rows of nodes (games, agents), -1: none.
+        fallback: decides where there is none, or no path.
+        known: those that targets can be, in NumPy; None: any.
+    """
+    goes = view.mask & (targets >= 0)
+    if isinstance(view, DeviceView):
+        found = view.routes().actions(view.node, targets, among=known, asked=goes)
+        actions: IntArray = view.xp.where(goes, found, -1)
+    else:
+        actions, going = no_actions(view), np.nonzero(goes)
+        if len(going[0]):
+            actions[going] = view.towards(targets[going], going)
     return asked(view, actions, fallback, actions < 0)
 
 
@@ -495,17 +529,24 @@ def _actions_to_places(
     return actions
 
 
-def remembered(view: ArrayView, key: str, **first: int) -> dict[str, IntArray]:
+def remembered(view: ArrayView, key: str, **first: int) -> dict[str, Tensor]:
     """Return what agents remember under a key of `state["memory"]`: name -> (games, agents), at first these numbers."""
     agents = len(view.roster.names)
     kept = view.keep(("memory", key), lambda games: {name: np.full((games, agents), n) for name, n in first.items()})
+    if isinstance(view, DeviceView):
+        return {name: columns_of(column, view.agents, view.library) for name, column in kept.items()}
     return {name: column[np.ix_(view.games, view.agents)] for name, column in kept.items()}
 
 
-def remember(view: ArrayView, key: str, **values: IntArray) -> None:
+def remember(view: ArrayView, key: str, **values: Tensor) -> None:
     """Keep what those agents remember from now on that are in the mask of a view."""
-    at, agents = np.nonzero(view.mask)
     kept = view.keep(("memory", key), lambda _: {})
+    if isinstance(view, DeviceView):
+        for name, column in values.items():
+            own = view.xp.where(view.mask, column, columns_of(kept[name], view.agents, view.library))
+            kept[name] = with_columns(kept[name], view.agents, own, view.library)
+        return
+    at, agents = np.nonzero(view.mask)
     for name, column in values.items():
         kept[name][view.games[at], view.agents[agents]] = column[at, agents]
 

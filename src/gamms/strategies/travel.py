@@ -1,6 +1,7 @@
 """Strategies that need no enemies: they go somewhere, or are made of others."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from functools import lru_cache, partial
 from math import cos, inf, pi, sin
 from typing import Any, overload
 
@@ -9,9 +10,10 @@ import numpy as np
 from gamms.arguments import as_context, as_count, as_float, as_int
 from gamms.context import Context
 from gamms.errors import BadValue
+from gamms.game.batch.device_view import DeviceView
+from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
 from gamms.ir.graph import IntArray
-from gamms.strategies import portable
 from gamms.strategies.knowledge import (
     as_known_node,
     as_otherwise,
@@ -19,14 +21,17 @@ from gamms.strategies.knowledge import (
     asked,
     drawn_below,
     drawn_fraction,
+    filled,
     is_aerial,
     known_nodes,
     legal_nodes,
+    may_hold,
     move_to,
     moves_to,
     no_actions,
     node_of,
     offer_form,
+    put,
     remember,
     remembered,
     required,
@@ -67,12 +72,11 @@ def random_walk(state: State | AerialState) -> None:
 
 
 def _stay_in_arrays(view: ArrayView) -> IntArray:
-    return np.full(view.node.shape, view.movement.idle)
+    return filled(view, view.movement.idle)
 
 
-def _walk_in_arrays(view: ArrayView) -> IntArray:
-    on_edge = view.edge >= 0
-    if not on_edge.any():
+def _walk_in_arrays(view: ArrayView) -> Tensor:
+    if not view.movement.leaves_nodes or not (on_edge := view.edge >= 0).any():
         return view.draw.below(view.counts)
     which, off = np.nonzero(on_edge), np.nonzero(~on_edge)
     actions, counts = np.zeros(on_edge.shape, np.int64), np.ones(on_edge.shape, np.int64)
@@ -82,8 +86,8 @@ def _walk_in_arrays(view: ArrayView) -> IntArray:
     return actions
 
 
-offer_form(stay, _stay_in_arrays, portable=portable.stayed)
-offer_form(random_walk, _walk_in_arrays, portable=portable.walked)
+offer_form(stay, _stay_in_arrays, is_portable=True)
+offer_form(random_walk, _walk_in_arrays, is_portable=True)
 
 
 @shown_as_called
@@ -109,12 +113,13 @@ def goto(
         move_to(ctx, state, None if node is None else as_known_node(ctx, node, "target of goto"), fallback, "goto")
 
     if fixed is not None:
-        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback], portable=portable.go)
+        offer_form(strategy, _go_in_arrays, fixed, parts=[fallback], is_portable=True)
     return strategy
 
 
 def _go_in_arrays(target: int, fallback: ArrayStrategy, view: ArrayView) -> IntArray:
-    return moves_to(view, np.full(view.node.shape, view.streets.rows(target)), fallback)
+    row = view.movement.streets.rows([target])
+    return moves_to(view, filled(view, int(row[0])), fallback, row)
 
 
 @shown_as_called
@@ -188,25 +193,26 @@ def random_waypoints(
             memory["random_waypoints"] = target, turns
         move_to(ctx, state, target, fallback, "random_waypoints")
 
-    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], portable=portable.wander)
+    offer_form(strategy, _waypoints_in_arrays, chosen, turns, parts=[fallback], is_portable=True)
     return strategy
 
 
 def _waypoints_in_arrays(
     chosen: tuple[int, ...] | None, turns: int, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    known = remembered(view, "random_waypoints", target=-1, left=0)
+    xp, streets, known = view.xp, view.movement.streets, remembered(view, "random_waypoints", target=-1, left=0)
+    among = None if chosen is None else streets.rows(chosen)
     target, left, is_there = known["target"], known["left"], known["target"] == view.node
-    is_lost, going = target < 0, np.nonzero(view.mask & ~is_there & (target >= 0))
-    is_lost[going] = view.routes().distances(view.node[going], target[going]) == inf
-    draws = view.mask & (is_lost | (is_there & (left <= 0)))
-    left = np.where(is_there & (left > 0), left - 1, left)
-    if draws.any():
-        options = np.arange(len(view.streets.counts)) if chosen is None else view.streets.rows(chosen)
-        drawn = options[view.only(draws).draw.below(len(options))]
-        target, left = np.where(draws, drawn, target), np.where(draws, turns, left)
+    going = view.mask & ~is_there & (target >= 0)
+    is_lost = going & (view.routes().distances(view.node, target, among=among, asked=going) == inf)
+    draws = view.mask & ((target < 0) | is_lost | (is_there & (left <= 0)))
+    left = xp.where(is_there & (left > 0), left - 1, left)
+    if may_hold(view, draws):
+        options = np.arange(len(streets.counts)) if among is None else among
+        drawn = put(view, options)[view.only(draws).draw.below(len(options))]
+        target, left = xp.where(draws, drawn, target), xp.where(draws, turns, left)
     remember(view, "random_waypoints", target=target, left=left)
-    return moves_to(view, target, fallback)
+    return moves_to(view, target, fallback, among)
 
 
 # -- combinations -------------------------------------------------------------------------------------------------
@@ -237,7 +243,7 @@ def first(*strategies: Callable[[Any], None]) -> Callable[[Any], None]:
                 return
 
     passing = all(getattr(getattr(option, "array_form", None), MAY_SKIP, False) for option in options)
-    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing, portable=portable.first_of)
+    offer_form(strategy, _first_in_arrays, parts=options, may_skip=passing, is_portable=True)
     return strategy
 
 
@@ -268,7 +274,7 @@ def mix(p: float, a: Callable[[Any], None], b: Callable[[Any], None]) -> Callabl
     def strategy(state: State) -> None:
         options[drawn_fraction(state, "mix") < chance](state)
 
-    offer_form(strategy, _mix_in_arrays, chance, parts=options, portable=portable.mixed)
+    offer_form(strategy, _mix_in_arrays, chance, parts=options, is_portable=True)
     return strategy
 
 
@@ -335,43 +341,60 @@ def unblock(strategy: Strategy, after: int = 2) -> Strategy:
             goes_on(state)
             memory["unblock"] = {**known, "ahead": _first_node(state.get("action"))}
 
-    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], fits="edge", portable=portable.unblocked)
+    offer_form(unblock, _unblock_in_arrays, patience, parts=[goes_on], fits="edge", is_portable=True)
     return unblock
 
 
 def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -> IntArray:
-    known = remembered(view, "unblock", blocked=0, calm=0, often=0, left=0, ahead=-1)
-    blocked, calm = np.where(view.blocked, known["blocked"] + 1, 0), np.where(view.blocked, 0, known["calm"] + 1)
-    often = np.where(calm > 2 ** known["often"], 0, known["often"])
-    left, yields = np.maximum(0, known["left"] - 1), view.mask & (blocked >= patience)
-    if yields.any():
-        yields &= view.only(yields).draw.random() < 0.5
-        often = np.where(yields, np.minimum(often + 1, _MOST_OFTEN), often)
-        blocked, calm = np.where(yields, 0, blocked), np.where(yields, 0, calm)
-    if yields.any():
-        turns = 1 + view.only(yields).draw.below(2 ** np.maximum(often - 1, 0))
-        left = np.where(yields, turns, left)
-    aside = view.only(left > 0)
-    actions = asked(view, _drawn_aside(aside, known["ahead"]), goes_on, left <= 0)
-    follows = np.where(actions < 0, -1, view.movement.nodes(view.choices, np.maximum(actions, 0)))
-    ahead = np.where(aside.mask, view.node, follows)
+    xp, known = view.xp, remembered(view, "unblock", blocked=0, calm=0, often=0, left=0, ahead=-1)
+    is_blocked = view.blocked
+    blocked, calm = xp.where(is_blocked, known["blocked"] + 1, 0), xp.where(is_blocked, 0, known["calm"] + 1)
+    often = xp.where(calm > _powers_of_2(known["often"]), 0, known["often"])
+    left, waits = xp.where(known["left"] > 0, known["left"] - 1, 0), view.only(blocked >= patience)
+    if may_hold(view, waits.mask):
+        yields = view.only(waits.mask & (waits.draw.random() < 0.5))
+        often = xp.where(yields.mask, xp.where(often < _MOST_OFTEN, often + 1, _MOST_OFTEN), often)
+        blocked, calm = xp.where(yields.mask, 0, blocked), xp.where(yields.mask, 0, calm)
+        if may_hold(view, yields.mask):
+            turns = 1 + yields.draw.below(_powers_of_2(xp.where(often > 0, often - 1, 0)))
+            left = xp.where(yields.mask, turns, left)
+    actions = asked(view, no_actions(view), partial(_drawn_aside, known["ahead"]), left > 0)
+    actions = asked(view, actions, goes_on, left <= 0)
+    wanted = xp.where(actions < 0, 0, actions)
+    if isinstance(view, DeviceView):
+        follows = view.streets.step(view.node, wanted)
+    else:
+        follows = view.movement.nodes(view.choices, wanted)
+    ahead = xp.where(view.mask & (left > 0), view.node, xp.where(actions < 0, -1, follows))
     remember(view, "unblock", blocked=blocked, calm=calm, often=often, left=left, ahead=ahead)
     return actions
 
 
-def _drawn_aside(view: ArrayView, ahead: IntArray) -> IntArray:
+def _powers_of_2(numbers: Tensor) -> Tensor:
+    return (numbers * 0 + 1) << numbers
+
+
+def _drawn_aside(ahead: Tensor, view: ArrayView) -> Tensor:
     """Return actions to legal nodes that are neither the own ones nor those ahead, or to any where there are none."""
-    actions = no_actions(view)
-    at = np.nonzero(view.mask)
-    if len(at[0]):
-        here, (nodes, is_legal) = view.node[at], view.movement.legal(view.choices[at])
-        is_free = is_legal & (nodes != here[:, None]) & (nodes != ahead[at][:, None])
-        options = np.where(is_free.any(axis=1, keepdims=True), is_free, is_legal)
-        counts = np.ones(view.node.shape, np.int64)
-        counts[at] = options.sum(axis=1)
-        drawn = view.draw.below(counts)[at]
-        actions[at] = (np.cumsum(options, axis=1) > drawn[:, None]).argmax(axis=1)
+    xp = view.xp
+    if isinstance(view, DeviceView):
+        options = _options_aside(view, view.legal_rows(), view.node, ahead)
+        counted = xp.cumulative_sum(xp.astype(options, xp.int64), axis=2)
+        drawn = view.draw.below(counted[..., -1])
+        return xp.argmax(xp.astype(counted > drawn[..., None], xp.int64), axis=2)
+    at, actions, counts = np.nonzero(view.mask), no_actions(view), filled(view, 1)
+    options = _options_aside(view, view.movement.legal(view.choices[at]), view.node[at], ahead[at])
+    counts[at] = options.sum(axis=1)
+    drawn = view.draw.below(counts)[at]
+    actions[at] = (np.cumsum(options, axis=1) > drawn[:, None]).argmax(axis=1)
     return actions
+
+
+def _options_aside(view: ArrayView, legal: tuple[Tensor, Tensor], here: Tensor, ahead: Tensor) -> Tensor:
+    """Return which of the legal nodes agents may step aside to, of those that `here` is of."""
+    nodes, is_legal = legal
+    is_free = is_legal & (nodes != here[..., None]) & (nodes != ahead[..., None])
+    return view.xp.where(view.xp.any(is_free, axis=-1, keepdims=True), is_free, is_legal)
 
 
 # -- steps ---------------------------------------------------------------------------------------------------------
@@ -427,27 +450,32 @@ def _route(
         memory[key] = at = _advanced(stops, memory.get(key, 0), here, repeat=repeat)
         move_to(ctx, state, stops[at] if at < len(stops) else None, fallback, caller)
 
-    offer_form(
-        strategy, _route_in_arrays, key, stops, repeat, is_nearest_first, parts=[fallback], portable=portable.route
-    )
+    offer_form(strategy, _route_in_arrays, key, stops, repeat, is_nearest_first, parts=[fallback], is_portable=True)
     return strategy
 
 
 def _route_in_arrays(
     key: str, stops: tuple[int, ...], repeat: bool, is_nearest_first: bool, fallback: ArrayStrategy, view: ArrayView
 ) -> IntArray:
-    at, rows = remembered(view, key, at=-1)["at"], view.streets.rows(stops)
-    begins = np.nonzero(view.mask & (at < 0))
-    at = np.maximum(at, 0)
-    if len(begins[0]) and is_nearest_first:
-        at[begins] = view.routes().distances(view.node[begins][:, None], rows).argmin(axis=1)
-    for _ in stops:  # no more than once round: they may all be the same node
-        is_there = (at < len(stops)) & (rows[np.minimum(at, len(stops) - 1)] == view.node)
-        if not is_there.any():
-            break
-        at = np.where(is_there, (at + 1) % len(stops) if repeat else at + 1, at)
+    xp, at, rows = view.xp, remembered(view, key, at=-1)["at"], view.movement.streets.rows(stops)
+    begins, first, stop_rows = view.mask & (at < 0), 0, put(view, np.append(rows, -1))
+    if is_nearest_first and may_hold(view, begins):
+        ends = put(view, rows)[None, None, :]
+        far = view.routes().distances(view.node[..., None], ends, among=rows, asked=begins[..., None])
+        first = xp.argmin(far, axis=2)
+    at = xp.where(at < 0, first, at)
+    at = xp.where(stop_rows[at] == view.node, put(view, _following(stops, repeat=repeat))[at], at)
     remember(view, key, at=at)
-    return moves_to(view, np.where(at < len(stops), rows[np.minimum(at, len(stops) - 1)], -1), fallback)
+    return moves_to(view, stop_rows[at], fallback, rows)
+
+
+@lru_cache(maxsize=256)
+def _following(stops: tuple[int, ...], *, repeat: bool) -> IntArray:
+    """Return of each stop the number of the next one at another node, and behind the last one their number."""
+    found = [_advanced(stops, at, node, repeat=repeat) for at, node in enumerate(stops)]
+    following = np.array([*found, len(stops)])
+    following.setflags(write=False)
+    return following
 
 
 def _advanced(stops: tuple[int, ...], at: int, here: int, *, repeat: bool) -> int:

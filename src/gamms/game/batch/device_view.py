@@ -10,7 +10,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.columns import Table, some_rows
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Places
-from gamms.game.batch.routes import RouteTable
+from gamms.game.batch.routes import RouteTable, of_asked
 from gamms.game.batch.sight import Lookout, Seen, lookouts
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes
@@ -331,14 +331,7 @@ class DeviceRoutes:
     def distances(
         self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
     ) -> Tensor:
-        """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape.
-
-        Args:
-            sources: rows of nodes.
-            targets: rows of nodes.
-            among: those that targets can be, in NumPy; None: any, of which those that are new are read.
-            asked: which of the shape that both have need an answer; None: all. The others are any numbers.
-        """
+        """Return what `RouteTable.distances` does; without `among`, targets that are new are read."""
         if not self._is_dense:
             return self._of_host(self._host.distances, sources, targets, asked)
         slots = self._learned(targets, among, asked)
@@ -357,13 +350,9 @@ class DeviceRoutes:
         self, ask: Callable[[IntArray, IntArray], Any], sources: Tensor, targets: Tensor, asked: Tensor | None
     ) -> Tensor:
         """Return what the tables of the host say."""
-        get = self._library.get
-        starts, ends = np.broadcast_arrays(get(sources), get(targets))
-        which = np.ones(starts.shape, np.bool_) if asked is None else np.broadcast_to(get(asked), starts.shape)
-        answers = ask(starts[which], ends[which])
-        found = np.zeros(starts.shape, answers.dtype)
-        found[which] = answers
-        return self._library.put(found)
+        get, put = self._library.get, self._library.put
+        starts, ends = get(sources), get(targets)
+        return put(ask(starts, ends) if asked is None else of_asked(ask, starts, ends, get(asked)))
 
     def _learned(self, targets: Tensor, among: IntArray | None, asked: Tensor | None) -> Tensor:
         """Return the numbers of the tables of targets; of those that are not asked for, of any."""
@@ -419,6 +408,16 @@ def columns_of(table: Tensor, agents: IntArray, library: ArrayLibrary) -> Tensor
     if last - first == len(agents) - 1:
         return table[:, first : last + 1]
     return library.xp.take(table, library.put(agents), axis=1)
+
+
+def with_columns(table: Tensor, agents: IntArray, own: Tensor, library: ArrayLibrary) -> Tensor:
+    """Return a table (games, agents) with other columns of some agents."""
+    most = table.shape[1]
+    if len(agents) == most:
+        return own
+    places = np.arange(most)
+    places[agents] = most + np.arange(len(agents))
+    return library.xp.take(library.xp.concat((table, own), axis=1), library.put(places), axis=1)
 
 
 def only_playing(alive: Tensor, playing: BoolArray, library: ArrayLibrary) -> Tensor:

@@ -1,7 +1,7 @@
 """Distances and steps to many targets for many agents at once: tables of one graph, computed as they are asked for."""
 
 from collections import OrderedDict
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from hashlib import blake2b
 from threading import RLock
 from typing import Any
@@ -38,6 +38,15 @@ def shared_routes(streets: Streets, weight: str | None) -> "RouteTable":
             if left < 0:
                 del _shared[other]
         _shared[key] = found
+    return found
+
+
+def of_asked(ask: Callable[[IntArray, IntArray], Any], sources: IntArray, targets: IntArray, asked: BoolArray) -> Any:
+    """Return what a table answers to those that are asked, and 0 to the others; all broadcast to one shape."""
+    starts, ends, which = np.broadcast_arrays(sources, targets, asked)
+    answers = ask(starts[which], ends[which])
+    found = np.zeros(which.shape, answers.dtype)
+    found[which] = answers
     return found
 
 
@@ -88,8 +97,25 @@ class RouteTable:
         per_value, per_table = self._far.itemsize + self._hops.itemsize, self._ranks[:1].nbytes
         return self._used * per_value + self._tables * per_table
 
-    def distances(self, sources: IntArray, targets: IntArray) -> FloatArray:
-        """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape."""
+    def distances(
+        self,
+        sources: IntArray,
+        targets: IntArray,
+        *,
+        among: IntArray | None = None,  # noqa: ARG002 - for tables on devices
+        asked: BoolArray | None = None,
+    ) -> FloatArray:
+        """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape.
+
+        Args:
+            sources: rows of nodes.
+            targets: rows of nodes.
+            among: those that targets can be, which tables on devices do not read then; None: any.
+            asked: which of the shape that both have need an answer; None: all. The others are any numbers.
+        """
+        if asked is not None:
+            answers: FloatArray = of_asked(self.distances, sources, targets, asked)
+            return answers
         sources, targets = np.broadcast_arrays(sources, targets)
         found = np.empty(sources.shape)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
