@@ -171,3 +171,9 @@ def shut(ctx):
 
 def nothing(ctx):
     """Do nothing, and have no array form, so that the game is played in a context."""
+
+
+def apart(ctx):
+    """Blue gets 2 where it is not on the node of red, else 1."""
+    red, blue = (ctx.agent.get_agent(name).current_node_id for name in ("red_0", "blue_0"))
+    ctx.game.scores["blue"] += 1 + (red != blue)

@@ -1,5 +1,7 @@
 """Mixtures of strategies, beside a linear program of SciPy, brute force and value iteration."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from solved_games import GRAPHS, matrix_value, pursuit, scene, simultaneous
@@ -57,6 +59,17 @@ def test_its_mixtures_play_as_the_matrix_says():
     strategies = {team: found.strategy(team) for team in found.teams}
     scores = [CHASE.play(seed, strategies).scores.get("cops", 0) for seed in range(40)]
     assert np.mean(scores) == pytest.approx(found.value, abs=0.2)
+
+
+def test_an_answer_is_best_also_to_moves_that_no_strategy_of_the_other_team_makes():
+    game = scene("pair", TEAMS, ["solved_games:apart"], turns=2, settings={"order": [["red"], ["blue"]]})
+    blue = double_oracle(game).strategy("blue")
+    for moves in product((0, 1), repeat=2):
+
+        def red(state, moves=moves):
+            state["action"] = moves[state["turn"]]
+
+        assert game.play(strategies={"red": red, "blue": blue}).scores == {"blue": 4.0}
 
 
 def test_an_oracle_that_is_cut_short_says_by_how_much_it_may_be_off():

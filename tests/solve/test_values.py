@@ -222,6 +222,33 @@ def test_a_game_that_is_too_large_is_refused_before_it_is_played():
     assert len(solve(scenario, turns=2).table) < 200
 
 
+def test_a_game_whose_rules_remember_too_much_is_refused():
+    scenario = scene("pair", TEAMS, ["solved_games:toll", "solved_games:pennies"], turns=7)
+    with pytest.raises(TooLarge, match="more than max_states=10 states, of only 4 joint"):
+        solve(scenario, max_states=10)
+
+
+def test_what_a_rule_does_in_the_last_turn_alone_puts_no_turns_into_states():
+    late = {"rule": "time_limit", "with": {"turns": 5, "winner": "robbers"}}
+    solution = solve(pursuit("path", [0], [4]).replace(rules=[*PURSUIT, late]), reward="win")
+    assert not solution.table.by_turn
+    assert solution.value == pytest.approx(2 * simultaneous(GRAPHS["path"], 0, 4, 5) - 1, abs=1e-9)
+
+
+@pytest.mark.parametrize(("own", "given", "used"), [(None, None, 0), (4, None, 4), (4, 0, 0)])
+def test_the_start_is_that_of_the_seed_of_the_call_or_else_of_the_scenario(own, given, used):
+    scenario = scene("path", TEAMS, ["solved_games:pennies"], turns=1).replace(seed=own)
+    with scenario.build(used) as ctx:
+        start = [ctx.agent.get_agent(name).current_node_id for name in ("blue_0", "red_0")]
+    assert solve(scenario, seed=given).table.nodes[0].tolist() == start
+
+
+def test_a_strategy_refuses_a_game_that_starts_where_the_solved_one_does_not_get_to():
+    cops = solve(pursuit("path", [0], [3], turns=1), team="cops", reward="turns").strategy("cops")
+    with pytest.raises(BadValue, match=r"'robber_0': 4.* seed=1"):
+        pursuit("path", [0], [4], turns=1).play(strategies={"cops": cops, "robbers": gamms.strategies.stay})
+
+
 def test_games_in_arrays_and_in_contexts_have_the_same_states_and_values():
     near = {"rule": "tag", "with": {"taggers": "cops", "tagged": "robbers", "then": "eliminate", "hops": 1}}
     first = {"resolve": {"by_priority": ["robbers", "cops"]}}

@@ -292,7 +292,7 @@ class _Answer:
         self._numbers: dict[tuple[tuple[int, int], ...], int] = {}
         self._best: dict[tuple[int, int, int, int | None], tuple[float, int]] = {}
         self._sign = 1.0 if side == 0 else -1.0
-        self._number(tuple((k, 0) for k, share in enumerate(self._shares) if share > 0.0))
+        self._number(tuple((k, 0) for k in np.flatnonzero(shares).tolist()))
         self.value = self._sign * self._worth(0, 0, 0)
 
     def act(self, turn: int, state: int, seen: int, other: int | None) -> int:
@@ -352,15 +352,13 @@ class _Answer:
 
     def _worth_of(self, turn: int, state: int, seen: int, other: int | None, own: int) -> float:
         total, laters = 0.0, dict[int, None]()
-        for k, its in self._beliefs[seen]:
-            does = self._does(turn, state, k, its, own)
-            if other is None or does == other:
-                row = self._row(state, own, does)
-                total += self._shares[k] * self._sign * self._game.reward(turn, row)
-                laters[self._game.later[row]] = None
-        if not laters and other is not None:  # none of the strategies does that: only seen in games with others
-            row = self._row(state, own, other)
-            total, laters = self._sign * self._game.reward(turn, row), {self._game.later[row]: None}
+        does = [(k, self._does(turn, state, k, its, own)) for k, its in self._beliefs[seen]]
+        if other is not None:  # where none of the strategies does that, each of them is taken to have done it
+            does = [one for one in does if one[1] == other] or [(k, other) for k, _ in does]
+        for k, action in does:
+            row = self._row(state, own, action)
+            total += self._shares[k] * self._sign * self._game.reward(turn, row)
+            laters[self._game.later[row]] = None
         for later in laters:
             if not self._game.is_over(turn + 1, later):
                 total += self._worth(turn + 1, later, self.after(turn, state, seen, other, own, later))

@@ -292,11 +292,9 @@ class Solution:
             UnknownName, BadValue: see `value_at`.
         """
         side, number = self._side_of(team), self._number(places or {}, turn)
-        shares = shares_of(self._stages, number, self._stages.left(turn, side), side)
-        if (shares != shares[:, :1]).any():
-            other = shares_of(self._stages, number, self._stages.left(turn, 1 - side), 1 - side)
-            shares = shares[:, [int(other[:, 0].argmax())]]
-        chosen = sorted(enumerate(shares[:, 0].tolist()), key=lambda item: -item[1])
+        own, other = (shares_of(self._stages, number, self._stages.left(turn, one), one) for one in (side, 1 - side))
+        shares = own[:, int(other[:, 0].argmax())]
+        chosen = sorted(enumerate(shares.tolist()), key=lambda item: -item[1])
         return [Choice(share, self.table.actions_of(number, side, action)) for action, share in chosen if share > 0.0]
 
     def _value_of(self, number: int, turn: int) -> float:
@@ -471,7 +469,7 @@ def setup_of(
     max_states: int,
 ) -> Setup:
     """Return which game is looked at, of checked arguments."""
-    start = seed if seed is not None else 0 if scenario.spec.seed is None else scenario.spec.seed
+    start = (scenario.spec.seed or 0) if seed is None else seed
     last = None if turns is None else as_count(turns, "turns")
     return Setup(scenario, as_int(start, "seed"), teams, others, last, as_count(max_states, "max_states"))
 
