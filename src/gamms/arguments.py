@@ -119,13 +119,15 @@ def as_float(value: object, name: str) -> float:
 
     Raises:
         BadType: `value` is not a real number.
-        BadValue: it is NaN or infinite.
+        BadValue: it is NaN or infinite, or does not fit into a float.
     """
     if isinstance(value, bool) or not (isinstance(value, Real) or hasattr(value, "__float__")):
         raise BadType(f"{name} must be a number, not {shown(value)} ({type(value).__name__}).")
     try:
         number = float(value)
-    except (TypeError, ValueError, OverflowError) as error:
+    except OverflowError:
+        raise BadValue(f"{name} must fit into a float, not {shown(value)}.") from None
+    except (TypeError, ValueError) as error:
         raise BadType(f"{name} must be a number, not {shown(value)}: {error}.") from None
     if not math.isfinite(number):
         raise BadValue(f"{name} must be finite, not {number}.")

@@ -184,8 +184,6 @@ def _check_types(schema: object) -> None:
 
 
 def _number(value: object, place: str) -> float | bytes:
-    if isinstance(value, int) and not isinstance(value, bool) and abs(value) >= 1 << 1024:
-        raise BadValue(f"{place} must fit into a float, not {shown(value)}.")
     number = float(value) if isinstance(value, float | np.floating) else as_float(value, place)
     # SQLite turns NaN into NULL and -0.0 into 0.0; as eight bytes they stay what they are.
     is_altered = math.isnan(number) or (number == 0.0 and math.copysign(1.0, number) < 0.0)
