@@ -59,8 +59,10 @@ class Asking:
         return _TIMEOUT
 
     async def _attempts(self, request: dict[str, Plain], question: Question, state: State | AerialState) -> str:
-        outcome, messages = "", request["messages"]
+        outcome, messages, wait = "", request["messages"], 0.0
         for number in range(self._settings.attempts):
+            await asyncio.sleep(wait)
+            wait = 0.0
             body = {**request, "messages": messages}
             reserved = len(json.dumps(body)), self._settings.longest_answer  # a token has at least one byte
             limit = self._account.reserve(self._ctx, *reserved)
@@ -69,10 +71,8 @@ class Asking:
             reply = await self._call(body, reserved)
             if reply.text is None:
                 outcome, wait = reply.problem, max(reply.wait_s, _BACKOFF_S * 2**number)
-                is_in_time = asyncio.get_running_loop().time() + wait < self._end
-                if not reply.is_passing or not is_in_time or number + 1 == self._settings.attempts:
+                if not reply.is_passing or asyncio.get_running_loop().time() + wait >= self._end:
                     return outcome
-                await asyncio.sleep(wait)
                 continue
             try:
                 answer = server.without_secrets(parsed(reply.text))

@@ -291,7 +291,7 @@ def _reply_in(body: bytes) -> Reply:
     except (ValueError, RecursionError):
         return Reply(None, "a response that is no JSON", is_passing=True)
     tokens = (_at(plain, "usage", "prompt_tokens"), _at(plain, "usage", "completion_tokens"))
-    counted = tokens if all(type(one) is int and 0 <= one < _MOST_TOKENS for one in tokens) else None
+    counted = tokens if all(type(one) is int and one in range(_MOST_TOKENS) for one in tokens) else None
     message = _at(plain, "choices", 0, "message")
     text = _at(message, "tool_calls", 0, "function", "arguments") or _at(message, "content")
     if not isinstance(text, str) or not text:

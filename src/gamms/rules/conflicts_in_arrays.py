@@ -212,7 +212,7 @@ class MovesInArrays:
     def _games_too_full(self, limits: IntArray, least: int) -> IntArray:
         """Return the games in which more agents want to be on a node than it takes."""
         agents = self.ends.shape[1]
-        if least >= agents or len(self.ends) == 1:
+        if len(self.ends) == 1:
             return np.zeros(int(least < agents), np.int64)
         ends = np.where(self.stays, self.starts, self.ends)
         places = np.sort(np.where(self.turn.alive, ends, -1 - np.arange(agents)), axis=1)

@@ -513,7 +513,7 @@ def _actions_to_places(
             (source, end, gone, streets.action_to(source, end)),
             (end, source, length - gone, returns),
         ):
-            may = (action >= 0) & (is_here | (own >= 0))
+            may = (action != -1) & (is_here | (own >= 0))
             far = np.where(may, begun + view.routes().distances(start, first) + rest, np.inf)
             option = np.stack((far, *(streets.ids(rows).astype(np.float64) for rows in (start, first, last))))
             differs = option != best

@@ -46,7 +46,7 @@ class ArrayDeeds(NamedTuple):
 def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:
     """Return deeds of one kind as one; there is at least one part."""
     whole = joined_rows(parts)
-    return whole if len(parts) == 1 else whole.those(np.lexsort((whole.agents, whole.at)))
+    return whole.those(np.lexsort((whole.agents, whole.at)))
 
 
 class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):

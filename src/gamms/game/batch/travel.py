@@ -83,8 +83,8 @@ class ByMetres(Movement):
         wanted = columns.targets * nodes + columns.sources
         first, last = (np.searchsorted(ways[order], wanted, side) for side in ("left", "right"))
         found = np.full(len(ways), -1)
-        for number in range(int((last - first).max(initial=0))):
-            open_ = np.flatnonzero((first + number < last) & (found < 0))
+        for number in reversed(range(int((last - first).max(initial=0)))):
+            open_ = np.flatnonzero(first + number < last)
             others = order[first[open_] + number]
             is_like = np.abs(columns.lengths[others] - columns.lengths[open_]) <= SLACK * columns.lengths[open_]
             found[open_[is_like]] = others[is_like]
