@@ -35,6 +35,19 @@ def test_an_array_strategy_plays_the_same_alone_and_in_batches(same_as_one_by_on
     same_as_one_by_one(scene([tag], **SEEING), [1, 2, 3], {"red": hunt})
 
 
+@gamms.array_strategy
+def wary(view):
+    """Stay while an agent is near, whatever else is far away."""
+    near = view.seen("near")
+    return np.where(np.bincount(near.at * 3 + near.viewers, minlength=view.node.size).reshape(view.node.shape), 0, 1)
+
+
+def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
+    sensors = {"near": {"type": "AGENT_RANGE", "sensor_range": 12.0}, "all": {"type": "AGENT"}}
+    teams = {name: {**team, "sensors": ["near", "all"]} for name, team in SEEING["teams"].items()}
+    same_as_one_by_one(scene(sensors=sensors, teams=teams), [1, 2], {"red": wary})
+
+
 def test_it_plays_in_games_that_have_no_array_form():
     scenario = scene(**SEEING, settings={"time_budget": 60.0})
     with scenario.batch(2, seed=3, strategies={"red": hunt}) as games:

@@ -1,5 +1,8 @@
 """Rules in batches: each game is the one that is played alone, whatever the rules do in it."""
 
+from pathlib import Path
+
+import networkx as nx
 import pytest
 from batch_scenes import plain, scene
 
@@ -51,6 +54,21 @@ def test_moves_that_cost_too_much_are_refused(empty, same_as_one_by_one):
     with scene([fuel]).batch(2) as games:
         games.step()
         assert games.observe("red")["facts"]["fuel"].shape == (2, 6)
+
+
+def winding():
+    """A street that is longer than a straight line, and a shorter one beside it that leads one way only."""
+    graph = nx.MultiDiGraph()
+    graph.add_nodes_from((node, {"x": 10.0 * node, "y": 0.0}) for node in range(3))
+    for source, target, length in ((0, 1, 25.0), (0, 1, 15.0), (1, 0, 25.0), (1, 2, 30.0), (2, 1, 30.0)):
+        graph.add_edge(source, target, length=length)
+    return graph
+
+
+def test_a_way_costs_as_much_as_the_shortest_edge_along_it(same_as_one_by_one):
+    fuel = rule("resource", name="fuel", start=100, per_metre=1)
+    map = {"generator": {"function": "test_rules_in_arrays:winding"}}
+    same_as_one_by_one(scene([fuel], map=map, folder=Path(__file__).parent, max_turns=6), SEEDS)
 
 
 def test_agents_that_are_out_of_a_game_by_metres_meet_no_other_on_streets(same_as_one_by_one):

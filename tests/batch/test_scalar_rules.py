@@ -353,6 +353,17 @@ def test_rules_that_need_the_turn_engine_get_it(rule, why, shares_memory):
         assert all(rule.__name__ in one and why in one for one in detached.values())
 
 
+def banks(ctx):
+    ctx.game.scores["bank"] = -(1 << 53) - ctx.seed % 2
+
+
+def test_a_game_whose_scores_floats_do_not_hold_exactly_leaves_the_arrays():
+    with scene([TAG], max_turns=3).build(seed=1) as ctx:
+        ctx.game.add(banks)
+        assert check(ctx, [2]) == {}
+        assert "scores that are no numbers" in check(ctx, [3])[0]
+
+
 def deserts(ctx):
     if ctx.game.turn == 3 and ctx.seed % 3 == 0:
         ctx.agent.delete_agent("red_0")

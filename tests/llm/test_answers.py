@@ -218,6 +218,9 @@ def test_agents_that_fly_are_asked_for_a_direction(server, strategy_of):
         )
         result = ctx.game.run(4)
         assert drone.position == (5.0, 0.0, 9.0)
+    text = text_of(server.requests[1])
+    assert "(5, 0, 9)" in text
+    assert "node (" not in text
     assert [one.partition(":")[0] for one in outcomes(result)] == ["answer"] + ["wrong answer"] * 3
 
 

@@ -116,8 +116,9 @@ def test_the_key_itself_is_no_name_of_a_variable():
     with pytest.raises(KeyError, match="environment variable that key_variable names") as raised:
         Strategy("http://localhost/v1", "m", "Go.", key_variable=KEY.replace("-", "_"))
     assert KEY.replace("-", "_") not in str(raised.value)
-    with pytest.raises(KeyError, match="environment variable 'NO_SUCH_KEY'"):
-        Strategy("http://localhost/v1", "m", "Go.", key_variable="NO_SUCH_KEY")
+    for variable, shown in (("NO_SUCH_KEY", "'NO_SUCH_KEY'"), ("N" * 40, "N" * 40), ("N" * 41, "that key_variable")):
+        with pytest.raises(KeyError, match=f"environment variable .*{shown}"):
+            Strategy("http://localhost/v1", "m", "Go.", key_variable=variable)
 
 
 def test_a_server_that_needs_no_key_gets_none(server, monkeypatch):

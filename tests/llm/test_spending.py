@@ -22,6 +22,11 @@ def test_costs_are_in_the_result(strategy_of):
     assert totals == [{"calls": 4, "input_tokens": 400, "output_tokens": 40, "cost": 0.0012, "fallbacks": 0}]
 
 
+def test_a_model_of_ones_own_may_cost_nothing(strategy_of):
+    with new_game(strategy_of(price_in=0.0, price_out=0.0)) as ctx:
+        assert ctx.game.run(1).table("llm")["cost"].tolist() == [0.0]
+
+
 @pytest.mark.parametrize(
     ("limit", "asked"), [({"max_calls": 3}, 3), ({"max_tokens": 2600}, 5), ({"max_cost": 0.0065, **PRICES}, 3)]
 )

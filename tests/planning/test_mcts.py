@@ -12,8 +12,10 @@ import pytest
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.planning import mcts
-from gamms.planning.mcts import _Node, _Trials
+from gamms.planning.mcts import _Node, _seen, _Trials
+from gamms.planning.pace import Pace
 from gamms.scenario import load
+from gamms.sensor import SensorType
 
 DATA = Path(gamms.__file__).parent / "data" / "gallery"
 
@@ -298,6 +300,18 @@ def test_garbage_is_not_collected_while_a_decision_has_a_limit(tag, options):
         ctx.game.run(1)
     assert seen[-1] is ("seconds" not in options)
     assert gc.isenabled()
+
+
+def test_a_search_without_time_follows_the_policies_only_if_all_its_agents_have_one():
+    pace, game = Pace(), object()
+    pace.follow(game, {"ann": gamms.strategies.stay, "bob": gamms.strategies.stay})
+    assert pace.knows({"ann": {"fork": game}})
+    assert not pace.knows({"ann": {"fork": game}, "cat": {"fork": game}})
+
+
+def test_a_search_tells_apart_where_others_are_seen_and_not_what_is_seen_of_the_map():
+    sensors = {"eyes": (SensorType.AGENT_RANGE, {"bob": 5, "ann": 4}), "map": (SensorType.NEIGHBOR, [3, 4])}
+    assert _seen({"curr_pos": 3, "sensor": sensors}) == (3, ("ann", 4), ("bob", 5))
 
 
 def test_without_time_for_an_iteration_the_policy_says_what_is_done(tag):

@@ -146,8 +146,10 @@ for line in sys.stdin:
             print('{"type": "turn", "question": 2, "actions": {"red_0": ' + "9" * 10_000 + "}}", flush=True)
         elif deed == "print brackets":
             print("[" * 100_000, flush=True)
-        elif deed == "answer twice":
-            say(type="turn", question=2, actions=actions)
+        elif deed == "answer the next question, too":
+            both = [json.dumps({"type": "turn", "question": number, "actions": actions}) for number in (2, 3)]
+            print("\\n".join(both), flush=True)
+            continue
         elif deed == "answer another question":
             message["question"] = 3
         elif deed == "decide for others":
@@ -279,7 +281,7 @@ def test_a_python_entry_loses_by_its_fault(launchers, deed, kind):
         ("print garbage", "garbage"),
         ("print numbers that no one can hold", "garbage"),
         ("print brackets", "garbage"),
-        ("answer twice", "order"),
+        ("answer the next question, too", "order"),
         ("answer another question", "order"),
         ("decide for others", "illegal"),
         ("choose lists of lists", "illegal"),

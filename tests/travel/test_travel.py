@@ -241,6 +241,17 @@ def test_one_that_stands_on_an_edge_is_met_by_one_that_comes_along_it():
     assert met == [(4, pytest.approx(0.5))]
 
 
+def test_those_who_use_one_street_one_after_the_other_do_not_meet():
+    ctx, met = road(0, 30, 60), []
+    ctx.graph.add_nodes([3], [30], [50])
+    ctx.graph.add_edges([8], [3], [1], [50])
+    anna = agent(ctx, "anna", 0, 2, speed=60.0, team="a")
+    bert = agent(ctx, "bert", 3, 0, speed=80.0, team="b")  # at node 1 after 5/8 of the turn, and anna after 1/2
+    ctx.game.add(lambda ctx: met.extend(contacts(ctx, "a", "b")))
+    ctx.game.step()
+    assert (x_of(anna), x_of(bert), met) == (60.0, 0.0, [])
+
+
 def test_contacts_within_metres_and_in_a_straight_line_are_exact():
     ctx, met = road(0, 90), []
     agent(ctx, "anna", 0, 1, speed=10.0, team="a")
