@@ -1,5 +1,6 @@
 """The array form of every sensor sees what one look after the other sees."""
 
+import pickle
 from math import pi
 
 import pytest
@@ -49,6 +50,7 @@ def test_many_looks_are_the_single_ones(kind, data):
     filters = data.draw(st.sampled_from([{}, {"team": 1}, {"exclude": 1}, {"detection": 0.5}]))
     asked = data.draw(st.lists(st.sampled_from(IDS), max_size=6))
     owner = data.draw(st.sampled_from([None, "a1", "drone"]))
+    dead = data.draw(st.sampled_from([None, "a2"]))
     sensors = []
     contexts = [world(5), world(5)]
     for ctx in contexts:
@@ -57,6 +59,8 @@ def test_many_looks_are_the_single_ones(kind, data):
             ctx.agent.get_agent(owner).register_sensor("s", sensor)
             ctx.agent.get_agent("a1").orientation = (0.6, 0.8)
         sensors.append(sensor)
+        if dead is not None:
+            ctx.agent.get_agent(dead).alive = False
     many, one = sensors
     before = many.data
     sensed = many.sense_many(asked)
@@ -80,3 +84,21 @@ def test_an_unknown_node_among_many_is_named(kind):
         sensor = ctx.sensor.create_sensor("s", kind)
         with pytest.raises(KeyError, match="99"):
             sensor.sense_many([0, 99])
+
+
+def test_agents_that_are_too_far_for_squares_are_seen_from_many_nodes():
+    with gamms.create_context() as ctx:
+        ctx.graph.add_nodes([0, 1], [0.0, 1e200], [0.0, 0.0])
+        ctx.agent.create_agent("near", start_node_id=0)
+        ctx.agent.create_agent("far", start_node_id=1)
+        sensed = ctx.sensor.create_sensor("s", "AGENT_RANGE", sensor_range=5.0).sense_many([0, 1])
+        assert [sensed.names[i] for i in sensed.values] == ["near", "far"]
+        assert sensed.offsets.tolist() == [0, 1, 2]
+
+
+def test_what_was_sensed_at_the_map_can_be_pickled():
+    with world(1) as ctx:
+        sensed = ctx.sensor.create_sensor("s", "RANGE", sensor_range=10.0).sense_many([0, 4])
+    copy = pickle.loads(pickle.dumps(sensed))
+    assert copy[1].tolist() == [1, 3, 4, 5, 7]
+    assert copy.edges[0].tolist() == sensed.edges[0].tolist() == [0, 6]

@@ -1,7 +1,8 @@
 """What sensors saw, as columns: of many looks at once, and of the last look as a drawer needs it."""
 
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Sequence, Sized
 from dataclasses import dataclass, field
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,11 +20,18 @@ class Sensed:
 
     offsets: IntArray  # (looks + 1,)
     values: "np.ndarray[Any, Any]"  # (values,)
-    edges: "Sensed | None" = None
+    _edges: "Sensed | Callable[[], Sensed] | None" = None
     names: tuple[str, ...] = ()  # of agents
     places: "IntArray | FloatArray | None" = (
         None  # (values,) ids of the nodes, or (values, 3): where agents are reported
     )
+
+    @property
+    def edges(self) -> "Sensed | None":
+        """The edges that were seen, of looks at the map; put together when asked for."""
+        if callable(self._edges):
+            object.__setattr__(self, "_edges", self._edges())
+        return self._edges  # type: ignore[return-value] # it is called by now
 
     def __len__(self) -> int:
         """How many looks there were."""
@@ -137,6 +145,14 @@ class SensorView:
 
 def ragged(rows: list[list[int]]) -> tuple[IntArray, IntArray]:
     """Return offsets (rows + 1,) and values of lists of different lengths."""
-    offsets = np.zeros(len(rows) + 1, np.int64)
-    np.cumsum([len(row) for row in rows], out=offsets[1:])
+    offsets = _offsets(rows)
     return offsets, np.fromiter((value for row in rows for value in row), np.int64, int(offsets[-1]))
+
+
+def sensed_arrays(looks: Sequence[IntArray], edges: Callable[[], Sensed] | None = None) -> Sensed:
+    """Return what looks saw, given as arrays."""
+    return Sensed(_offsets(looks), np.concatenate(looks) if looks else np.zeros(0, np.int64), edges)
+
+
+def _offsets(rows: Sequence[Sized]) -> IntArray:
+    return np.fromiter(accumulate(map(len, rows), initial=0), np.int64, len(rows) + 1)

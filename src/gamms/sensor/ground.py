@@ -1,6 +1,7 @@
 """The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
 
 from collections.abc import Collection, Sequence
+from functools import partial
 from math import inf, pi
 from typing import Any, cast
 
@@ -14,15 +15,15 @@ from gamms.ir.chances import as_chances
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
-from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged
+from gamms.ir.sensed import AgentLook, NodeLook, Sensed, SensorView, ragged, sensed_arrays
 from gamms.sensor import fov_geometry
 from gamms.sensor.detection import DetectingSensor, teams_in
 from gamms.sensor.nearby import memory_of
 from gamms.sensor.sensor import Heading, Sensor, of_data
 from gamms.sensor.sighting_errors import Look
-from gamms.sensor.views import FULL_CIRCLE, Place, coordinates, in_sight, is_unhidden, nodes_ahead
+from gamms.sensor.views import FULL_CIRCLE, Place, View, coordinates, in_sight, is_unhidden, nodes_ahead
 from gamms.typing import IAgent, IContext
-from gamms.typing.graph_engine import NodeColumns, Surroundings
+from gamms.typing.graph_engine import NodeColumns
 from gamms.typing.sensor_engine import ISensor, SensorType
 
 ALL_AROUND: Heading = (0.0, 0.0)
@@ -192,9 +193,10 @@ class MapSensor(GroundSensor):
     def sense_many(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> Sensed:
         """Look from many nodes; values are ids of nodes, and `edges` has ids of edges. `data` stays as it is."""
         heading = ALL_AROUND if self.fov == FULL_CIRCLE else self.heading()
-        looks = [self._look(self.place(node_id), heading) for node_id in as_ids(node_ids, "node_ids")]
-        nodes = ragged([[*look.nodes] for look in looks])
-        return Sensed(*nodes, Sensed(*ragged([[edge.id for edge in look.edges] for look in looks])))
+        is_usual = self.fov == FULL_CIRCLE and self.range < inf and self._at is None and not self._is_occluded
+        known = self._memory.views.known(self.range) if is_usual else {}
+        views = [known.get(id) or self._look(self.place(id), heading) for id in as_ids(node_ids, "node_ids")]
+        return sensed_arrays([view.node_ids for view in views], partial(_edges_of, views))
 
     def nodes_in_arrays(self) -> NodeLook | str:
         """Return how it shows nodes, to be computed for many games at once; else in words why it cannot."""
@@ -212,7 +214,7 @@ class MapSensor(GroundSensor):
 
     def _ids_from(self, node_id: int) -> IntArray:
         heading = ALL_AROUND if self.fov == FULL_CIRCLE or self._at is None else self.orientation
-        return np.array([*self._look(self.place(node_id), heading).nodes], np.int64)
+        return self._look(self.place(node_id), heading).node_ids
 
     @of_data
     def last_view(self) -> SensorView:
@@ -223,7 +225,7 @@ class MapSensor(GroundSensor):
         node = self.data["nodes"].get(place)  # where it was then, unless the data was emptied since
         return super()._where(place) if node is None else (node.x, node.y)
 
-    def _look(self, place: Place, heading: Heading) -> Surroundings:
+    def _look(self, place: Place, heading: Heading) -> View:
         if self._is_occluded:
             views = self._memory.views_past_obstacles
             return views.look_past(place, self.range, self.fov, heading, self._observer_height, self._tunnel(place))
@@ -333,6 +335,11 @@ class AgentSensor(DetectingSensor, GroundSensor):
         own = self._owner if self._at is None else None
         with self._phase.suspended() if self._notice is None else self._notice.rolled_back():
             ids, reports = as_ids(node_ids, "node_ids"), list[dict[str, int]]()
+            reports_all = self._notice is None or self._notice.reports_all
+            if heading == ALL_AROUND and reports_all and not self._is_occluded and self._at is None:
+                positions, pairs = self._memory.nearby.near_nodes(ids, self.range)
+                if pairs is not None:
+                    return _paired(positions, *pairs, looks=len(ids), own=own)
             for id in ids:
                 positions, rows, look = self._found(self.place(id), heading)
                 seen = positions.found(rows)
@@ -475,6 +482,20 @@ class OccludedAgentSensor(OccludedSensor, AgentSensor):
     """The same, without the agents that obstacles hide."""
 
     __slots__ = ()
+
+
+def _edges_of(views: list[View]) -> Sensed:
+    return sensed_arrays([view.edge_ids for view in views])
+
+
+def _paired(positions: Positions, looks_at: IntArray, rows: IntArray, *, looks: int, own: str | None) -> Sensed:
+    """Return pairs of looks and rows of agents as what was sensed, but for one agent."""
+    names = tuple(positions.names)
+    if own in names:
+        is_other = rows != names.index(own)
+        looks_at, rows = looks_at[is_other], rows[is_other]
+    offsets = np.searchsorted(looks_at, np.arange(looks + 1))
+    return Sensed(offsets, rows, names=names, places=positions.node_ids[rows])
 
 
 def _sensors_of(agent: IAgent) -> Collection[ISensor]:

@@ -15,7 +15,7 @@ from gamms.arguments import as_int
 from gamms.deciding import phase_of
 from gamms.errors import UnknownName
 from gamms.ir.columns import ChangeLog
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.positions import Positions
 from gamms.sensor.views import Place, Views, ViewsPastObstacles, coordinates, on_ground
@@ -183,6 +183,11 @@ class NearbyAgents:
             rows = sorted([*rows, *self._travellers.within(positions, coordinates(self._ctx, place), radius)])
         return positions, rows
 
+    def near_nodes(self, ids: list[int], radius: float) -> tuple[Positions, tuple[IntArray, IntArray] | None]:
+        """Return where agents are, and those near nodes; see `near_places`."""
+        positions = self._catch_up()
+        return positions, near_places(self._ctx.graph.graph.positions(ids), radius, positions, self.places())
+
     def _catch_up(self) -> Positions:
         """Forget what is no longer so, and return where agents are."""
         moment = self._phase.moment
@@ -231,10 +236,12 @@ class NearbyAgents:
                 self._looked_from.clear()
             self._looked_from.add((radius, place))
             return None
-        ids = self._views.known_ids(place, radius)
-        if ids is None:
+        seen = self._views.known(radius).get(place)
+        if seen is None:
             x, y = coordinates(self._ctx, place)
             ids = self._ctx.graph.graph.nodes_near(x, y, radius).ids.tolist()
+        else:
+            ids = [*seen.nodes]
         # NOTE: a tuple of shared ints is a sixth of a set, and what counts is how much memory a look touches
         # (benchmarks: 1,000 agents in Helsinki). Few agents are looked up in the set.
         are_many = agents >= _MANY_AGENTS
@@ -323,19 +330,30 @@ class LooksAtRange:
     ) -> tuple[list[int], list[int], list[int]]:
         """Return the nodes with an agent, and pairs of the number of one of them and the row of an agent around it."""
         if self._pairs is None:
-            xy = places()
-            if positions.travellers or not max(radius, float(np.abs(xy).max())) < _FAR:
+            xy, row_on = places(), dict(zip(positions.nodes, count(), strict=False))
+            found = near_places(xy if len(row_on) == len(xy) else xy[list(row_on.values())], radius, positions, xy)
+            if found is None:
                 self._pairs = [], [], []
-                return self._pairs
-            row_on = dict(zip(positions.nodes, count(), strict=False))
-            looking = xy if len(row_on) == len(xy) else xy[list(row_on.values())]
-            living = positions.living if positions.inactive else None
-            here, there = kernels.Area(*looking.T), kernels.Area(*(xy if living is None else xy[living]).T)
-            parts = [*kernels.near_each_other(here, there, radius)]
-            at, rows = parts[0] if len(parts) == 1 else [np.concatenate(part) for part in zip(*parts, strict=True)]
-            self._pairs = [*row_on], at.tolist(), (rows if living is None else living[rows]).tolist()
+            else:
+                self._pairs = [*row_on], found[0].tolist(), found[1].tolist()
             self.found += len(self._pairs[1])
         return self._pairs
+
+
+def near_places(
+    here: FloatArray, radius: float, positions: Positions, xy: FloatArray
+) -> tuple[IntArray, IntArray] | None:
+    """Return the living agents within a radius of places (places, 2), as numbers of places and rows, ascending.
+
+    None: an agent is on an edge, or it is too far for arrays. `xy` says where agents are (agents, 2).
+    """
+    if positions.travellers or not max(radius, *(float(np.abs(one).max(initial=0.0)) for one in (here, xy))) < _FAR:
+        return None
+    living = positions.living if positions.inactive else None
+    there = kernels.Area(*(xy if living is None else xy[living]).T)
+    parts = [*kernels.near_each_other(kernels.Area(*here.T), there, radius)]
+    at, rows = parts[0] if len(parts) == 1 else [np.concatenate(part) for part in zip(*parts, strict=True)]
+    return at, rows if living is None else living[rows]
 
 
 class Travellers:

@@ -1,6 +1,7 @@
 """What is seen from a place of the nodes and edges around, remembered as long as they stay as they are."""
 
-from collections.abc import Hashable, Iterable
+from collections.abc import Hashable, Mapping
+from functools import cached_property
 from math import inf, pi
 from typing import Any
 
@@ -22,11 +23,25 @@ Place = int | tuple[float, ...]  # the id of a node, or (x, y)
 
 _FAR_BEYOND = 3.0  # how far an area is measured, in distances to the farthest node along an axis
 _MOST_AREAS = 1000
-_MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all
+_MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all, but for arrays of ids
 _PART = 8  # one in so many views is forgotten when there are too many
 _WORDS_PER_NODE = 12  # of a dict entry
 _SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
 _WORDS_PER_VIEW = 100  # of its key and its empty containers
+
+
+class View(Surroundings):
+    """What is seen from a place, to be shared, and not to be changed."""
+
+    @cached_property
+    def node_ids(self) -> IntArray:
+        """The ids of the nodes, (nodes,)."""
+        return np.array([*self.nodes], np.int64)
+
+    @cached_property
+    def edge_ids(self) -> IntArray:
+        """The ids of the edges, (edges,)."""
+        return np.array([edge.id for edge in self.edges], np.int64)
 
 
 class Views:
@@ -37,11 +52,11 @@ class Views:
         self._graph: IGraph | None = None
         self._moment: object = None
         self._revision: Any = None
-        self._seen: dict[Any, dict[Any, Surroundings]] = {}
+        self._seen: dict[Any, dict[Any, View]] = {}
         self._words = 0
 
-    def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
-        """Return what a map sensor sees; shared, and therefore not to be changed."""
+    def look(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> View:
+        """Return what a map sensor sees."""
         # NOTE: the graph is asked for once, and for its revision once in a turn: three properties cost a third of a
         # look (benchmarks: sense).
         moment = self._phase.moment
@@ -63,12 +78,10 @@ class Views:
         except TypeError:  # not hashable
             return self.look(as_int(place, "The id of a node"), radius, fov, heading)
 
-    def known_ids(self, place: Place, radius: float) -> Iterable[int] | None:
-        """Return the ids of the nodes within a radius of a place, if a sensor has looked there already."""
-        if self._revision is None or self._revision != self._ctx.graph.graph.revision:
-            return None
-        seen = self._seen.get(radius, {}).get(place)
-        return None if seen is None else seen.nodes
+    def known(self, radius: float) -> Mapping[Place, View]:
+        """Return what sensors have seen all around within a finite radius, by place, as far as it is remembered."""
+        is_valid = self._revision is not None and self._revision == self._ctx.graph.graph.revision
+        return self._seen.get(radius, {}) if is_valid else {}
 
     def _ahead(self, place: Place, radius: float, fov: float, heading: tuple[float, float]) -> Surroundings:
         graph = self._ctx.graph.graph
@@ -81,16 +94,16 @@ class Views:
         self._seen.clear()
         self._words = 0
 
-    def _keep(self, kind: Hashable, place: Place, seen: Surroundings) -> Surroundings:
+    def _keep(self, kind: Hashable, place: Place, seen: Surroundings) -> View:
         """Remember a view, if it is small enough; when there are too many, one in a few is forgotten."""
-        words = _words(seen)
+        words, view = _words(seen), View(*seen)
         if self._revision is None or words > _MOST_WORDS:
-            return seen
+            return view
         if self._words + words > _MOST_WORDS:
             self._drop(words)
         self._words += words
-        self._seen.setdefault(kind, {})[place if isinstance(place, tuple) else int(place)] = seen
-        return seen
+        self._seen.setdefault(kind, {})[place if isinstance(place, tuple) else int(place)] = view
+        return view
 
     def _drop(self, words: int) -> None:
         """Forget one in a few views of each kind, until so much memory is free."""
@@ -117,7 +130,7 @@ class ViewsPastObstacles(Views):
 
     def look_past(
         self, place: Place, radius: float, fov: float, heading: tuple[float, float], height: float, tunnel: int = 0
-    ) -> Surroundings:
+    ) -> View:
         """Return what a map sensor sees whose sight lines run `height` above the ground; `tunnel` as for `in_sight`."""
         self._renew()
         kind = (radius, fov, heading, height, tunnel)
