@@ -231,9 +231,84 @@ def test_a_column_comes_back(numbers):
     reader.finish()
 
 
-@given(st.binary(), st.binary(), st.booleans())
-def test_packed_bytes_come_back_with_what_follows_them(data, rest, is_noisy):
-    assert packing.unpacked(packing.packed(data, is_noisy=is_noisy) + rest, len(data)) == (data, rest)
+few = st.lists(st.integers(-(2**20), 2**20 - 1), min_size=1, max_size=9) | st.lists(st.integers(), min_size=1).map(
+    lambda numbers: [(number + 2**63) % 2**64 - 2**63 for number in numbers]
+)
+
+
+@given(few, st.integers(15_000, 35_000))
+def test_many_integers_come_back_of_which_few_differ(numbers, size):
+    column = np.resize(np.array(numbers, np.int64), size)
+    reader = packing.ByteReader(packing.column(column))
+    assert np.array_equal(reader.column(size), column)
+    reader.finish()
+
+
+@pytest.mark.parametrize(("entries", "size"), [(256, 2 + 1 + 256 + 20_000), (257, 1 + 40_000)])
+def test_a_table_has_at_most_256_entries(entries, size):
+    column = np.resize(np.arange(entries) - 127, 20_000)
+    written = packing.column(column)
+    assert len(written) == size
+    assert np.array_equal(packing.ByteReader(written).column(20_000), column)
+
+
+def test_a_table_that_was_written_once_says_the_same_for_ever():
+    reader = packing.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17 01 01 00 01"))
+    assert reader.column(4).tolist() == [1000, 1000, -2000, 1000]
+    reader.finish()
+
+
+@pytest.mark.parametrize(
+    ("column", "size", "words"),
+    [
+        ("09 01 01 00 02 00 02", 2, "2 numbers does not fit its table of 2 entries"),
+        ("09 00 01 00", 0, "0 numbers does not fit its table of 1 entries"),
+        ("09 00 09 00 01 00 00", 1, "1 numbers cannot have the form 9"),
+        ("09 00 00 00", 1, "1 numbers cannot have the form 0"),
+        ("09 ff 01 00", 1, "256 bytes are promised and 1 are there"),
+        ("09 00", 1, "2 bytes are promised and 1 are there"),
+        ("0a 00 01 00 00", 1, "1 numbers cannot have the form 10"),
+    ],
+    ids=[
+        "no such entry",
+        "empty",
+        "a table in a table",
+        "no entries",
+        "cut entries",
+        "cut off",
+        "a form of later versions",
+    ],
+)
+def test_a_damaged_column_is_refused(column, size, words):
+    with pytest.raises(BadFile, match=words):
+        packing.ByteReader(bytes.fromhex(column)).column(size)
+
+
+@given(st.binary(), st.binary())
+def test_packed_bytes_come_back_with_what_follows_them(data, rest):
+    assert packing.unpacked(packing.packed(data) + rest, len(data)) == (data, rest)
+
+
+pieces = st.tuples(st.binary(min_size=1, max_size=20), st.sampled_from((1, 7, 1 << 13))).map(
+    lambda one: one[0] * one[1]
+)
+
+
+@given(st.lists(pieces, min_size=1, max_size=5), st.binary())
+def test_packed_columns_come_back_joined_with_what_follows_them(columns, rest):
+    data = b"".join(columns)
+    assert packing.unpacked(packing.packed_columns(columns) + rest, len(data)) == (data, rest)
+
+
+def test_random_moves_on_a_large_lattice_take_less_than_a_third_of_a_byte_each():
+    rng = np.random.default_rng(1)
+    moves = rng.choice([0, 1, -1, 1000, -1000], 40_000)
+    rows = packing.steps(np.tile(rng.permutation(10_000), 4))  # four times the same, in no order
+    apart = [packing.packed_columns([packing.column(numbers)]) for numbers in (moves, rows)]
+    assert len(apart[0]) < 40_000 / 3
+    assert len(apart[1]) < 2.5 * 10_000
+    together = packing.packed_columns([packing.column(rows), packing.column(moves)])
+    assert len(together) < sum(map(len, apart)) + 10
 
 
 def test_packed_bytes_are_refused_that_are_not_what_they_promise():

@@ -293,5 +293,12 @@ def test_a_random_walk_takes_less_than_half_a_byte_for_each_move():
     assert len(written(game, {}, keyframes=True)) < 0.5 * 128_000
 
 
+def test_a_random_walk_takes_four_tenths_of_a_byte_on_large_lattices_too():
+    game = walk(1000, 64, n=500)
+    data = written(game, {})
+    assert len(data) < 0.4 * 64_000
+    assert logs_of(opened(data)) == game
+
+
 def test_agents_that_stand_still_take_next_to_nothing():
     assert len(written([[n for row in range(1000) for n in (row, 3 * row)]] * 64, {})) < 3000

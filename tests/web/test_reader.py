@@ -6,9 +6,11 @@ import shutil
 import subprocess
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from gamms import recorder
+from gamms.ir import packing
 
 HERE = Path(__file__).parent
 SAMPLES = sorted((HERE.parent / "recorder/samples/ours").glob("version3*.ggr"))
@@ -52,3 +54,41 @@ def test_every_state_of_a_frozen_recording_is_the_same(read, path):
     assert found["map"]["xy"] == graph.xy.ravel().tolist()
     assert found["map"]["edges"] == graph.edge_ids.tolist()
     assert in_pieces == found  # as they come live
+
+
+COLUMNS = """
+import { ByteReader } from "%s";
+const found = process.argv.slice(1).map((hex) => {
+  const bytes = Uint8Array.from(hex.match(/../g), (digits) => parseInt(digits, 16));
+  try {
+    return [[...new ByteReader(bytes).column(20000)], [...new ByteReader(bytes).wideColumn(20000)].map(Number)];
+  } catch (error) {
+    return error.message;
+  }
+});
+console.log(JSON.stringify(found));
+"""
+
+
+def test_tables_of_columns_are_read_and_damaged_ones_refused():
+    numbers = np.resize([0, 1, -1, 1000, -1000], 20_000)
+    column = packing.column(numbers)
+    entries = column[: len(column) - 20_000]
+    damaged = [
+        entries + bytes(19_999) + b"\5",  # no such entry
+        b"\x09\0" + entries + bytes(20_000),  # a table in a table
+        b"\x0a" + column[1:],  # a form of later versions
+        column[:-1],
+    ]
+    program = COLUMNS % (HERE.parents[1] / "src/gamms/web/viewer/values.js").as_uri()
+    given = [NODE, "--input-type=module", "-e", program, *(one.hex() for one in (column, *damaged))]
+    done = subprocess.run(given, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    found, *messages = json.loads(done.stdout)
+    assert found == [numbers.tolist()] * 2
+    assert messages == [
+        "a column does not fit its table",
+        "a table is damaged",
+        "a column is damaged",
+        "20000 bytes are promised and fewer are there",
+    ]

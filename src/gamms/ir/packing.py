@@ -1,7 +1,8 @@
 """Columns and plain values as bytes, and back: what saved graphs, sight tables and recordings are made of.
 
 Three layers, each of which only the one above it knows: packed bytes (deflate, inflated to a promised size), columns
-(differences, zigzag, the bytes of each place side by side), plain values (MessagePack with extension types).
+(differences, zigzag, the bytes of each place side by side, or a table and numbers of its entries), plain values
+(MessagePack with extension types).
 
 In a value each container is an extension whose content is one flat array of scalars and further extensions. So the
 library decodes one level at a time: depth, memory and keys are checked before anything is made of the next one.
@@ -11,6 +12,7 @@ The same value gives the same bytes. docs/recording-format.md describes all of i
 import zlib
 from collections.abc import Callable, Sequence
 from functools import cache
+from itertools import groupby
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -57,6 +59,12 @@ _OF_BYTE = 4  # a letter of a text takes so much where there is an emoji in it
 _LARGE = 1 << 23  # bytes; more are deflated with less effort
 _NOTHING = b"\0\3\0"  # no bytes, as `packed` returns them
 
+_TABLE = 9  # instead of how many bytes the integers of a column need: it has a table
+_MOST_ENTRIES = 256
+_MOST_COUNTED = 1 << 21  # of larger integers no table is made
+_LARGE_COLUMN = 1 << 15  # bytes, as far back as deflate looks: from here on it pays to ask how a column is packed best
+_SAMPLE = 1 << 13  # bytes at their end, in which patterns are looked for
+
 # -- packed bytes -----------------------------------------------------------------------------------------------
 
 
@@ -70,23 +78,47 @@ def varint(value: int) -> bytes:
     return bytes(out)
 
 
-def packed(data: bytes, *, is_noisy: bool = False, is_quick: bool = False) -> bytes:
-    """Return the size of bytes, and the bytes deflated.
-
-    Args:
-        data: what is packed.
-        is_noisy: whether these are columns of differences, in which longer patterns are rare.
-        is_quick: whether no patterns are looked for but bytes that repeat.
-    """
+def packed(data: bytes) -> bytes:
+    """Return the size of bytes, and the bytes deflated."""
     if not data:
         return _NOTHING
     # NOTE: half the time and 1 % more bytes for a city (benchmarks: city scale).
-    level, strategy = (
-        4 if is_noisy or len(data) > _LARGE else 6,
-        zlib.Z_RLE if is_quick else zlib.Z_FILTERED if is_noisy else zlib.Z_DEFAULT_STRATEGY,
-    )
-    deflate = zlib.compressobj(level, zlib.DEFLATED, -15, 8, strategy)
+    deflate = zlib.compressobj(4 if len(data) > _LARGE else 6, zlib.DEFLATED, -15)
     return b"".join((varint(len(data)), deflate.compress(data), deflate.flush()))
+
+
+def packed_columns(columns: Sequence[bytes]) -> bytes:
+    """Return columns as packed bytes: small ones deflated together, each large one in the way that suits it."""
+    *others, last = _pieces(columns)
+    size = varint(sum(map(len, columns)))
+    return b"".join((size, *(_deflated(one, zlib.Z_SYNC_FLUSH) for one in others), _deflated(last, zlib.Z_FINISH)))
+
+
+def _pieces(columns: Sequence[bytes]) -> list[bytes]:
+    """Return columns that follow each other and are small in one piece, and each of the others in its own."""
+    groups = groupby(enumerate(columns), lambda one: one[0] if len(one[1]) >= _LARGE_COLUMN else -1)
+    return [b"".join(column for _, column in some) for _, some in groups]
+
+
+def _deflated(columns: bytes, flush: int) -> bytes:
+    """Return columns of differences deflated, in which longer patterns are rare.
+
+    Args:
+        columns: one that is large, or several.
+        flush: how the stream ends: for good, or with a whole byte, so that another one continues it.
+    """
+    strategy = zlib.Z_FILTERED
+    if len(columns) >= _LARGE_COLUMN:
+        # NOTE: where no patterns are found it takes a fifth of the time to look for none (benchmarks: teams).
+        before, sample = columns[: _LARGE_COLUMN - _SAMPLE], columns[_LARGE_COLUMN - _SAMPLE : _LARGE_COLUMN]
+        found, repeated = (len(_deflate(sample, way, before=before)) for way in (zlib.Z_FILTERED, zlib.Z_RLE))
+        strategy = zlib.Z_RLE if repeated <= 1.01 * found else zlib.Z_FILTERED
+    return _deflate(columns, strategy, flush)
+
+
+def _deflate(data: bytes, strategy: int, flush: int = zlib.Z_FINISH, before: bytes = b"") -> bytes:
+    deflate = zlib.compressobj(4, zlib.DEFLATED, -15, 8, strategy, before)
+    return deflate.compress(data) + deflate.flush(flush)
 
 
 def unpacked(data: bytes, most: int) -> tuple[bytes, bytes]:
@@ -145,8 +177,19 @@ class ByteReader:
     def column(self, size: int) -> IntArray:
         """Return the next column, which must have `size` items."""
         (count,) = self.take(1)
+        if count != _TABLE:
+            return self._integers(count, size)
+        last, count = self.take(2)
+        entries = np.cumsum(self._integers(count, last + 1))
+        numbers = np.frombuffer(self.take(size), np.uint8)
+        if not size or int(numbers.max()) > last:
+            raise BadFile(f"a column of {size} numbers does not fit its table of {last + 1} entries")
+        return entries[numbers]
+
+    def _integers(self, count: int, size: int) -> IntArray:
+        """Return integers that are there by `count` bytes each."""
         if count > 8 or (count == 0) != (size == 0):
-            raise BadFile(f"a column of {size} numbers cannot have {count} planes")
+            raise BadFile(f"a column of {size} numbers cannot have the form {count}")
         planes = np.frombuffer(self.take(count * size), np.uint8).reshape(count, size)
         width = 1 << max(count - 1, 0).bit_length()  # NOTE: narrow numbers take half the time of wide ones
         wide = np.zeros((size, width), np.uint8)
@@ -190,20 +233,19 @@ def unpack(body: bytes, decoder: "Decoder", *, is_new: bool = True) -> Plain:
     return decoder.value(unpack_parts(body, decoder.most_bytes)[0], is_new=is_new)
 
 
-def pack_parts(values: Sequence[bytes], columns: bytes = b"", cost: int = 0, *, is_quick: bool = False) -> bytes:
+def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int = 0) -> bytes:
     """Return values and columns as packed bytes.
 
     Args:
         values: the bytes of plain values.
         columns: what there is beside them.
         cost: of the columns, in bytes of memory.
-        is_quick: whether no patterns are looked for in columns but bytes that repeat.
     """
     data = b"".join(values)
     body = packed(data)
     if columns:
-        body += packed(columns, is_noisy=True, is_quick=is_quick)
-    cost = max(cost, _OF_BYTE * (len(data) + len(columns)))
+        body += packed_columns(columns)
+    cost = max(cost, _OF_BYTE * (len(data) + sum(map(len, columns))))
     if PER_BYTE * len(body) < cost + most_cost_of(data):
         cost += sum(map(cost_of, values))
     return padded(body, cost)
@@ -239,16 +281,34 @@ def steps(numbers: IntArray) -> IntArray:
 
 
 def column(numbers: IntArray) -> bytes:
-    """Return integers as bytes: how many the largest needs, the lowest bytes of all, then the second, and so on."""
+    """Return integers as bytes: many by a table of those that occur, if that is shorter, else each by itself."""
     if not len(numbers):
         return b"\0"
     zigzag = ((numbers << 1) ^ (numbers >> 63)).view(np.uint64)
-    count = max(1, (int(zigzag.max()).bit_length() + 7) // 8)
+    largest = int(zigzag.max())
+    count = max(1, (largest.bit_length() + 7) // 8)
+    if count > 1 and count * len(numbers) >= _LARGE_COLUMN and largest < _MOST_COUNTED:
+        places = zigzag.view(np.int64)  # NOTE: an index of unsigned numbers takes 9 times as long
+        is_there = np.zeros(largest + 1, np.bool_)
+        is_there[places] = True
+        found = np.flatnonzero(is_there)
+        if len(found) <= _MOST_ENTRIES:
+            return _by_table(places, found)
     if count == 1:
         return b"\1" + zigzag.astype(np.uint8).tobytes()
     # NOTE: a shift for each byte takes a fifth of a copy of every eighth byte (benchmarks: teams).
     shifted = ((zigzag >> np.uint64(8 * place)).astype(np.uint8) for place in range(count))
     return b"".join([bytes([count]), *(part.tobytes() for part in shifted)])
+
+
+def _by_table(zigzag: IntArray, found: IntArray) -> bytes:
+    """Return integers as bytes, of which only some occur; both by zigzag."""
+    entries = (found >> 1) ^ -(found & 1)
+    order = entries.argsort()
+    numbers = np.empty(found[-1] + 1, np.uint8)
+    numbers[found[order]] = np.arange(len(found))
+    table = column(steps(entries[order]))  # too short to have one itself
+    return b"".join((bytes([_TABLE, len(found) - 1]), table, numbers[zigzag].tobytes()))
 
 
 def array_bytes(array: Array) -> bytes:

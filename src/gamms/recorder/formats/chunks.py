@@ -36,7 +36,6 @@ Log = list[Plain]
 """The log of one turn: ints two by two, and tuples, among them arrays of such ints."""
 
 BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
-_MANY_MOVES = 1 << 18  # in a block; these are packed in a third of the time, into 1 % more bytes
 
 
 # -- tracks -----------------------------------------------------------------------------------------------------
@@ -373,8 +372,7 @@ class Collected:
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
                 columns += Rows.joined(some).columns(kind)
         data = [one for part in parts for one in part.data]
-        cost, is_quick = blocks.cost_of(*self.counts[1:]), self.moves > _MANY_MOVES
-        return packing.pack_parts(data, b"".join(columns), cost, is_quick=is_quick)
+        return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]))
 
     def _columns_of_events(self) -> Iterator[bytes]:
         """Yield the events of each turn; of each event how many moves come before it, its kind, and its size."""

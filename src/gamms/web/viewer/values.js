@@ -3,6 +3,7 @@
 import { inflate } from "./inflate.js";
 
 const MOST_DEPTH = 32;
+const TABLE = 9; // instead of how many bytes the integers of a column need: it has a table
 const MOST_INFLATED = 1 << 28; // bytes of one block
 const MOST_PER_BYTE = 2048; // deflate makes at most 1,032 bytes of one
 const TWO_32 = 4294967296;
@@ -55,8 +56,10 @@ export class ByteReader {
    * @returns {Float64Array}
    */
   column(size) {
-    const planes = this.#planes(size);
     const found = new Float64Array(size);
+    const table = this.#table();
+    if (table !== null) return this.#named(found, table.map(Number));
+    const planes = this.#planes(size);
     for (let i = 0; i < size; i++) {
       let zigzag = 0;
       for (let plane = planes.length - 1; plane >= 0; plane--) zigzag = zigzag * 256 + planes[plane][i];
@@ -67,8 +70,10 @@ export class ByteReader {
 
   /** Return the next column as 64-bit integers. @param {number} size @returns {BigInt64Array} */
   wideColumn(size) {
-    const planes = this.#planes(size);
     const found = new BigInt64Array(size);
+    const table = this.#table();
+    if (table !== null) return this.#named(found, table);
+    const planes = this.#planes(size);
     for (let i = 0; i < size; i++) {
       let zigzag = 0n;
       for (let plane = planes.length - 1; plane >= 0; plane--) zigzag = (zigzag << 8n) | BigInt(planes[plane][i]);
@@ -81,6 +86,31 @@ export class ByteReader {
   sums(size) {
     const found = this.column(size);
     for (let i = 1; i < size; i++) found[i] += found[i - 1];
+    return found;
+  }
+
+  /** Return the table of the next column, or null if it has none. @returns {bigint[] | null} */
+  #table() {
+    if (this.bytes[this.at] !== TABLE) return null;
+    const size = this.take(2)[1] + 1;
+    if (this.bytes[this.at] === TABLE) throw new Error("a table is damaged");
+    let sum = 0n;
+    return Array.from(this.wideColumn(size), (step) => (sum = BigInt.asIntN(64, sum + step)));
+  }
+
+  /**
+   * Return the entries of a table that the next bytes name.
+   * @template {Float64Array | BigInt64Array} Column
+   * @param {Column} found to be filled
+   * @param {Column[number][]} entries
+   * @returns {Column}
+   */
+  #named(found, entries) {
+    const numbers = this.take(found.length);
+    for (let i = 0; i < found.length; i++) {
+      if (numbers[i] >= entries.length) throw new Error("a column does not fit its table");
+      found[i] = entries[numbers[i]];
+    }
     return found;
   }
 
