@@ -475,8 +475,6 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
     channels = None if radio is None else {"radio": radio}
     called = [one for one in called if one[0] != "recruit" or asked in ("", "a")]  # teams that are asked get no others
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
-    if motion is not None and "speed_unit" in motion:
-        order = None
     if motion is not None and motion.get("decide") == "arrival":
         conflicts = conflicts if isinstance(conflicts, Conflicts) and conflicts.allow_swaps else None
         motion = motion | {"strategies": [one for one in motion["strategies"] if one != "assign"]}  # which gives paths

@@ -50,6 +50,23 @@ def test_each_team_sees_the_moves_before_its_own():
     assert {name: one["moves"] for name, one in result.agents.items()} == {"a": 2, "b": 2, "c": 2}
 
 
+def test_agents_on_an_edge_are_on_no_node_while_another_team_moves():
+    with road([["cops"], ["robber"]]) as ctx:
+        ctx.game.speed_unit, ctx.game.conflicts, tracks = "metres", Conflicts(1), []
+        ctx.game.add(lambda ctx: tracks.extend(ctx.game.tracks(ctx.game.agents)), phase="deeds", name="look")
+        player(ctx, "cop", "cops", 1, 1, 2, speed=10.0)
+        player(ctx, "rob", "robber", 2, 3, 3, speed=4.0)
+        result = ctx.game.run(2)
+        assert result.agents["cop"]["node"] == 2
+        assert result.agents["cop"]["blocked"] == 0
+        stands = tracks[-3]  # while the cop moves in the second turn
+        assert [leg[3:7] for leg in stands.legs] == [(0.4, 0.4, 0.0, 1.0)]
+        assert [leg[3:7] for leg in ctx.game.tracks(ctx.game.agents)[1].legs] == [
+            (0.4, 0.4, 0.0, 0.5),
+            (0.4, 0.8, 0.5, 1.0),
+        ]
+
+
 def test_moves_of_a_team_take_their_part_of_the_turn():
     with road([["cops"], ["robber"]]) as ctx:
         player(ctx, "cop", "cops", 2, 3)

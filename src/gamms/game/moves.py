@@ -1,6 +1,6 @@
 """The moves of one turn: as lists for the turn engine, by name for rules and resolvers."""
 
-from collections.abc import Callable, Hashable, Iterable, Mapping, MutableSequence
+from collections.abc import Callable, Hashable, Iterable, Mapping, MutableSequence, Sequence
 from copy import copy
 from functools import lru_cache
 from typing import Any, TypeVar
@@ -8,9 +8,10 @@ from typing import Any, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.game.order import ResolvedAction, TurnOrder
+from gamms.game.order import ResolvedAction, TurnOrder, action_of
 from gamms.game.slots import LazySlots
 from gamms.game.streets import Streets
+from gamms.game.travel import Travel
 from gamms.ir.agents import AgentBlock, Motion, Progress
 from gamms.ir.columns import copied_column
 from gamms.ir.graph import IntArray
@@ -230,8 +231,8 @@ class TurnMoves:
         slot, action = self.slots[i], self.actions.get(i)
         if slot.flies:
             return action is not None and action.position not in (None, slot.agent.prev_position)
-        ended = None if action is None else action.progress
-        return slot.travels and bool(self.order.progress[slot.row] != ended)
+        ended, now = None if action is None else action.progress, self.order.progress[slot.row]
+        return slot.travels and (now and now[:-1]) != (ended and ended[:-1])  # how it moves there is no matter
 
     def stop(self, i: int) -> bool:
         """Keep the agent of a slot where it is; return whether it was about to go elsewhere."""
@@ -280,6 +281,14 @@ class TurnMoves:
 
     # -- turns of several parts -----------------------------------------------------------------------------------
 
+    def let_stand(self, others: Iterable[int], travel: Travel) -> None:
+        """Let agents of slots that are on an edge, and do not move in this part of the turn, stand there."""
+        for i in others:
+            slot = self.slots[i]
+            place = travel.place(slot.row) if slot.travels else None
+            if place is not None and travel.roads.on(place.edge) is not None:
+                self.go(i, action_of(travel.stay(slot.row, self.starts[i]), place))
+
     def on(self, order: TurnOrder) -> "TurnMoves":
         """Return the moves of the agents of another order; those that are new in it stay."""
         if order is self.order:
@@ -300,16 +309,19 @@ class TurnMoves:
             if len(path) > 1 or start != end or legs:
                 action = actions.get(i, ResolvedAction(end, path))
                 scaled = tuple([(number + time) / parts for time in times])
-                waits = ((path[0],), (0.0,)) if number else ((), ())
+                if number:  # it waits on its node, or on its edge
+                    path, scaled = (path, scaled[1:]) if action.begun else ((path[0], *path), scaled)
+                    scaled = 0.0, *scaled
                 legs = _between(legs, action.begun, action.progress, number, parts)
-                actions[i] = action._replace(path=waits[0] + path, times=waits[1] + scaled, legs=legs)
+                actions[i] = action._replace(path=path, times=scaled, legs=legs)
         return TurnMoves(self.order, self.starts, self.ends, actions)
 
-    def then(self, later: "TurnMoves") -> "TurnMoves":
-        """Return these moves and later ones of other agents, as one turn; both are of the same order."""
+    def then(self, later: "TurnMoves", members: Sequence[int]) -> "TurnMoves":
+        """Return these moves and later ones of other agents, these slots, as one turn; both are of the same order."""
         starts, ends, where = list(self.starts), list(self.ends), zip(later.starts, self.ends, strict=True)
         was_put = [start != end for start, end in where]
-        acting = {i: action for i, action in later.actions.items() if not (was_put[i] and _just_stays(action))}
+        theirs = [(i, later.actions[i]) for i in members if i in later.actions]
+        acting = {i: action for i, action in theirs if not (was_put[i] and _just_stays(action))}
         actions = {**self.actions, **acting}
         for i, (start, end) in enumerate(zip(later.starts, later.ends, strict=True)):
             if start != end or i in acting:

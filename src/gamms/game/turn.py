@@ -1,7 +1,7 @@
 """One turn: all agents observe the same world, decide, and move at once."""
 
 from collections import Counter
-from collections.abc import Callable, Iterable, Mapping, MutableSequence, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from operator import itemgetter
 from time import perf_counter
@@ -252,7 +252,7 @@ class TurnEngine:
         for number in range(first + 1, parts):
             if self._state.over is None:
                 later = self._play_part(self.order(), number, observers, rules).between(number, parts)
-                turn = turn.on(later.order).then(later)
+                turn = turn.on(later.order).then(later, later.order.parts[number].members)
         return turn
 
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
@@ -261,6 +261,8 @@ class TurnEngine:
         is_by_arrival = part.paced and order.decides_at_arrivals and any(order.slots[i].travels for i in part.paced)
         ask = self._ask_at_arrivals if is_by_arrival else self._ask
         turn = self._state.moves = ask(order, part, observers)
+        if len(order.parts) > 1 and order.whole.paced:
+            turn.let_stand(frozenset(order.whole.paced).difference(part.members), self._legality.travel)
         now = perf_counter()
         spent["decide"] += now - began
         if order.has_deeds or rules.act_before_moves:
@@ -361,10 +363,6 @@ class TurnEngine:
         for slot, why in unsent:
             self._note_illegal(slot, why)
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
-
-    def decisions(self, slots: Sequence[AgentSlot], starts: MutableSequence[int], state: GameState) -> Decisions:
-        """Return what asks agents on these nodes and takes what they decide, in a game that has such a state."""
-        return Decisions(slots, starts, self._settings, state, self._phase, self._legality, self.observation)
 
     def ask_part(
         self, part: Part, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None, *, is_usual: bool

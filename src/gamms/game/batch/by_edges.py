@@ -1,6 +1,6 @@
 """Agents that go along several edges in a turn, or parts of one, by their speeds in edges, in many games at once."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -257,13 +257,9 @@ class ByEdges(Movement):
             covered[i] = place.share
         return moves._replace(goes=moves.goes | (begun > 0), progress=(begun, covered))
 
-    def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:
-        """Note what is left of moves for the next turn, of some agents; None: of all."""
-        if agents is None:
-            self.begun[games], self.covered[games] = moves.progress
-            return
-        for column, values in zip((self.begun, self.covered), moves.progress, strict=True):
-            column[np.ix_(games, agents)] = values[:, agents]
+    def left_of(self, moves: Moves) -> Iterable[tuple[Any, Any]]:
+        """Return which edges agents have begun, and how much of them."""
+        return zip((self.begun, self.covered), moves.progress, strict=True)
 
     def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
         """Return what agents have covered of edges."""

@@ -1,7 +1,7 @@
 """Where actions lead in many games at once: to nodes one edge away, or anywhere; see also `by_edges` and `travel`."""
 # ruff: noqa: ARG002 - a movement reads no arguments that only others need
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -48,6 +48,30 @@ class Legs(NamedTuple):
     end: FloatArray
     since: FloatArray
     until: FloatArray
+
+    def between(self, number: int, parts: int, rests: BoolArray) -> "Legs":
+        """Return them in one of several equal parts of the turn, before and after which agents on edges stand.
+
+        Args:
+            number: of the part, from 0.
+            parts: how many there are.
+            rests: (games, agents) who is on a node at the end.
+        """
+        count, waits = (self.edge >= 0).sum(axis=-1), (self.begin[..., 0] > 0.0) & (number > 0)
+        steps, stays = np.arange(self.edge.shape[-1] + 2), (count > 0) & ~rests & (number + 1 < parts)
+        last = (waits + count)[..., None]
+        is_first, is_last = (steps == 0) & waits[..., None], (steps == last) & stays[..., None]
+        which = np.clip(steps - waits[..., None], 0, np.maximum(count - 1, 0)[..., None])
+        begin, end, since, until = (np.take_along_axis(column, which, axis=-1) for column in self[1:])
+        counts = (steps < last) | is_last
+        columns = [
+            np.where(is_last, end, begin),
+            np.where(is_first, begin, end),
+            np.where(is_first, 0.0, np.where(is_last, (number + 1) / parts, (number + since) / parts)),
+            np.where(is_first, number / parts, np.where(is_last, 1.0, (number + until) / parts)),
+        ]
+        edge = np.where(counts, np.take_along_axis(self.edge, which, axis=-1), -1)
+        return Legs(edge, *(np.where(counts, column, 0.0) for column in columns))
 
 
 class Illegal(NamedTuple):
@@ -113,15 +137,21 @@ class Paths(NamedTuple):
 
     def between(self, number: int, parts: int) -> "Paths":
         """Return the same paths, gone in that one of several equal parts of the turn."""
-        goes = (self.lengths > 1)[..., None]
-        times = np.where(goes, (number + self.times) / parts, self.times)
+        goes, legs = self.lengths > 1, self.legs
+        if legs is not None and legs.edge.shape[-1]:
+            goes = (legs.edge[..., 0] >= 0) & (legs.begin[..., 0] == 0.0)  # those on an edge wait there
+            legs = legs.between(number, parts, self.rests)
+        found = self._replace(times=(number + self.times) / parts, legs=legs)
         if not number:
-            return self._replace(times=times)
-        nodes, later = (np.concatenate((column[..., :1], column), axis=-1) for column in (self.nodes, times))
-        later = np.where(goes, later, np.concatenate((times, np.full_like(times[..., :1], np.inf)), axis=-1))
-        later[..., 0] = 0.0
-        lengths, waits = self.lengths + goes[..., 0], goes[..., 0]
-        return Paths(nodes, later, lengths, self.stays, waits, self.rests)
+            return found
+        steps = np.arange(self.nodes.shape[-1] + 1)
+        which, padded = steps - (goes[..., None] & (steps > 0)), found._padded(len(steps))
+        nodes, times = (
+            np.take_along_axis(padded.nodes, which, axis=-1),
+            np.take_along_axis(padded.times, which, axis=-1),
+        )
+        times[..., 0] = 0.0
+        return found._replace(nodes=nodes, times=times, lengths=self.lengths + goes, waits=goes)
 
     def joined(self, others: "Paths", agents: IntArray) -> "Paths":
         """Return these paths, but of some agents others."""
@@ -136,14 +166,14 @@ class Paths(NamedTuple):
             column[which] = values
         return own
 
-    def _padded(self, most: int, most_legs: int) -> "Paths":
+    def _padded(self, most: int, most_legs: int = 0) -> "Paths":
         """Return copies with so many nodes and legs."""
         at_front, own = [(0, 0)] * (self.nodes.ndim - 1), self._columns()
         more = [*at_front, (0, most - self.nodes.shape[-1])]
         columns: list[Any] = [np.pad(self.nodes, more, "edge"), np.pad(self.times, more, constant_values=np.inf)]
         columns += [column.copy() for column in own[2:8]]
         if self.legs is not None:
-            more[-1] = 0, most_legs - self.legs.edge.shape[-1]
+            more[-1] = 0, max(0, most_legs - self.legs.edge.shape[-1])
             columns += [np.pad(one, more, constant_values=0 if i else -1) for i, one in enumerate(self.legs)]
         return self._made(columns)
 
@@ -153,7 +183,11 @@ class Paths(NamedTuple):
         times[which, 0], times[which, 1:] = 0.0, np.inf
         lengths = np.where(which, 1, self.lengths)
         stays, waits, rests = self.stays | which, self.waits & ~which, self.rests | which
-        return self._replace(nodes=nodes, times=times, lengths=lengths, stays=stays, waits=waits, rests=rests)
+        found = self._replace(nodes=nodes, times=times, lengths=lengths, stays=stays, waits=waits, rests=rests)
+        if self.legs is None or self.edge is None:
+            return found
+        edge, *others = (np.where(which[..., None], -1 if i == 0 else 0.0, one) for i, one in enumerate(self.legs))
+        return found._replace(legs=Legs(edge, *others), edge=np.where(which, -1, self.edge))
 
     def without_starts(self, which: BoolArray) -> "Paths":
         """Return these paths, but of some agents, (games, agents), without their first nodes."""
@@ -212,15 +246,13 @@ class Moves(NamedTuple):
         edge, share = self.before
         on_edge = edge >= 0
         stands = [np.where(on_edge, values, 0.0) for values in (share, share, 0.0, 1.0)]
-        columns: list[Any] = [np.where(stopped[..., None], -1, legs.edge)]
-        columns += [np.where(stopped[..., None], 0.0, column) for column in legs[1:]]
         if legs.edge.shape[-1]:
-            for column, values in zip(columns, (edge, *stands), strict=True):
+            for column, values in zip(legs, (edge, *stands), strict=True):
                 column[..., 0] = np.where(stopped, values, column[..., 0])
         ends_on: IntArray = np.where(stopped, edge, -1 if paths.edge is None else paths.edge)
         stays, rests = paths.stays & ~(stopped & on_edge), paths.rests & ~(stopped & on_edge)
         motion: IntArray = np.where(stopped, Motion.STOPPED, Motion.STOPPED if paths.motion is None else paths.motion)
-        return paths._replace(legs=Legs(*columns), edge=ends_on, motion=motion, stays=stays, rests=rests)
+        return paths._replace(edge=ends_on, motion=motion, stays=stays, rests=rests)
 
     def put(self, which: Which, others: "Moves") -> "Moves":
         """Return these moves, but those of some agents, by the index `which`, are others."""
@@ -379,8 +411,17 @@ class Movement:
         paths = Paths(nodes, times, lengths, stays, waits, np.ones_like(stays))
         return Moves(nodes[:, 0], nodes[:, -1], ~stays, paths)
 
+    def left_of(self, moves: Moves) -> Iterable[tuple[Any, Any]]:
+        """Return what is left of moves for the next turn: the columns of all games, and the values of some."""
+        return ()
+
     def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:
         """Note what is left of moves for the next turn, of some agents; None: of all."""
+        for column, values in self.left_of(moves):
+            if agents is None:
+                column[games] = values
+            else:
+                column[np.ix_(games, agents)] = values[:, agents]
 
     def progress(self, node: IntArray, games: IntArray) -> list[dict[int, Progress]]:
         """Return what agents on these nodes have covered of edges, as blocks hold it: of each game agent -> it."""

@@ -250,7 +250,7 @@ def _actions(
         return [{} for _ in at]
     paths: Paths = turn.paths.of(at)
     nodes, times, stays = turn.streets.ids(paths.nodes).tolist(), paths.times.tolist(), paths.stays.tolist()
-    legs, lengths = state.movement.legs(paths), paths.lengths.tolist()
+    legs, lengths, waits = state.movement.legs(paths), paths.lengths.tolist(), paths.waits.tolist()
     found: list[dict[int, ResolvedAction]] = [{} for _ in at]
     for i, actions in enumerate(found):
         for agent, length in enumerate(lengths[i]):
@@ -258,7 +258,8 @@ def _actions(
             if gone or not stays[i][agent]:
                 stops = [*zip(nodes[i][agent][:length], times[i][agent][:length], strict=True)]
                 if gone:  # one that turns back on an edge does not come to the node that it passed last
-                    stops = stops[:1] + [here for last, here in pairwise(stops) if last[0] != here[0]]
+                    left = 1 + waits[i][agent]
+                    stops = stops[:left] + [here for last, here in pairwise(stops[left - 1 :]) if last[0] != here[0]]
                 path, when = zip(*stops, strict=True)
                 place = begun[i].get(agent) if begun else None
                 actions[agent] = ResolvedAction(

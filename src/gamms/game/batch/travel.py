@@ -3,7 +3,7 @@
 All numbers are worked out by the same operations in the same order as there, so that they are the same to the bit.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from math import isfinite
 from typing import Any, NamedTuple
 
@@ -102,11 +102,10 @@ class ByMetres(Movement):
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they are."""
 
-    def keep(self, moves: Moves, games: IntArray, agents: IntArray | None = None) -> None:  # noqa: ARG002 - all move
-        """Note where on edges agents are."""
-        self.edge[games], self.share[games] = moves.progress
-        if moves.paths is not None and moves.paths.motion is not None:
-            self.motion[games] = moves.paths.motion
+    def left_of(self, moves: Moves) -> Iterable[tuple[Any, Any]]:
+        """Return where on edges agents are, and how they move there."""
+        columns = self.edge, self.share, self.motion
+        return zip(columns, (*moves.progress, moves.as_paths().motion), strict=True)
 
     def is_going(self, games: IntArray) -> BoolArray:
         """Return which agents of games where agents decide at arrivals are on their way, and are not asked now."""
@@ -588,7 +587,6 @@ def why_not_moved(game: PlayedGame) -> str | None:
         (by_metres and settings["on_illegal"] == "raise", "on_illegal='raise' in a game by metres"),
         (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
         (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
-        (by_metres and len(settings["order"] or ()) > 1, "an order of play in a game by metres"),
     ]
     for agent in game.agents:
         is_endless = agent.speed is not None and not isfinite(agent.speed)

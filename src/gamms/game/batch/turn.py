@@ -195,6 +195,8 @@ class MovesOfTurn:
             self.starts, self.ends, self._played = self.node, moves.ends, paths
             return
         starts, ends = self._earlier if self._is_moving else (self.starts, self.ends)
+        if moves.paths is not None and moves.paths.legs is not None:
+            went |= moves.goes  # along an edge
         has_jumped = went & (self.node != ends)  # it was put elsewhere before it left
         paths = paths.without_starts(has_jumped) if has_jumped.any() else paths
         for deeds in self._deeds if self._is_moving else ():
@@ -292,6 +294,8 @@ class MovesOfTurn:
         nodes = np.where(by_move[..., None], paths.nodes, self.node[..., None])
         number, skips_first = np.arange(nodes.shape[-1]), by_move & ~paths.stays & ~paths.waits
         counts = living[..., None] & (number >= skips_first[..., None]) & (number < lengths[..., None])
+        if paths.legs is not None:  # who waits on a node is not there again when it leaves
+            counts[..., 1:2] &= ~(by_move & paths.waits)[..., None]
         at, agents, number = np.nonzero(counts & which[nodes] if is_of_nodes else counts)
         has_moved = by_move[at, agents]
         begin = np.where(has_moved, paths.times[at, agents, number], 1.0)
