@@ -9,6 +9,7 @@ scalars of NumPy: `to_plain` gives Python's own.
 import re
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping
+from copy import deepcopy
 from math import isfinite, isnan
 from typing import Any, TypeAlias
 
@@ -21,6 +22,8 @@ Plain: TypeAlias = Any
 
 MOST_DEPTH = 24
 MOST_DIMENSIONS = 8
+_ATOMS = frozenset({str, bytes, int, float, bool, complex, type(None)})
+_CONTAINERS = frozenset({dict, list, tuple, set, np.ndarray})
 _MOST_BITS = 14_000  # of an integer that Python writes out
 
 _BUILT_IN = (str, int, float, bool, bytes, type(None))
@@ -95,6 +98,19 @@ def is_same(one: Plain, other: Plain) -> bool:
     if isinstance(one, list | tuple):
         return len(one) == len(other) and all(map(is_same, one, other))
     return one is other or bool(one == other)
+
+
+def copied(value: object, memo: dict[int, Any] | None = None) -> Any:
+    """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
+
+    Args:
+        value: what is copied.
+        memo: what takes the place of which objects; see `copy.deepcopy`.
+    """
+    try:
+        return _copy_of(value, set())
+    except _NotPlain:
+        return deepcopy(value, memo)
 
 
 # -- is it plain ------------------------------------------------------------------------------------------------
@@ -186,3 +202,25 @@ def _is_exact_key(key: Plain) -> bool:
 def _described(value: Plain) -> str:
     """Return what an object looks like, without where it lies in memory."""
     return _ADDRESS.sub("", repr(value))
+
+
+# -- copy it -----------------------------------------------------------------------------------------------------
+
+
+class _NotPlain(Exception):
+    """A value is not made of plain values, or an object is in it twice."""
+
+
+def _copy_of(value: Any, seen: set[int]) -> Any:
+    kind = type(value)
+    if kind in _ATOMS:
+        return value
+    is_array = kind is np.ndarray
+    if kind not in _CONTAINERS or id(value) in seen or (is_array and (value.dtype.hasobject or value.base is not None)):
+        raise _NotPlain
+    seen.add(id(value))
+    if kind is dict:
+        return {key: one if type(one) in _ATOMS else _copy_of(one, seen) for key, one in value.items()}
+    if kind is list or kind is tuple:
+        return kind([one if type(one) in _ATOMS else _copy_of(one, seen) for one in value])
+    return value.copy()  # what can be in a set does not change

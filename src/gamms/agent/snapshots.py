@@ -1,7 +1,6 @@
 """What snapshots of a game hold of its agents."""
 
 from collections.abc import Collection, Iterator, Mapping
-from copy import deepcopy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -11,6 +10,7 @@ import numpy as np
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
 from gamms.ir.agents import AgentBlock
+from gamms.plain import copied
 from gamms.typing.graph_engine import Node
 
 
@@ -83,10 +83,10 @@ def copied_attributes(attributes: dict[str, Any]) -> dict[str, Any]:
     """Copy the caller's attributes; values that cannot be copied are shared."""
     if not attributes:
         return {}
-    copied = {}
+    values = {}
     for name, value in attributes.items():
         try:
-            copied[name] = deepcopy(value)
+            values[name] = copied(value)
         except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
-            copied[name] = value
-    return copied
+            values[name] = value
+    return values

@@ -128,17 +128,16 @@ class TurnMoves:
 
         All moves lead along one edge, or none.
         """
-        ours, theirs = self.order.of_side(a).pick, self.order.of_side(b).pick
-        there = theirs(self.ends)
-        if not frozenset(ours(self.ends)).isdisjoint(there):
+        ours, there = self.order.of_side(a).pick, self.order.of_side(b).pick(self.ends)
+        if not set(ours(self.ends)).isdisjoint(there):
             return True
-        return crossing and not frozenset(ours(self.starts)).isdisjoint(there)
+        return crossing and not set(ours(self.starts)).isdisjoint(there)
 
     def are_single_steps(self, block: AgentBlock) -> bool:
         """Whether all living agents are on the ground, went along one edge or none, and are where that has led."""
         order = self.order
         return (
-            not (block.flyers or block.travellers or any(map(_is_long, self.actions.values())))
+            not (block.flyers or block.travellers or (self.actions and any(map(_is_long, self.actions.values()))))
             and order.structure_version == block.structure_version
             and order.nodes() == self.ends
         )

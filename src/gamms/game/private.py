@@ -8,9 +8,10 @@ entry in `_KNOWN`.
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
-from gamms.game.snapshots import Memo, SnapshotTaker, copied, copy_means
+from gamms.game.snapshots import Memo, SnapshotTaker, copy_means
 from gamms.ir.game_state import BlockedAgents, GameState
 from gamms.ir.messages import ARRIVALS
+from gamms.plain import copied
 
 _IN_ALL_GAMES: dict[str, Any] = {
     "plans": {},

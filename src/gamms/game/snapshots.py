@@ -7,8 +7,6 @@ from functools import partial
 from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple, NoReturn, cast
 
-import numpy as np
-
 from gamms.arguments import annotations_of
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadType, GammsError
@@ -21,6 +19,7 @@ from gamms.game.slots import COUNTED
 from gamms.game.turn import Observer, TurnEngine
 from gamms.ir.agents import Position
 from gamms.ir.game_state import BlockedAgents, GameState
+from gamms.plain import copied
 from gamms.text import Called
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
@@ -28,7 +27,6 @@ from gamms.typing.context import HostContext
 Memo = dict[int, Any]  # id() of an object -> what takes its place in a fork; see `copy.deepcopy`
 
 _SCALARS = frozenset({str, bytes, int, float, bool, complex, type(None)})
-_CONTAINERS = frozenset({dict, list, tuple, set, np.ndarray})
 _UNKNOWN = object()
 
 
@@ -161,38 +159,6 @@ class SnapshotTaker(NamedTuple):
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
         self.global_random.restore(parts["global_random"])
-
-
-def copied(value: object, memo: Memo | None = None) -> Any:
-    """Return a copy that shares nothing that can change, of the same shape: what is one object stays one.
-
-    Args:
-        value: what is copied.
-        memo: what takes the place of which objects; see `copy.deepcopy`.
-    """
-    try:
-        return _copied(value, set())
-    except _NotPlain:
-        return deepcopy(value, memo)
-
-
-class _NotPlain(Exception):
-    """A value is not made of plain values, or an object is in it twice."""
-
-
-def _copied(value: Any, seen: set[int]) -> Any:
-    kind = type(value)
-    if kind in _SCALARS:
-        return value
-    is_array = kind is np.ndarray
-    if kind not in _CONTAINERS or id(value) in seen or (is_array and (value.dtype.hasobject or value.base is not None)):
-        raise _NotPlain
-    seen.add(id(value))
-    if kind is dict:
-        return {key: one if type(one) in _SCALARS else _copied(one, seen) for key, one in value.items()}
-    if kind is list or kind is tuple:
-        return kind([one if type(one) in _SCALARS else _copied(one, seen) for one in value])
-    return value.copy()  # what can be in a set does not change
 
 
 def _fields(state: GameState) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
-from gamms.game.snapshots import copied
+from gamms.plain import copied
 from gamms.planning.hidden import IN_AIR, ON_GROUND, Hidden
 from gamms.scenario.code import first_of, offered_function
 from gamms.strategies import random_walk

@@ -14,12 +14,12 @@ from gamms.game.batch.turn import ArrayTurn
 from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import ResolvedAction, TurnOrder
 from gamms.game.settings import NamedRule
-from gamms.game.snapshots import SnapshotTaker, Start, copied
+from gamms.game.snapshots import SnapshotTaker, Start
 from gamms.ir.agents import Progress
 from gamms.ir.columns import Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
-from gamms.plain import why_not_plain
+from gamms.plain import copied, why_not_plain
 from gamms.text import shown
 from gamms.typing import IAgent
 
