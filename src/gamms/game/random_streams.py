@@ -21,7 +21,7 @@ from gamms.text import shown
 from gamms.typing.context import HostContext
 
 T = TypeVar("T")
-_DRAWN_AHEAD, _MOST_TURNS_AHEAD = 512, 64  # numbers in a block of `DrawTable`, and turns
+_DRAWN_AHEAD, _MOST_TURNS_AHEAD = 2048, 256  # numbers in a block of `DrawTable`, and turns
 _NO_PLACE = 1 << 62  # in a `DrawTable`
 
 

@@ -8,7 +8,7 @@ and the array form give the same numbers on every machine:
 """
 
 from collections.abc import Iterable, Sequence
-from functools import lru_cache
+from functools import cache, lru_cache
 from math import exp
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ import numpy as np
 from gamms.ir.graph import FloatArray, IntArray
 
 if TYPE_CHECKING:
-    from numpy.random import Generator
+    from numpy.random import Generator, Philox
 
 BitArray = np.ndarray[tuple[int, ...], np.dtype[np.uint64]]  # 64 random bits each, or the hashes of names
 SignedArray = Any  # 64 random bits each as int64, in an array of any library that has the array API
@@ -30,7 +30,7 @@ _WEYLS = np.array(_WEYL, np.uint64)[:, None]
 _FACTORS_OF_PHILOX = np.array([[one & 0xFFFFFFFF for one in _PHILOX], [one >> 32 for one in _PHILOX]], np.uint64)[
     ..., None
 ]
-_FEW_STREAMS = 32  # for which plain integers are faster than arrays
+_FEW_STREAMS = 128  # for which NumPy's generator is faster than arrays
 
 
 @lru_cache(maxsize=1 << 12)
@@ -252,8 +252,7 @@ def stream_words(keys: Sequence[int]) -> BitArray:
     Args:
         keys: (streams,) each a `stream_key`.
     """
-    few = len(keys) < _FEW_STREAMS
-    words = np.array([_philox(key) for key in keys], np.uint64).reshape(-1, 4) if few else _philox_many(keys)
+    words = _philox_few(keys) if len(keys) < _FEW_STREAMS else _philox_many(keys)
     return np.stack((words & _LOW, words >> np.uint64(32)), axis=2).reshape(len(keys), 8)
 
 
@@ -273,19 +272,29 @@ def below_of_words(words: BitArray, n: IntArray) -> IntArray:
     return chosen
 
 
-def _philox(key: int) -> tuple[int, int, int, int]:
-    """Return the first four words of a Philox generator: its tenth round for the counter 1."""
-    first, second = key & _MASK, key >> 64
-    a, b, c, d = 1, 0, 0, 0
-    for _ in range(10):
-        one, other = a * _PHILOX[0], c * _PHILOX[1]
-        a, b, c, d = (other >> 64) ^ b ^ first, other & _MASK, (one >> 64) ^ d ^ second, one & _MASK
-        first, second = (first + _WEYL[0]) & _MASK, (second + _WEYL[1]) & _MASK
-    return a, b, c, d
+@cache
+def _philox() -> tuple["Philox", Any]:
+    """Return a generator whose state is set before each use, and the state at its beginning."""
+    from numpy.random import Philox
+
+    generator = Philox(key=0)
+    return generator, generator.state
+
+
+def _philox_few(keys: Sequence[int]) -> BitArray:
+    """Return what `_philox_many` returns."""
+    words = np.empty((len(keys), 4), np.uint64)
+    generator, begin = _philox()
+    with generator.lock:
+        for row, key in enumerate(keys):
+            begin["state"]["key"][:] = key & _MASK, key >> 64
+            generator.state = begin
+            words[row] = generator.random_raw(4)
+    return words
 
 
 def _philox_many(keys: Sequence[int]) -> BitArray:
-    """Return what `_philox` returns of each key, (keys, 4)."""
+    """Return the first four words of each Philox generator, (keys, 4): its tenth round for the counter 1."""
     key = np.array([[one & _MASK for one in keys], [one >> 64 for one in keys]], np.uint64)
     even, odd = np.zeros((2, *key.shape), np.uint64)  # the first and the third word, and the second and the fourth
     even[0] = 1

@@ -193,10 +193,10 @@ class _Team:
         if not free:
             return rows
         if not (self.spec.apart or self.away):
-            rows[:, free] = drawn = self._taken(self._words(seeds, free, 0))
-            if drawn[:, -1].min() >= 0:
-                return rows
-            raise ScenarioError(self.path, self._refusal(len(self._free_rows), len(free)))
+            if len(free) > len(self._free_rows):
+                raise ScenarioError(self.path, self._refusal(len(self._free_rows), len(free)))
+            rows[:, free] = self._taken(self._words(seeds, free, 0))
+            return rows
         allowed = np.repeat(self._near[None], len(seeds), axis=0)
         for one in self.away:
             for of_agent in others[one.team].T:
@@ -228,18 +228,21 @@ class _Team:
         return drawn
 
     def _taken(self, words: BitArray) -> IntArray:
-        """Return what `_try` returns where no agent keeps another away."""
+        """Return what `_try` returns where no agent keeps another away, and there are nodes for all."""
         # NOTE: 1 us for each agent, where `_drawn` takes 50 for one seed (benchmarks: 5 against 5 by reset).
-        left = np.maximum(len(self._free_rows) - np.arange(words.shape[1]), 1)
+        left = len(self._free_rows) - np.arange(words.shape[1])
         numbers = kernels.below_of_words(words.reshape(-1, words.shape[2]), np.tile(left, len(words)))
-        drawn = np.full(words.shape[:2], -1)
-        for of_seed, those in zip(drawn, numbers.reshape(drawn.shape)[:, : len(self._free_rows)].tolist(), strict=True):
-            taken: list[int] = []  # ascending numbers of rows
-            for i, number in enumerate(those):
-                place = bisect_right(range(len(taken)), number, key=lambda before: taken[before] - before)
-                taken.insert(place, number + place)
-                of_seed[i] = self._free_rows[number + place]
-        return drawn
+        return np.array([self._without_repeats(of_seed) for of_seed in numbers.reshape(words.shape[:2]).tolist()])
+
+    def _without_repeats(self, numbers: list[int]) -> list[int]:
+        """Return the rows that these are the numbers of, each among those that are left by the ones before."""
+        taken: list[int] = []  # ascending
+        rows = list[int]()
+        for number in numbers:
+            place = bisect_right(range(len(taken)), number, key=lambda before: taken[before] - before)
+            taken.insert(place, number + place)
+            rows.append(self._free_rows[number + place])
+        return rows
 
     def _words(self, seeds: Sequence[int], free: list[int], attempt: int) -> BitArray:
         """Return what agents draw from, (seeds, agents, 8)."""
