@@ -15,6 +15,7 @@ FORMS = {"random": at_random, "teams": lambda: by_priority(["blue", "red"]), "no
 LIMITS = {
     "one": 1,
     "two": 2,
+    "one or none": {node: int(node % 5 > 0) for node in range(SIDE * SIDE)},
     "some": {node: node % 4 for node in range(0, SIDE * SIDE, 2)},
     "attribute": "places",
     "none": None,
@@ -126,7 +127,7 @@ WAYS = {
 }
 
 
-@pytest.mark.parametrize("capacity", ["one", "two", "some"])
+@pytest.mark.parametrize("capacity", ["one", "one or none", "two", "some"])
 def test_agents_that_are_in_no_others_way_can_be_left_out(capacity):
     case = {"seed": 1, "nodes": [*range(40), *range(10)], "among": "all", "allow_swaps": True, "ordered": False}
     case["capacity"] = capacity

@@ -147,8 +147,11 @@ class Conflicts:
         least = int(limits.min(initial=UNLIMITED))
         return may_conflict(turn, least, per_team=self._per_team, swaps=not self.allow_swaps)
 
-    def _rows(self, turn: MovesTurn, limits: "_Limits") -> tuple[IntArray, int]:
-        """Return the capacities of all nodes, in games by metres of all edges behind them, and the least of these."""
+    def _rows(self, turn: MovesTurn, limits: "_Limits") -> tuple[IntArray | BoolArray, int]:
+        """Return the capacities of all nodes, in games by metres of all edges behind them, and the least of these.
+
+        Where none is larger than 1 they are booleans.
+        """
         graph, on_edges = turn.streets.columns, self._of_edges
         rows = limits.rows(graph.node_ids, graph.node_attributes)
         if turn.places is not None:
@@ -156,7 +159,7 @@ class Conflicts:
             if on_edges is not None:
                 of_edges = on_edges.rows(graph.edge_ids, graph.edge_attributes)
             rows = np.concatenate((rows, of_edges))
-        return rows, int(rows.min(initial=UNLIMITED))
+        return rows.astype(np.bool_) if rows.max(initial=0) <= 1 else rows, int(rows.min(initial=UNLIMITED))
 
     def involved(self, starts: Sequence[int], ends: Sequence[int]) -> list[int]:
         """Return which moves, by index, can decide which agents stay; `resolve` answers the same for these alone.
