@@ -114,6 +114,10 @@ class BlockedAgents(MutableMapping[str, str]):
     def __delitem__(self, name: str) -> None:
         del self._written()[name]
 
+    def get(self, name: str, default: Any = None) -> Any:
+        """Return why an agent was blocked; the default if it was not."""
+        return self._written().get(name, default)  # NOTE: without an exception, for each agent (benchmarks: turns)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._written())
 
