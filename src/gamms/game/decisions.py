@@ -196,6 +196,11 @@ class Decisions:
         awaited: what is to be collected.
     """
 
+    __slots__ = (
+        *("_ends", "_failures", "_legality", "_phase", "_settings", "_state", "_written"),
+        *("actions", "awaited", "observe", "slots", "starts"),
+    )
+
     def __init__(
         self,
         slots: Sequence[AgentSlot],

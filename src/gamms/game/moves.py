@@ -90,6 +90,8 @@ class MovesOfOneGame:
 class TurnMoves:
     """The moves of one turn by slot: as lists for the engine, by name for rules and resolvers."""
 
+    __slots__ = ("_by_name", "actions", "ends", "order", "slots", "starts")
+
     def __init__(
         self,
         order: TurnOrder,

@@ -2,9 +2,9 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property
-from itertools import chain, pairwise
+from itertools import chain, compress, pairwise
 from math import floor, inf
-from operator import add, ne
+from operator import eq
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -183,11 +183,12 @@ class TurnOrder:
             self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
             self.parts = [Part(slots, some, progress, plans) for some in members]
-        has_all = isinstance(slots, LazySlots) and self.whole.on_ground is None
-        rows = slots.rows if isinstance(slots, LazySlots) else [slot.row for slot in slots]
-        self.selection = self.whole.ground if has_all else Selection(rows)
+        self.selection = self.whole.ground
+        if self.whole.on_ground is not None:
+            self.selection = Selection(slots.rows if isinstance(slots, LazySlots) else [slot.row for slot in slots])
         self._of_team: dict[Hashable, Selection] = {}
-        self._moved: Any = None  # a list, or an array where there are many
+        self._moved: RowArray | None = None  # (agents,) how often each has moved, where there are many
+        self._turns, self._stayed = 0, list[int]()  # else how many turns there were, and in how many each has stayed
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
         self.restart_counts()
 
@@ -233,14 +234,19 @@ class TurnOrder:
 
     def nodes(self) -> Any:
         """Return the node of each agent, by slot: a list, or a view of an array that is not to be written to."""
-        version, ends = self._ended
-        return ends if version == self.block.version else self.selection.of(self.block.node)
+        if self._moved is not None:
+            version, ends = self._ended
+            if version == self.block.version:
+                return ends
+        return self.selection.of(self.block.node)
 
     def count_moves(self, starts: Sequence[int], ends: Sequence[int]) -> None:
         """Count the agents that have moved, which have come to the nodes where these moves end."""
-        # NOTE: in C, because all agents are counted in every turn (benchmarks: turns).
-        if isinstance(self._moved, list):
-            self._moved = list(map(add, self._moved, map(ne, starts, ends)))
+        if self._moved is None:
+            # NOTE: in C, and those that stay, who are fewer, because every turn does this (benchmarks: turns).
+            self._turns += 1
+            for i in compress(self.whole.members, map(eq, starts, ends)):
+                self._stayed[i] += 1
         else:
             self._moved += np.asarray(starts) != np.asarray(ends)
             if not self.block.flyers:
@@ -252,9 +258,9 @@ class TurnOrder:
 
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
-        if isinstance(self._moved, list):
-            for slot, moved in zip(self.slots, self._moved, strict=True):
-                slot.counts["moves"] += moved
+        if self._moved is None:
+            for slot, stayed in zip(self.slots, self._stayed, strict=True):
+                slot.counts["moves"] += self._turns - stayed
         else:
             self._add_to_counts("moves", self._moved)
             self.update_blocked()
@@ -271,9 +277,10 @@ class TurnOrder:
 
     def restart_counts(self) -> None:
         """Count moves from here."""
-        are_few = not isinstance(self.slots, LazySlots)
-        self._moved = [0] * len(self.slots) if are_few else np.zeros(len(self.slots), np.int32)
-        self._blocked = np.zeros(0 if are_few else len(self.slots), np.int32)
+        are_few, agents = not isinstance(self.slots, LazySlots), len(self.slots)
+        self._moved = None if are_few else np.zeros(agents, np.int32)
+        self._turns, self._stayed = 0, [0] * agents if are_few else []
+        self._blocked = np.zeros(0 if are_few else agents, np.int32)
 
 
 def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> bool:

@@ -320,10 +320,10 @@ class AgentBlock:
         node: Any = self.node
         if isinstance(node, list):
             if len(node) == len(rows.rows):
-                self.previous[:] = node
+                self.previous, self.node = node, rows.column(nodes)
             else:
                 rows.write(self.previous, rows.of(node))
-            rows.write(node, nodes)
+                rows.write(node, nodes)
             self._changed |= rows.as_set
         else:
             self._move_arrays(rows, nodes)
