@@ -179,8 +179,9 @@ def curious(state):
     attentive(state, state["blocked"])
 
 
-# What games leave arrays for: an agent that is asked comes, or one asks why a rule in arrays has refused its move.
-LEAVE = re.compile("comes with the strategy|comes with a sensor that reports late|why a rule has refused a move")
+# What games leave arrays for: an agent that is asked comes, or one whose sensor draws for several or reports late;
+# or one asks why a rule in arrays has refused its move.
+LEAVE = re.compile("comes with the s|comes with a sensor that reports late|why a rule has refused a move")
 
 
 def attentive(state, *more):
@@ -323,6 +324,10 @@ class FirstOnly:
         return {name for name, move in moves.items() if last[move.end] != name} if ctx.game.turn % 3 else set()
 
 
+TAKEN = {
+    "game": lambda ctx: [ctx.game.turn, dict(ctx.game.scores), len(ctx.game.events), ctx.game.over is None],
+    "agent": lambda agent: [agent.current_node_id, agent.prev_node_id, agent.edge, agent.offset_m, agent.alive],
+}
 CALLED = {"look": look, "push": push, "recruit": recruit, "refuses": refuses}
 
 
@@ -353,6 +358,7 @@ def open_game(
     channels=None,
     shared=True,
     kinds=(0,),
+    collected=(),
 ):
     ctx = gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 10})
     ctx.game.deeds = {} if deeds is None else DEEDS
@@ -399,6 +405,8 @@ def open_game(
         ctx.game.add(resource("power", 3, per_deed=prices, per_edge=0.2, recharge=dict.fromkeys(NODES[::3], 2)))
     for name, phase in called:
         ctx.game.add(CALLED[name], phase=phase)
+    for every, per in collected:
+        ctx.game.collect(f"{per} {every}", TAKEN[per], every, per)
     ctx.game.conflicts, ctx.game.order, ctx.game.channels = conflicts, order, channels or {}
     ctx.game.team_memory = shared
     if "p" in asked:
@@ -468,9 +476,25 @@ motions = st.one_of(
     radio=st.sampled_from([None, *RADIOS]),
     shared=st.sampled_from([True, True, False]),
     kinds=st.lists(st.integers(0, len(KINDS) - 1), min_size=1, max_size=3),
+    collected=st.one_of(st.just([]), st.sets(st.tuples(st.integers(1, 3), st.sampled_from(sorted(TAKEN))))),
 )
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
-    streets, places, rules, conflicts, seeds, restart, early, order, motion, deeds, called, asked, radio, shared, kinds
+    streets,
+    places,
+    rules,
+    conflicts,
+    seeds,
+    restart,
+    early,
+    order,
+    motion,
+    deeds,
+    called,
+    asked,
+    radio,
+    shared,
+    kinds,
+    collected,
 ):
     channels = None if radio is None else {"radio": radio}
     called = [one for one in called if one[0] != "recruit" or asked in ("", "a")]  # teams that are asked get no others
@@ -480,7 +504,20 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(
         motion = motion | {"strategies": [one for one in motion["strategies"] if one != "assign"]}  # which gives paths
     with (
         open_game(
-            streets, agents, rules, conflicts, early, order, motion, deeds, called, asked, channels, shared, kinds
+            streets,
+            agents,
+            rules,
+            conflicts,
+            early,
+            order,
+            motion,
+            deeds,
+            called,
+            asked,
+            channels,
+            shared,
+            kinds,
+            sorted(collected),
         ) as ctx,
         ctx.game.batch(seeds=seeds, most_agents={agents[min(agents)][0]: ["b9", "y9", "z9"]}) as games,
     ):

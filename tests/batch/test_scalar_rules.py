@@ -458,3 +458,35 @@ def test_scalar_rules_are_called_where_sensors_report_late():
         for rule in (bonus, strike):
             ctx.game.add(rule)
         assert check(ctx, [1, 2, 3], restart=3) == {}
+
+
+def test_values_are_collected_in_the_turns_in_which_they_are_due():
+    with scene([TAG], max_turns=7).build(seed=1) as ctx:
+        ctx.game.collect("alive", lambda ctx: len(ctx.game.agents), every=3)
+        ctx.game.collect("where", lambda agent: agent.current_node_id, every=2, per="agent")
+        with ctx.game.batch(seeds=[1, 2, 3]) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            games.reset([1], seeds=[5])
+            games.run()
+            assert "collector 'alive'" in games.slow
+            assert not games.detached
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                found = alone.game.run().collected
+                assert games.result(number).collected == found
+                assert found["alive"]["turn"] == [3, 6]
+
+
+def test_a_collector_that_moves_an_agent_moves_it_in_arrays_too():
+    def collect(ctx):
+        ctx.game.agents[0].current_node_id = 0
+
+    with scene(max_turns=4).build(seed=1) as ctx:
+        ctx.game.collect("none", collect, every=2)
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            games.step()
+            games.reset([0])
+            games.run()
+            for number in range(2):
+                alone.game.reset(seed=games.seeds[number])
+                assert plain(games.result(number)) == plain(alone.game.run())

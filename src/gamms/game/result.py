@@ -333,7 +333,9 @@ def _plain(value: object) -> Plain:
     return value if isinstance(value, (str, int, float, bool, type(None))) else str(value)
 
 
-class _Collector(NamedTuple):
+class Collector(NamedTuple):
+    """What is collected under a name; see `Game.collect`."""
+
     fn: Callable[[Any], Any]
     every: int
     per: str
@@ -363,7 +365,7 @@ class Collectors:
     """
 
     def __init__(self) -> None:
-        self.by_name: dict[str, _Collector] = {}
+        self.by_name: dict[str, Collector] = {}
 
     def add(self, name: str, fn: Callable[[Any], Any], every: int, per: str) -> None:
         """Add a collector; see `Game.collect`."""
@@ -374,7 +376,7 @@ class Collectors:
         as_choice(as_text(per, "per"), "per", ("game", "agent"))
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         columns: dict[str, list[Any]] = {column: [] for column in names}
-        self.by_name[name] = _Collector(fn, every, per, columns, {column: LogHistory() for column in names})
+        self.by_name[name] = Collector(fn, every, per, columns, {column: LogHistory() for column in names})
 
     def collect(self, turn: int, ctx: HostContext, agents: Callable[[], Sequence[IAgent]]) -> None:
         """Take the values of a turn; `agents` gives the living agents."""
@@ -403,14 +405,14 @@ class Collectors:
             columns = _SharedColumns(points, histories)
             self.by_name[name] = one._replace(fn=own(one.fn), columns=columns, histories=histories)
 
-    def snapshot(self) -> dict[str, tuple[_Collector, dict[str, LogPoint]]]:
+    def snapshot(self) -> dict[str, tuple[Collector, dict[str, LogPoint]]]:
         """Return the collectors and what they have collected, for `restore`."""
         return {
             name: (one, {key: history.mark(one.columns[key]) for key, history in one.histories.items()})
             for name, one in self.by_name.items()
         }
 
-    def restore(self, before: dict[str, tuple[_Collector, dict[str, LogPoint]]]) -> None:
+    def restore(self, before: dict[str, tuple[Collector, dict[str, LogPoint]]]) -> None:
         """Restore the collectors and what they had collected."""
         self.by_name = {name: one for name, (one, _) in before.items()}
         for one, points in before.values():

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
+from copy import deepcopy
 from functools import partial
 from typing import Any
 
@@ -320,6 +321,9 @@ class ArrayEngine:
                         self._call(*ground.rules["after"][number], part)
                 if len(self._grounds) > 1:
                     parts = [one for _, part in parts for one in self._parted(part)]
+            for ground, part in parts:
+                with self._on(ground):
+                    ground.context.collect(part)
         finally:  # the agents have moved: the turn is played, without the rules that follow
             for ground, part in parts:
                 with self._on(ground):
@@ -433,6 +437,7 @@ class ArrayEngine:
             agents=agents,
             errors=[dict(error) for error in state.errors[game]],
             deeds=[dict(deed) for deed in state.deeds.of(game)],
+            collected=deepcopy(state.collected.get(game, template.collected)),
             messages=[] if state.radio is None else [dict(one) for one in state.radio.of(game)],
             timings=dict.fromkeys(PHASES, 0.0),
             seed=state.seeds[game],
@@ -448,7 +453,6 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
         (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
-        (bool(game.internals.parts.collectors.tables()), "what is collected"),
         (settings["max_turns"] == 0, "a game of no turns"),
         (game.turn > 0 or bool(game.scores), "a game that has begun"),
         (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),

@@ -19,6 +19,7 @@ from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Group
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Movement
+from gamms.game.batch.scalar_rules import collectors_of
 from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -385,6 +386,7 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
         *[(True, why) for why in teams_asked(game).values()],
         (any(one.phase not in {"before", "after"} for one in game.rules), "rules of other phases"),
         (any(form_of(one.rule) is None for one in game.rules), "rules without an array form"),
+        (bool(collectors_of(game)), "what is collected"),
         (any(agent.type is AgentType.AERIAL or agent.speed is not None for agent in game.agents), "flights or speeds"),
         (conflicts is not None and not hasattr(conflicts, TRIGGER), f"the conflicts {as_code(conflicts)}"),
     ]

@@ -104,7 +104,7 @@ class RuleFork:
         named = zip(state.roster.names, state.roster.is_first.tolist(), strict=True)
         # those that come later began where they are
         self._first_names = [(i, name) for i, (name, is_one) in enumerate(named) if is_one]
-        self._could_draw = game.ctx.rng_state() is None
+        self._could_draw, self._nothing_collected = game.ctx.rng_state() is None, self.parts.collectors.snapshot()
         self._phase, self.notes = phase_of(self.ctx), list[str]()
         self._begin(game)
         self.casting = 0
@@ -332,6 +332,15 @@ class RuleFork:
         for named in rules:
             if named.phase != "before" or self._values.over is None:
                 self.functions[named.name](self.ctx)
+
+    def collect(self) -> None:
+        """Collect what is due in the game that was loaded."""
+        collectors, found = self.parts.collectors, self._state.collected.setdefault(self._at[1], {})
+        collectors.collect(self._values.turn, self.ctx, lambda: self.game.agents)
+        for name, table in collectors.tables().items():
+            for column, values in table.items():
+                found.setdefault(name, {}).setdefault(column, []).extend(values)
+        collectors.restore(self._nothing_collected)
 
     def refusals(self, named: NamedRule) -> Refusals:
         """Return what the check of a rule refuses."""

@@ -17,6 +17,7 @@ from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NeedsTu
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.order import ResolvedAction
+from gamms.game.result import Collector
 from gamms.game.settings import NamedRule
 from gamms.ir.agents import Progress
 from gamms.ir.graph import IntArray
@@ -30,9 +31,15 @@ def called_one_by_one(game: PlayedGame) -> dict[str, Callable[..., object]]:
     conflicts = game.settings()["conflicts"]
     found = {f"the rule {one.name!r}": one.rule for one in game.rules if form_in(game, one.rule) is None}
     found |= {f"the check of the rule {name!r}": check for name, check in checks if form_of(check) is None}
+    found |= {f"the collector {name!r}": one.fn for name, one in collectors_of(game).items()}
     if conflicts is not None and form_of(conflicts) is None:
         found[f"the conflicts {as_code(conflicts)}"] = conflicts.resolve
     return found
+
+
+def collectors_of(game: PlayedGame) -> dict[str, Collector]:
+    """Return what is collected in a game, by name."""
+    return game.internals.parts.collectors.by_name
 
 
 def why_not_called(game: PlayedGame) -> str | None:
@@ -113,6 +120,15 @@ class RuleContext:
 
         self._each(turn, "conflicts", "the conflict resolver", act)
         return stopped
+
+    def collect(self, turn: ArrayTurn) -> None:
+        """Collect values in each game of a turn in which one is due."""
+        due = [turn.turn % one.every == 0 for one in collectors_of(self.start()).values()]
+        is_due = np.logical_or.reduce(due, axis=0) if due else np.zeros(0, np.bool_)
+        if is_due.any():
+            part = turn if is_due.all() else turn.of(is_due)
+            self._each(part, "after", "a collector", lambda fork, _: fork.collect())
+            turn.node[is_due], turn.alive[is_due] = part.node, part.alive
 
     def ask(self, turn: ArrayTurn, named: str, act: Act, *, needs_game: bool) -> None:
         """Let strategies decide in each game of a turn, which is loaded if they need it; nothing changes there."""

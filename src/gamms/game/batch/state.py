@@ -182,6 +182,7 @@ class GameArrays:
         observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
+        collected: game -> name -> columns of what was collected.
         facts: what rules have published, by name, in a form that each says.
         events: of all games.
         blocked: (games, agents) whether conflicts have stopped an agent in the last turn.
@@ -222,7 +223,7 @@ class GameArrays:
         self.is_going = np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
         self.kept: dict[Hashable, Arrays] = {}
-        self.facts: dict[str, Any] = {}
+        self.facts, self.collected = dict[str, Any](), dict[int, dict[str, dict[str, list[Any]]]]()
         self.events = EventLog(games)
         self.shared: dict[Hashable, Any] = {}
         self.places: Places | None = None
@@ -245,6 +246,7 @@ class GameArrays:
         for game, seed in zip(games.tolist(), seeds, strict=True):
             self.seeds[game], self.over[game], self.errors[game] = seed, None, []
             self.apart.pop(game, None)
+            self.collected.pop(game, None)
         self.start[games] = self.node[games] = start
         self.alive[games] = self.is_there[games] = self.roster.is_first
         self.is_going[games], self.turn[games], self.stops[games] = True, 0, 0
