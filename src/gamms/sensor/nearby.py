@@ -29,6 +29,7 @@ _SHARE = 8  # of agents that look: where so many did, the others will, too
 _SEVERAL_AGENTS = 32  # so many are found for all that look
 _MANY_AGENTS = 128  # so many are looked up by node
 _MOST_COMPARED = 1000  # agents whose places are compared at the first look from a place
+_MOST_RANGES = 64  # at which looks are counted
 _MOST_PLACES = 1 << 16  # looked from once that are remembered
 _FAR = 1e150  # of which squares are infinite
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
@@ -125,13 +126,13 @@ class NearbyAgents:
         """Return a fresh dict of the living agents within a radius of a place: name -> what is reported of it."""
         if radius < inf:
             # NOTE: most looks of most games end here (benchmarks: peers).
-            positions, looks = self._catch_up(), self._looks.get(radius)
-            if looks is not None and looks.is_frequent and type(place) is int:
+            positions, looks = self._catch_up(), self._looks_at(radius)
+            if looks.is_frequent and type(place) is int:
                 known = looks.by_name or looks.name_all(radius, positions, self.places)
                 if place in known:
                     looks.count += 1
                     return known[place].copy()
-            positions, rows = self.within(place, radius)
+            rows = self._rows_within(positions, looks, place, radius)
             nodes = positions.found(rows)
         else:
             if not isinstance(place, tuple) and not self._ctx.graph.graph.has_node(place):
@@ -163,25 +164,25 @@ class NearbyAgents:
             if type(place) is not int or place not in self.places_of_nodes:
                 self._checked_place(place)
             return positions, positions.living_rows
-        looks = self._looks.get(radius)
-        if looks is None:
-            looks = self._looks[radius] = LooksAtRange()
+        return positions, self._rows_within(positions, self._looks_at(radius), place, radius)
+
+    def _rows_within(self, positions: Positions, looks: "LooksAtRange", place: Place, radius: float) -> list[int]:
         looks.count += 1
         if looks.is_frequent and type(place) is int:
             around = looks.look_from_all(radius, positions, self.places)
             if place in around:
-                return positions, around[place]
+                return around[place]
         try:
             disc = self._discs[radius][place]
         except (KeyError, TypeError):  # not known, or not hashable
             disc = self._new_disc(self._checked_place(place), radius, len(positions.names))
         if disc is None:
-            return positions, self._compared(place, radius)
+            return self._compared(place, radius)
         rows = positions.rows_on(disc)
         looks.found += len(rows)
         if positions.travellers:
             rows = sorted([*rows, *self._travellers.within(positions, coordinates(self._ctx, place), radius)])
-        return positions, rows
+        return rows
 
     def near_nodes(self, ids: list[int], radius: float) -> tuple[Positions, tuple[IntArray, IntArray] | None]:
         """Return where agents are, and those near nodes; see `near_places`."""
@@ -197,20 +198,21 @@ class NearbyAgents:
         revision, positions = graph.revision, self._ctx.agent.positions
         if revision != self._revision or revision is None:
             self._forget(revision)
-        if positions.version != self._version or positions is not self._positions:
-            self._renew_looks(positions)
-        self._moment = moment
+        if positions is not self._positions:
+            self._looks.clear()
+        self._positions, self._version, self._moment = positions, positions.version, moment
         return positions
 
-    def _renew_looks(self, positions: Positions) -> None:
-        """Note that agents have moved, come or gone."""
-        agents, before, self._looks = len(positions.names), self._looks, {}
-        self._positions, self._version = positions, positions.version
-        if agents >= _SEVERAL_AGENTS:
-            for radius, looks in before.items():
-                if looks.count:
-                    looks.renew(agents)
-                    self._looks[radius] = looks
+    def _looks_at(self, radius: float) -> "LooksAtRange":
+        """Return the looks at a range since agents have moved, come or gone."""
+        looks = self._looks.get(radius)
+        if looks is None:
+            if len(self._looks) >= _MOST_RANGES:
+                self._looks.clear()
+            looks = self._looks[radius] = LooksAtRange()
+        if looks.version != self._version:
+            looks.renew(self._version, len(self._positions.names))  # type: ignore[union-attr] # known by now
+        return looks
 
     def _checked_place(self, place: Place) -> Place:
         known = place if isinstance(place, tuple) else as_int(place, "The id of a node")
@@ -273,12 +275,13 @@ class NearbyAgents:
 
 
 class LooksAtRange:
-    """The looks at one range since agents last moved.
+    """The looks at one range at a version of where agents are.
 
     Where there were many before, who is around each node with an agent on it is worked out at once. In the paper's
     loop, in which each agent moves after its look, there never are (benchmarks: where it broke).
 
     Attributes:
+        version: of where agents are; see `Positions`.
         count: how many looks there were.
         found: how many agents were found.
         is_frequent: whether `around` is worth its cost.
@@ -286,20 +289,21 @@ class LooksAtRange:
         by_name: node id -> name -> node id, of the same agents; None: not worked out.
     """
 
-    __slots__ = ("_pairs", "around", "by_name", "count", "found", "is_frequent")
+    __slots__ = ("_pairs", "around", "by_name", "count", "found", "is_frequent", "version")
 
     def __init__(self) -> None:
-        self.count = self.found = 0
+        self.version = self.count = self.found = 0
         self.is_frequent = False
         self._pairs: tuple[list[int], list[int], list[int]] | None = None
         self.around: dict[int, list[int]] | None = None
         self.by_name: dict[int, dict[str, int]] | None = None
 
-    def renew(self, agents: int) -> None:
+    def renew(self, version: int, agents: int) -> None:
         """Begin to count again, now that agents have moved."""
         looks, found = self.count, self.found
-        self.is_frequent = looks * _SHARE >= agents and found * agents <= looks * _MOST_IDS
-        self.count = self.found = 0
+        are_many = agents >= _SEVERAL_AGENTS and looks * _SHARE >= agents
+        self.is_frequent = are_many and found * agents <= looks * _MOST_IDS
+        self.version, self.count, self.found = version, 0, 0
         self._pairs = self.around = self.by_name = None
 
     def look_from_all(
