@@ -465,12 +465,15 @@ class AgentSensor(DetectingSensor, GroundSensor):
 
     def _ahead(self, place: Place, rows: list[int], positions: Positions, heading: Heading) -> list[int]:
         """Return those rows whose agents are in the field of view."""
+        if not rows:
+            return rows
         if len(rows) > _FEW or positions.travellers:
             dx, dy = self._offsets(place, rows).T
             return _selected(rows, kernels.in_cone(dx, dy, heading, self.fov))
-        places, nodes = self._memory.nearby.places_of_nodes, positions.nodes
+        places = self._memory.nearby.places_of_nodes
         origin = places[place] if type(place) is int else coordinates(self.ctx, place)
-        are_in = kernels.points_in_cone([places[nodes[row]] for row in rows], origin, heading, self.fov)
+        nodes = positions.found(rows).values()
+        are_in = kernels.points_in_cone([places[node] for node in nodes], origin, heading, self.fov)
         return [row for row, is_in in zip(rows, are_in, strict=True) if is_in]
 
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
