@@ -481,8 +481,8 @@ def neighborhoods_beyond_what_is_kept(side=700):
     return ours, floor
 
 
-def views_beyond_what_is_kept(side=200, views=15_000):
-    """RANGE looks from so many places in turn that not all views are kept, against copies of ready dicts and lists."""
+def views_from_many_places(side=200, views=15_000):
+    """RANGE looks from many places in turn, against copies of ready dicts and lists."""
     ctx = lattice(side)
     sensor = ctx.sensor.create_sensor("x", ST.RANGE, sensor_range=50.0)
     nodes = random.Random(3).sample(range(side * side), views)

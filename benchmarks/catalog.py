@@ -69,7 +69,7 @@ CASES = [
         2.0,
     ),
     Case("targeted: neighbourhoods among 490,000", "node", cases.neighborhoods_beyond_what_is_kept, "slices of lists"),
-    Case("targeted: RANGE from 15,000 places in turn", "look", cases.views_beyond_what_is_kept, READY),
+    Case("targeted: RANGE from 15,000 places in turn", "look", cases.views_from_many_places, READY),
     Case("targeted: open a saved map, 90,000 nodes", "map", cases.open_map, "inflating its arrays"),
     Case("targeted: states of a recording, 10 agents", "state", cases.recorded_states, "copies of ten lists"),
     Case("scenario: the paper's loop, 10 agents", "agent-step", cases.loop(10), LOOP, 2.0),

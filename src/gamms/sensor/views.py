@@ -25,7 +25,7 @@ _FAR_BEYOND = 3.0  # how far an area is measured, in distances to the farthest n
 _MOST_AREAS = 1000
 _MOST_WORDS = 1 << 24  # of 8 bytes: what may be remembered in all, but for arrays of ids
 _PART = 8  # one in so many views is forgotten when there are too many
-_WORDS_PER_NODE = 12  # of a dict entry
+_WORDS_PER_NODE = 7  # of a dict entry, at most
 _SURFACE = NodeGround(np.zeros(1), np.zeros(1, np.int64))  # of a flat map
 _WORDS_PER_VIEW = 100  # of its key and its empty containers
 
