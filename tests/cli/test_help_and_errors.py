@@ -6,6 +6,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gamms import cli
+from gamms.cli.output import rich_table
 
 COMMANDS = [
     *(
@@ -200,3 +201,9 @@ def test_a_film_that_cannot_be_written_leaves_an_earlier_game_as_it_was(folder):
 def test_a_film_may_be_written_into_the_folder_of_the_game(folder):
     done = run("run", "game.yaml", "--out", "new", "--film", "new/game.gif")
     assert (done.exit_code, (folder / "new" / "game.gif").exists()) == (0, True)
+
+
+def test_a_long_table_says_how_many_rows_it_leaves_out():
+    table = rich_table(("number", "square"), [(str(i), str(i * i)) for i in range(1_502)])
+    assert [*table.columns[0].cells][-2:] == ["499", "and 1,002 more"]
+    assert rich_table(("number",), [("1",)] * 500).row_count == 500

@@ -106,6 +106,7 @@ def test_games_that_raise_are_counted(folder):
         ("{scenario: game.yaml, seeds: three}", "seeds are 0:50 or 1,2,5"),
         ("{scenario: game.yaml, seeds: 3}", "seeds are a list of integers"),
         ("{scenario: game.yaml, seeds: 0:3, workers: many}", "workers: is how many"),
+        ("{scenario: game.yaml, seeds: 0:3, workers: 0}", "workers: is how many"),
         ("{scenario: game.yaml, seeds: 0:3, vary: {}, sample: {}}", "not both"),
         ("{scenario: game.yaml, seeds: 0:3, sample: {n: 4}}", "a sample has space and n"),
         ("{scenario: game.yaml, seeds: 0:3, sample: {n: 3, space: {max_turns: {min: 1, max: 9}}}}", "power of two"),
@@ -115,6 +116,11 @@ def test_a_file_that_is_none_is_refused(folder, text, message):
     (folder / "wrong.yaml").write_text(text)
     with pytest.raises(ScenarioError, match=message):
         read_experiment("wrong.yaml")
+
+
+def test_a_file_may_say_how_many_processes_play(folder):
+    (folder / "hunts.yaml").write_text(HUNTS + "workers: 1\n")
+    assert read_experiment("hunts.yaml").workers == 1
 
 
 @pytest.mark.parametrize("code", ["os:system", "subprocess:run", "gamms.llm:Strategy", "../players:stay"])

@@ -1,6 +1,6 @@
 """What an experiment plays, and the row of each game."""
 
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 
@@ -10,7 +10,7 @@ import small_hunts
 from small_hunts import HUNT
 
 from gamms import experiment, recorder
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.scenario import ScenarioError
 
 GRID = {"teams.red.count": [1, 2], "strategies.blue": ["gamms.strategies:random_walk", small_hunts.wait_here]}
@@ -117,10 +117,24 @@ def test_the_game_of_a_row_is_played_again_and_recorded(tmp_path):
     assert result.row()["moves.blue"] == rows[4]["moves.blue"]
     with recorder.open(tmp_path / "game.ggr") as recording:
         assert recording.turns == rows[4]["turns"]
-    with rows.build(4) as ctx:
-        assert ctx.game.run() == result
+    for number in (4, 4 - len(rows)):
+        with rows.build(number) as ctx:
+            assert ctx.game.run() == result
+    assert rows.play(-len(rows)) == rows.play(0)
     with pytest.raises(UnknownName, match="Unknown row 'x'"):
         rows.play("x")
+    for number in (len(rows), -len(rows) - 1):
+        with pytest.raises(BadValue, match=f"no row {number}"):
+            rows.play(number)
+
+
+def test_games_are_played_again_only_with_their_scenario(tmp_path):
+    experiment.run(HUNT, range(2), out=tmp_path / "hunts")
+    with pytest.raises(BadValue, match="give load"):
+        experiment.load(tmp_path / "hunts").play(0)
+    assert experiment.load(tmp_path / "hunts", scenario=HUNT).play(1) == HUNT.play(1)
+    with pytest.raises(BadType, match="must be a Scenario or a file, not 5"):
+        experiment.run(5, range(2))
 
 
 @pytest.mark.parametrize("make", [ThreadPoolExecutor, partial(ProcessPoolExecutor, mp_context=get_context("spawn"))])
@@ -128,3 +142,23 @@ def test_any_executor_plays(make):
     with make(1) as executor:
         rows = experiment.run(HUNT, range(2), executor=executor)
     assert list(rows) == list(experiment.run(HUNT, range(2)))
+
+
+class Losing(ThreadPoolExecutor):
+    """Loses the first task of many games, as if its process had died."""
+
+    lost = 0
+
+    def submit(self, function, task, /):
+        if self.lost or len(task.seeds) <= 8:
+            return super().submit(function, task)
+        self.lost, future = len(task.seeds), Future()
+        future.set_exception(BrokenExecutor("it ended"))
+        return future
+
+
+def test_a_task_of_many_games_whose_process_died_is_played_again_in_parts():
+    with Losing(1) as executor:
+        rows = experiment.run(HUNT, range(40), executor=executor, workers=1)
+    assert executor.lost > 8
+    assert list(rows) == list(experiment.run(HUNT, range(40)))

@@ -294,6 +294,15 @@ def test_rewards_and_observations_can_be_functions():
         assert reward == pytest.approx(-np.hypot(*observations[name]["observation"]))
 
 
+def test_observations_may_be_yes_and_no():
+    env = rl.parallel_env(scene(), team="red", observation=lambda view: view["xy"] > 20.0)
+    observed, _ = env.reset(seed=1)
+    space = env.observation_space("red_0")["observation"]
+    assert (space.low.tolist(), space.high.tolist(), space.dtype) == ([0, 0], [1, 1], np.int8)
+    assert space.contains(observed["red_0"]["observation"])
+    assert env.render() is None
+
+
 def test_wrong_arguments_are_refused_by_name():
     with pytest.raises(BadValue, match="give reward="):
         rl.parallel_env(scene(rules=["last_team"]))

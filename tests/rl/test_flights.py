@@ -211,6 +211,11 @@ def test_policies_of_agents_that_fly_are_for_these_alone(tmp_path):
         scene().play(strategies={"red": rl.policy(tmp_path / "it.safetensors", sample=True)})
 
 
+def test_what_flies_has_no_masks():
+    with pytest.raises(BadValue, match="'red_drone_0' flies, and what it does has no mask"):
+        rl.single_agent_env(scene(), agent="red_drone_0").action_masks()
+
+
 def test_an_action_may_say_how_far_an_agent_flies():
     with gamms.create_context() as ctx:
         ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))

@@ -4,6 +4,7 @@ import os
 import signal
 import sys
 from pathlib import Path
+from shutil import disk_usage
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from policy_scenes import failing_reward
 
 from gamms import rl
 from gamms.errors import BadType, BadValue
+from gamms.rl import processes
 from gamms.scenario import Scenario
 from gamms.workers import WorkerDied
 
@@ -74,6 +76,15 @@ def test_what_a_process_raises_is_raised_with_its_name_and_closes_the_environmen
     assert "failing_reward" in notes
     with pytest.raises(BadValue, match="is closed"):
         env.step(np.zeros(4, np.int64))
+
+
+def test_what_processes_share_is_in_memory_only_where_there_is_enough(monkeypatch, tmp_path):
+    monkeypatch.setattr(processes, "_MEMORY", str(tmp_path))
+    free = disk_usage(tmp_path).free
+    for share, is_there in ((0.25, True), (0.75, False)):
+        file = processes._new_file(int(share * free))  # which takes no space before it is written
+        assert (file.parent == tmp_path) == is_there
+        file.unlink()
 
 
 def test_what_cannot_be_played_by_processes_is_refused():

@@ -59,6 +59,7 @@ def test_a_strategy_of_the_caller_may_be_anywhere(folder, tmp_path):
         (["--set", "teams.red.cuont=8"], 1, "Did you mean 'count'?"),
         (["--set", "teams.rde.count=8"], 1, "Did you mean 'red'?"),
         (["--set", "max_turns"], 2, "teams.red.count=8"),
+        (["--set", "=8"], 2, "teams.red.count=8"),
         (["--strategy", "mine.py:strategy"], 2, "red=mine.py:strategy"),
         (["--strategy", "red=mine.py"], 1, "module:function"),
         (["--strategy", "red=mine.py:strategy"], 1, "no file 'mine.py'"),

@@ -9,7 +9,7 @@ import yaml
 import gamms
 from gamms.scenario import Scenario
 
-SEEDS, SOME, FEW = range(8), range(4), range(3)
+SEEDS, SOME, FEW = range(8), range(4), range(2)
 EXITS = [19, 299]  # two corners
 
 
@@ -83,10 +83,10 @@ def wins(game, pursuers, evaders, seeds=SEEDS):
     "pursuers",
     ["chase and sweep", "chase and random_waypoints", "intercept and sweep", "assign and sweep", "follow_belief"],
 )
-def test_pursuers_catch_evaders_that_do_not_look_out_and_few_of_those_that_flee(pursuers):
+def test_pursuers_catch_evaders_that_do_not_look_out_and_none_that_flee(pursuers):
     assert wins(pursuit, pursuers, "random_waypoints", SOME) >= 3
-    assert wins(pursuit, pursuers, "mix", FEW) >= wins(pursuit, "random_walk", "mix", FEW) + 3
-    assert wins(pursuit, pursuers, "flee", FEW) <= 1
+    assert wins(pursuit, pursuers, "mix", FEW) >= wins(pursuit, "random_walk", "mix", FEW) + 2
+    assert wins(pursuit, pursuers, "flee", FEW) == 0
 
 
 def test_evaders_reach_the_exit_that_is_safe_where_the_nearest_is_not():

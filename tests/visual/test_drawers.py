@@ -12,6 +12,7 @@ from gamms.errors import BadValue
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.obstacles import OTHER_OBSTACLE
 from gamms.visual import Circle, Color, render_circle, render_rectangle
+from gamms.visual.drawers.graph import typical_edge_length
 from gamms.visual.drawers.streets import median, one_way_each, polylines
 
 
@@ -181,3 +182,19 @@ def test_paths_of_a_real_map_are_slimmer_than_its_streets():
 def street_widths(commands):
     rows = np.flatnonzero((commands.kind == DrawKind.LINE) & (commands.layer == 10))
     return zip(commands.offsets[rows].tolist(), commands.width[rows].tolist(), strict=True)
+
+
+@pytest.mark.parametrize(
+    ("xy", "edges", "unit"),
+    [
+        ([], [], 1.0),
+        ([(5, 5)], [], 1.0),
+        ([(0, 0), (3, 7)], [], 7.0),
+        ([(0, 0), (3, 4), (0, 4)], [(0, 1), (1, 2)], 4.0),
+    ],
+)
+def test_nodes_are_as_large_as_edges_are_long_or_a_map_without_any(xy, edges, unit):
+    with gamms.create_context(logger_config={"level": "ERROR"}) as ctx:
+        ctx.graph.add_nodes(range(len(xy)), [x for x, _ in xy], [y for _, y in xy])
+        ctx.graph.add_edges(range(len(edges)), [a for a, _ in edges], [b for _, b in edges], [1.0] * len(edges))
+        assert typical_edge_length(ctx.graph.columns()) == unit

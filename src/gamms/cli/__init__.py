@@ -24,7 +24,7 @@ def main() -> None:
     except KeyboardInterrupt:
         if sys.stderr is not None:
             sys.stderr.write("gamms: Interrupted.\n")
-        sys.exit(128 + signal.SIGINT)  # 130, as shells say it of Ctrl-C
+        sys.exit(130)  # as shells say it of Ctrl-C
     finally:
         # `python -m` ends by the signal itself if Ctrl-C came while a text was run as code, until another one is run.
         exec("")  # noqa: S102

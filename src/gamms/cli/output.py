@@ -2,7 +2,6 @@
 
 import errno
 import os
-import signal
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, nullcontext
@@ -35,7 +34,7 @@ _MaxMemory = Annotated[
 _Traceback = Annotated[bool, typer.Option("--traceback", help="Print errors with all that Python knows of them.")]
 _GAMMS = str(Path(__file__).parents[1])
 _FINE = 192.0  # pixels of an inch
-INTERRUPTED = 128 + signal.SIGINT  # as shells say it of Ctrl-C
+INTERRUPTED = 130  # as shells say it of Ctrl-C
 _MOST_ROWS = 500  # of a table that is printed
 _FILMS: dict[str, dict[str, Any]] = {  # the first that can be written; under a minute for 600 turns
     "game.mp4": {"fps": 25, "frames_per_turn": 2},

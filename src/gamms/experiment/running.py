@@ -305,9 +305,7 @@ class _Runner:
         if is_alone:
             self._note(games, [{"error": f"WorkerDied: {why}"}])
         elif len(games.seeds) > _PARTS:
-            size = -(-len(games.seeds) // _PARTS)
-            firsts = range(0, len(games.seeds), size)
-            self._queue.extendleft(games._replace(seeds=games.seeds[first : first + size]) for first in firsts)
+            self._queue.extendleft(games._replace(seeds=games.seeds[part::_PARTS]) for part in range(_PARTS))
         else:
             if self._alone is None:
                 self._alone = self._own_pool(is_fresh=True)
