@@ -6,14 +6,13 @@ under way follows from the log.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms import kernels
 from gamms.game.channels import Channel, Jammer, Outgoing, matching, receivers_of
-from gamms.ir.agents import Position
 from gamms.ir.chances import as_chances, chances_at
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -26,37 +25,73 @@ from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
 
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
-ANTENNA_M = 1.6  # above the ground, of agents there: the height of their sight lines
+ANTENNA = np.array((0.0, 0.0, 1.6))  # from an agent on the ground to the end of its sight lines, metres
+HEARD, OVERHEARD, LOST, JAMMED = 1, 2, 3, 4  # what becomes of a message for an agent; 0: nothing
+_AT_ONCE = 1 << 20  # messages and agents that are worked out together
 
 
-class Places(NamedTuple):
-    """The living agents when messages are sent, in the order of their names."""
+class Scene(NamedTuple):
+    """Where agents are when messages are sent and all have moved, in one game or in several at once.
 
-    names: list[str]
-    teams: list[Any]
-    nodes: list[int]  # of flyers those below them
-    xyz: FloatArray  # (agents, 3)
-    flies: BoolArray  # (agents,)
+    Attributes:
+        teams: of the agents, by name, in the order of their names.
+        keys: (agents,) the hashes of the names, for keyed draws.
+        turns: (games,) how many turns were played before this one.
+        xyz, antennas: (games, agents, 3) where they are, and the ends of their sight lines.
+        alive: (games, agents)
+        purposes: returns the hashes of the seeds and of a purpose, (games,).
+        is_within: returns which agents so many edges lead to from transmitters at most, (transmitters, agents); called
+            with the games and the agents, (transmitters,), and the number.
+        visible: says which of some places (places, 3) are in sight of one, (3,).
+        place_of: returns x and y of a node by its id, one pair or none.
+    """
+
+    teams: Mapping[str, Any]
+    keys: BitArray
+    turns: IntArray
+    xyz: FloatArray
+    antennas: FloatArray
+    alive: BoolArray
+    purposes: Callable[..., BitArray]
+    is_within: Callable[[IntArray, IntArray, int], BoolArray]
+    visible: Callable[[FloatArray, FloatArray], BoolArray]
+    place_of: Callable[[int], Sequence[Any]]
 
     @classmethod
-    def of(cls, ctx: HostContext, agents: Sequence[IAgent]) -> "Places":
-        """Ask where agents are now."""
-        nodes = [agent.current_node_id for agent in agents]
-        xyz = np.zeros((len(agents), 3))
-        xyz[:, :2], ground = ctx.graph.graph.positions(nodes), ctx.graph.graph.ground(nodes)
-        xyz[:, 2] = 0.0 if ground is None else ground.z
-        positions: list[Position | None] = [getattr(agent, "position", None) for agent in agents]
-        for row, position in enumerate(positions):
-            if position is not None:
-                xyz[row] = position
-        block = ctx.agent.block
+    def of(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "Scene":
+        """Ask where the living agents of one game are now."""
+        graph, block, ids = ctx.graph.graph, ctx.agent.block, [agent.current_node_id for agent in agents]
+        xyz, near = np.zeros((1, len(agents), 3)), dict[int, BoolArray]()
+        xyz[0, :, :2], ground = graph.positions(ids), graph.ground(ids)
+        xyz[0, :, 2] = 0.0 if ground is None else ground.z
+        antennas = xyz + ANTENNA
         for row, agent in enumerate(agents):
-            progress = block.on_edge(block.row_of(agent.name))
-            place = None if progress is None else located(ctx.graph.graph, progress)
+            position, progress = getattr(agent, "position", None), block.on_edge(block.row_of(agent.name))
+            place = None if progress is None else located(graph, progress)
+            if position is not None:
+                xyz[0, row] = antennas[0, row] = position
             if place is not None:
-                xyz[row, :2] = place.xy
-        flies = np.array([position is not None for position in positions], bool)
-        return cls([agent.name for agent in agents], [agent.team for agent in agents], nodes, xyz, flies)
+                xyz[0, row, :2] = antennas[0, row, :2] = place.xy
+
+        def is_within(_: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
+            for row in transmitters.tolist():
+                if row not in near:
+                    reached = graph.distances(source=ids[row], weight=None, cutoff=hops)
+                    near[row] = np.array([node in reached for node in ids], np.bool_)
+            return np.stack([near[row] for row in transmitters.tolist()])
+
+        return cls(
+            teams={agent.name: agent.team for agent in agents},
+            keys=kernels.name_keys([agent.name for agent in agents]),
+            turns=np.array([turn]),
+            xyz=xyz,
+            antennas=antennas,
+            alive=np.ones((1, len(agents)), np.bool_),
+            purposes=lambda *purpose: np.array([kernels.purpose_key(ctx.seed, *purpose)], np.uint64),
+            is_within=is_within,
+            visible=ctx.graph.visible,
+            place_of=lambda node: graph.positions([node]).tolist() if graph.has_node(node) else [],
+        )
 
 
 def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing], turn: int) -> list[dict[str, Any]]:
@@ -65,178 +100,194 @@ def sent(ctx: HostContext, agents: Sequence[IAgent], outgoing: Sequence[Outgoing
     Args:
         ctx: the context, whose map and channels count.
         agents: the living ones, in the order of their names.
-        outgoing: the messages, in the order of their senders; those of agents that are dead by now are dropped.
+        outgoing: the messages; those of agents that are dead by now are dropped.
         turn: how many turns were played before this one.
     """
-    if not outgoing or not agents:
+    row_of, channels = {agent.name: row for row, agent in enumerate(agents)}, ctx.game.channels
+    going = [one for one in outgoing if one.channel in channels and one.sender in row_of]
+    if not going:
         return []
-    places, waves = Places.of(ctx, agents), dict[str, Propagation]()
-    row_of = {name: row for row, name in enumerate(places.names)}
-    counts: dict[tuple[str, str], int] = {}
-    entries = []
-    for message in outgoing:
-        channel, row = ctx.game.channels.get(message.channel), row_of.get(message.sender)
-        if channel is None or row is None:
-            continue
-        if channel.name not in waves:
-            waves[channel.name] = Propagation(ctx, channel, places, turn)
-        key = (message.channel, message.sender)
-        counts[key] = k = counts.get(key, -1) + 1
-        entries.append(
-            {
-                "turn": turn + 1,
-                "channel": channel.name,
-                "sender": message.sender,
-                "to": message.to,
-                "body": message.body,
-                "size": message.size,
-                **waves[channel.name].outcome(row, message.to, k),
-            }
-        )
-    return entries
+    scene, fates = Scene.of(ctx, agents, turn), dict[str, Iterator[dict[str, Any]]]()
+    for name in dict.fromkeys(one.channel for one in going):
+        those = [one for one in going if one.channel == name]
+        senders = np.array([row_of[one.sender] for one in those])
+        fates[name] = _fates(Waves(channels[name], scene, np.zeros_like(senders), senders, [one.to for one in those]))
+    return [
+        {
+            "turn": turn + 1,
+            "channel": one.channel,
+            "sender": one.sender,
+            "to": one.to,
+            "body": one.body,
+            "size": one.size,
+            **next(fates[one.channel]),
+        }
+        for one in going
+    ]
 
 
-class _Link(NamedTuple):
-    """What one agent sends, to each of the others."""
-
-    reaches: BoolArray  # (agents,)
-    losses: FloatArray  # (agents,) how probably it is lost; none where nothing ever is
-    keys: BitArray  # (agents,) what draws for both names start from
-
-
-_NO_LOSSES: FloatArray = np.zeros(0)
+def _fates(waves: "Waves") -> Iterator[dict[str, Any]]:
+    """Yield what becomes of messages, some of these at once."""
+    for first in range(0, waves.num_messages, waves.at_once):
+        outcome, arrival = waves.outcomes(slice(first, first + waves.at_once))
+        for row in range(len(outcome)):
+            yield fate(waves.names, outcome[row], arrival[row])
 
 
-class Propagation:
-    """Who hears what is sent on one channel in one turn.
+def fate(names: Sequence[str], outcome: IntArray, arrival: IntArray) -> dict[str, Any]:
+    """Return what the log says of who hears a message and when, and who does not, from a row of `Waves.outcomes`."""
+    found: dict[int, dict[str, int]] = {HEARD: {}, OVERHEARD: {}, LOST: {}, JAMMED: {}}
+    rows = np.flatnonzero(outcome)
+    for row, kind, turn in zip(rows.tolist(), outcome[rows].tolist(), arrival[rows].tolist(), strict=True):
+        found[kind][names[row]] = turn
+    heard, overheard, lost, jammed = found.values()
+    return {"heard": heard, "overheard": overheard, "lost": [*lost], "jammed": [*jammed]}
+
+
+class Waves:
+    """How messages of one channel spread, from agent to agent.
 
     Args:
-        ctx: the context.
         channel: the channel.
-        places: the living agents.
-        turn: how many turns were played before this one.
+        scene: where agents are.
+        at: (messages,) the games in the scene.
+        senders: (messages,) their numbers.
+        to: (messages,) of each an agent, a team, or None.
+
+    Attributes:
+        names: of the agents.
+        num_messages: how many there are.
+        at_once: how many of them are worked out with some megabytes.
     """
 
-    def __init__(self, ctx: HostContext, channel: Channel, places: Places, turn: int) -> None:
-        self._ctx, self._channel, self._places, self._turn = ctx, channel, places, turn
-        self._teams = dict(zip(places.names, places.teams, strict=True))
-        self._row_of = {name: row for row, name in enumerate(places.names)}
-        self._keys = kernels.name_keys(places.names)
-        self._may_use = np.array([channel.is_for(team) for team in places.teams], bool)
+    def __init__(self, channel: Channel, scene: Scene, at: IntArray, senders: IntArray, to: Sequence[Any]) -> None:
+        self._channel, self._scene, self._at, self._senders, self._to = channel, scene, at, senders, to
+        self.names, teams, self.num_messages = list(scene.teams), scene.teams.values(), len(at)
+        self.at_once = max(1, _AT_ONCE // len(self.names))
+        self._may_use = np.array([channel.is_for(team) for team in teams], np.bool_)
         self._overhears = self._matching(channel.eavesdroppers)
         self._relays = self._may_use if channel.relay is True else self._matching(channel.relay or ())
-        self._is_jammed = np.zeros(len(places.names), bool)
-        for jammer in channel.jammers:
-            for xyz in self._places_of(jammer):
-                self._is_jammed |= _distances(places.xyz, xyz) <= jammer.radius_m
         self._losses = as_chances(channel.loss, "loss") if channel.loss else None
-        self._links: dict[int, _Link] = {}
-        self._addressed: dict[Any, BoolArray] = {}
+        self._is_jammed = np.zeros(scene.alive.shape, np.bool_)
+        for jammer in channel.jammers:
+            self._is_jammed |= self._jammed(jammer)
+        self._meant: dict[Any, BoolArray] = {}
+        for one in to:
+            if one not in self._meant:
+                named = receivers_of(one, scene.teams)
+                self._meant[one] = np.array([name in named for name in self.names], np.bool_) & self._may_use
+        self._sights: dict[int, BoolArray] = {}  # number of a game and a transmitter -> which agents it sees
+        self._k: IntArray | None = None  # how many messages their senders have sent before, for draws
+        if self._losses is not None:
+            pairs, self._k = at * len(self.names) + senders, np.zeros(len(at), np.int64)
+            order = np.argsort(pairs, kind="stable")
+            self._k[order] = np.arange(len(pairs)) - np.searchsorted(pairs[order], pairs[order])
 
-    def outcome(self, sender: int, to: Any, k: int) -> dict[str, Any]:
-        """Return who hears a message and when, and who does not.
-
-        Args:
-            sender: its row.
-            to: an agent, a team, or None.
-            k: how many messages it has sent on this channel before in this turn.
-        """
-        channel, names = self._channel, self._places.names
-        is_meant = self._meant(to).copy()
-        is_meant[sender] = False
-        can_hear = ~self._is_jammed
-        can_hear[sender] = False
+    def outcomes(self, which: slice) -> tuple[IntArray, IntArray]:
+        """Return what becomes of some messages, by numbers as `HEARD`, and when they arrive, (messages, agents)."""
+        channel, at, senders = self._channel, self._at[which], self._senders[which]
+        own, jammed, living = (np.arange(len(at)), senders), self._is_jammed[at], self._scene.alive[at]
+        is_meant = np.array([self._meant[one] for one in self._to[which]]) & living
+        is_meant[own] = False
+        can_hear = living & ~jammed
+        can_hear[own] = False
         if not channel.relay:
             can_hear &= is_meant | self._overhears
-        wave, in_reach = self._spread(sender, can_hear, k)
+        wave, in_reach = self._spread(at, senders, None if self._k is None else self._k[which], can_hear)
         heard, missed = wave > 0, in_reach & is_meant
-        turns = (self._turn + 1 + wave * channel.delay_turns).tolist()
+        outcome = np.where(missed, np.where(jammed, JAMMED, LOST), 0)
+        outcome[heard & self._overhears] = OVERHEARD
+        outcome[heard & is_meant] = HEARD
+        turns = self._scene.turns[at] + 1
+        return outcome, np.where(heard, turns[:, None] + wave * channel.delay_turns, 0)
 
-        def named(rows: BoolArray) -> list[str]:
-            return [names[row] for row in np.flatnonzero(rows).tolist()]
-
-        def timed(rows: BoolArray) -> dict[str, int]:
-            return {names[row]: turns[row] for row in np.flatnonzero(rows).tolist()}
-
-        return {
-            "heard": timed(heard & is_meant),
-            "overheard": timed(heard & self._overhears & ~is_meant),
-            "lost": named(missed & ~heard & ~self._is_jammed),
-            "jammed": named(missed & self._is_jammed),
-        }
-
-    def _spread(self, sender: int, can_hear: BoolArray, k: int) -> tuple[IntArray, BoolArray]:
-        """Return by how many transmissions a message comes to each agent, 0 for not at all, and whom it might reach."""
-        wave, in_reach = np.zeros(len(can_hear), np.int64), np.zeros(len(can_hear), bool)
-        purpose = kernels.purpose_key(self._ctx.seed, "channel", self._channel.name, self._places.names[sender])
-        transmitters, number = [sender], 1
-        while transmitters:
-            links = [self._link(row) for row in transmitters]
-            reaches = np.stack([link.reaches for link in links])  # (transmitters, agents)
-            in_reach |= reaches.any(axis=0)
-            sources, gets = np.nonzero(reaches & (can_hear & (wave == 0)))
-            if self._losses is not None:
-                keys, losses = np.stack([link.keys for link in links]), np.stack([link.losses for link in links])
-                draws = kernels.fraction_many(kernels.draw_bits_many(purpose, keys[sources, gets], self._turn, k))
-                gets = gets[draws >= losses[sources, gets]]
-            is_new = np.zeros(len(can_hear), bool)
-            is_new[gets] = True
+    def _spread(
+        self, at: IntArray, senders: IntArray, k: IntArray | None, can_hear: BoolArray
+    ) -> tuple[IntArray, BoolArray]:
+        """Return by how many transmissions messages come to agents, 0 for not at all, and whom they might reach."""
+        wave, in_reach, shape = np.zeros(can_hear.shape, np.int64), np.zeros(can_hear.shape, np.bool_), can_hear.shape
+        rows, transmitters, number = np.arange(len(wave)), senders, 1
+        while len(rows):
+            reaches, far = self._reached(at[rows], transmitters)
+            if number == 1:
+                in_reach |= reaches
+            else:
+                begins = np.flatnonzero(np.diff(rows, prepend=-1))  # of each message; rows ascend
+                in_reach[rows[begins]] |= np.logical_or.reduceat(reaches, begins)
+            sources, gets = np.nonzero(reaches & can_hear[rows])
+            of = rows[sources]
+            if k is not None and self._losses is not None:
+                draws = self._draws(at[of], senders[of], k[of], transmitters[sources], gets)
+                comes = draws >= chances_at(far[sources, gets], self._losses)
+                of, gets = of[comes], gets[comes]
+            is_new = np.zeros(shape, np.bool_)
+            is_new[of, gets] = True
             wave[is_new] = number
-            transmitters = np.flatnonzero(is_new & self._relays).tolist() if self._channel.relay else []
+            if not self._channel.relay:
+                break
+            can_hear = can_hear & ~is_new
+            rows, transmitters = np.nonzero(is_new & self._relays)
             number += 1
         return wave, in_reach
 
-    def _link(self, row: int) -> "_Link":
-        """Return which agents are in reach of one, and how probably each of them misses what it sends."""
-        if row not in self._links:
-            channel, places = self._channel, self._places
-            distances = _distances(places.xyz, places.xyz[row])
-            reaches = distances <= (np.inf if channel.range_m is None else channel.range_m)
-            if channel.hops is not None:
-                near = self._ctx.graph.graph.distances(source=places.nodes[row], weight=None, cutoff=channel.hops)
-                reaches &= np.array([node in near for node in places.nodes], bool)
-            reaches[row] = False
-            if channel.line_of_sight and reaches.any():
-                reaches[reaches] = self._ctx.graph.visible(self._antennas([row])[0], self._antennas(reaches))
-            if self._losses is None:
-                self._links[row] = _Link(reaches, _NO_LOSSES, self._keys)
-            else:
-                keys = kernels.draw_bits_many(int(self._keys[row]), self._keys, 0) if channel.relay else self._keys
-                self._links[row] = _Link(reaches, chances_at(distances, self._losses), keys)
-        return self._links[row]
+    def _draws(self, at: IntArray, senders: IntArray, k: IntArray, by: IntArray, gets: IntArray) -> FloatArray:
+        """Return a number in [0, 1) for each message that a transmitter sends to an agent."""
+        scene, purposes = self._scene, np.zeros(len(at), np.uint64)
+        for sender in np.unique(senders).tolist():
+            of_one = senders == sender
+            purposes[of_one] = scene.purposes("channel", self._channel.name, self.names[sender])[at[of_one]]
+        names = scene.keys[gets]
+        if self._channel.relay:
+            names = kernels.draw_bits_rows(scene.keys[by], names, np.zeros(1, np.int64))
+        return kernels.fraction_many(kernels.draw_bits_rows(purposes, names, scene.turns[at], k))
 
-    def _antennas(self, rows: BoolArray | list[int]) -> FloatArray:
-        """Return the ends of sight lines (rows, 3)."""
-        xyz, flies = self._places.xyz[rows].copy(), self._places.flies[rows]
-        xyz[~flies, 2] += ANTENNA_M
-        return xyz
+    def _reached(self, at: IntArray, transmitters: IntArray) -> tuple[BoolArray, FloatArray]:
+        """Return which agents transmitters of messages reach, and how far they are, (transmitters, agents)."""
+        channel, scene = self._channel, self._scene
+        which = None
+        if len(at) > 1:  # several messages may come from one transmitter
+            pairs, which = np.unique(at * len(self.names) + transmitters, return_inverse=True)
+            at, transmitters = np.divmod(pairs, len(self.names))
+        far = _distances(scene.xyz[at], scene.xyz[at, transmitters][:, None])
+        reaches = scene.alive[at] & (far <= (np.inf if channel.range_m is None else channel.range_m))
+        if channel.hops is not None:
+            reaches &= scene.is_within(at, transmitters, channel.hops)
+        reaches[np.arange(len(at)), transmitters] = False
+        if channel.line_of_sight:
+            for row, pair in enumerate(zip(at.tolist(), transmitters.tolist(), strict=True)):
+                reaches[row] = self._in_sight(*pair, reaches[row])
+        return (reaches, far) if which is None else (reaches[which], far[which])
 
-    def _meant(self, to: Any) -> BoolArray:
-        """Return which agents a message is for, (agents,), the sender included."""
-        if to not in self._addressed:
-            is_meant = np.zeros(len(self._teams), bool)
-            is_meant[[self._row_of[name] for name in receivers_of(to, self._teams)]] = True
-            self._addressed[to] = is_meant & self._may_use
-        return self._addressed[to]
+    def _in_sight(self, game: int, transmitter: int, reaches: BoolArray) -> BoolArray:
+        """Return which of the agents that a transmitter reaches it sees, (agents,)."""
+        pair, antennas = game * len(self.names) + transmitter, self._scene.antennas[game]
+        if pair not in self._sights:
+            self._sights[pair] = reaches.copy()
+            if reaches.any():
+                self._sights[pair][reaches] = self._scene.visible(antennas[transmitter], antennas[reaches])
+        return self._sights[pair]
 
     def _matching(self, named: Sequence[Any]) -> BoolArray:
-        return np.array(matching(named, self._places.names, self._places.teams), bool)
+        """Return which agents, or whose teams, are named, (agents,)."""
+        return np.array(matching(named, self.names, self._scene.teams.values()), np.bool_)
 
-    def _places_of(self, jammer: Jammer) -> list[Any]:
-        """Return where a jammer is: one place, that of each living agent of a team, or none."""
+    def _jammed(self, jammer: Jammer) -> BoolArray:
+        """Return which agents a jammer silences, (games, agents)."""
+        scene, found = self._scene, np.zeros(self._scene.alive.shape, np.bool_)
         if jammer.at is None:
-            wanted = zip(self._places.names, self._places.teams, self._places.xyz, strict=True)
+            wanted = enumerate(scene.teams.items())
             is_team = jammer.team is not None
-            return [xyz for name, team, xyz in wanted if (team == jammer.team if is_team else name == jammer.agent)]
-        if isinstance(jammer.at, tuple):
-            return [(*jammer.at, 0.0)]
-        graph = self._ctx.graph.graph
-        return [(*xy, 0.0) for xy in graph.positions([jammer.at])] if graph.has_node(jammer.at) else []
+            for i in [i for i, (name, team) in wanted if (team == jammer.team if is_team else name == jammer.agent)]:
+                found |= (_distances(scene.xyz, scene.xyz[:, i, None]) <= jammer.radius_m) & scene.alive[:, i, None]
+            return found
+        for x, y in [jammer.at] if isinstance(jammer.at, tuple) else scene.place_of(jammer.at):
+            found |= _distances(scene.xyz, np.array((x, y, 0.0))) <= jammer.radius_m
+        return found
 
 
-def _distances(xyz: FloatArray, place: Any) -> FloatArray:
-    ways = xyz - np.asarray(place, np.float64)
-    distances: FloatArray = np.sqrt((ways * ways).sum(axis=1))
+def _distances(xyz: FloatArray, place: FloatArray) -> FloatArray:
+    ways = xyz - place
+    distances: FloatArray = np.sqrt((ways * ways).sum(axis=-1))
     return distances
 
 

@@ -176,10 +176,8 @@ class _ViewOfOne(ArrayView):
         self.draw = _DrawsOfOne(state["draw"])
         self._host, self._internals, self._memory = host, internals, state["memory"]
         self._sensed, self._inbox, self.deeds, self.outboxes = state["sensor"], state.get("inbox", ()), [], []
-        known, columns = host.game.channels, streets.columns
-        if known:
-            xyz = np.column_stack((columns.xy, np.zeros(len(columns.xy))))
-            game.radio = Radio(known, roster, columns.node_ids, xyz, 1)
+        if host.game.channels:
+            game.radio = Radio(host.game.channels, roster, 1)
         check = partial(checked_value, ctx=host)
         game.deeds = DeclaredDeeds(state.get("deeds", {}), check, roster, streets, 1)
         if isinstance(movement, Noted):

@@ -11,7 +11,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
-from gamms.game.batch.channels import Outbox, Radio, Scene, why_not_sent
+from gamms.game.batch.channels import Outbox, Radio, why_not_sent
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
@@ -27,8 +27,8 @@ from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
 from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
-from gamms.game.channels import Channel
 from gamms.game.deeds import checked_value
+from gamms.game.messages import ANTENNA, Scene
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule
 from gamms.ir.game_state import PHASES
@@ -69,7 +69,7 @@ class ArrayEngine:
             settings["deeds"], partial(checked_value, ctx=game.ctx), roster, movement.streets, len(seeds)
         )
         if settings["channels"]:
-            self.state.radio = self._made_radio(settings["channels"])
+            self.state.radio = Radio(settings["channels"], roster, len(seeds))
         self._arriving = movement if isinstance(movement, ByMetres) and movement.terms.decides_at_arrivals else None
         self._own: list[OwnState | None] = [None] * len(seeds)
         self._kinds: dict[str, Any] = {}  # agent that has come -> what it is and carries
@@ -197,13 +197,29 @@ class ArrayEngine:
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return GameArrays(roster, movement, seeds, start)
 
-    def _made_radio(self, channels: Mapping[str, Channel]) -> Radio:
-        state, graph = self.state, self._game.ctx.graph.graph
-        columns = state.streets.columns
-        ground = graph.ground(columns.node_ids)
-        z = np.zeros(len(columns.node_ids)) if ground is None else ground.z
-        xyz, visible = np.column_stack((columns.xy, z)), self._game.ctx.graph.visible
-        return Radio(channels, state.roster, columns.node_ids, xyz, len(state), visible)
+    def _scene(self, turn: ArrayTurn, radio: Radio) -> Scene:
+        """Return where agents are when messages are sent."""
+        movement, graph, node, columns = turn.movement, self._game.ctx.graph, turn.node, turn.streets.columns
+        ground = graph.graph.ground(columns.node_ids)
+        z = np.zeros(node.shape) if ground is None else ground.z[node]
+        places = movement.places(node, (np.broadcast_to(turn.games[:, None], node.shape), np.indices(node.shape)[1]))
+        xyz = np.concatenate((places.xy, z[..., None]), axis=-1)
+
+        def is_within(at: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
+            return movement.routes(None).distances(node[at, transmitters][:, None], node[at]) <= hops
+
+        return Scene(
+            teams=radio.teams,
+            keys=turn.roster.keys,
+            turns=turn.turn,
+            xyz=xyz,
+            antennas=xyz + ANTENNA,
+            alive=turn.alive,
+            purposes=lambda *purpose: self.state.purposes(*purpose)[turn.games],
+            is_within=is_within,
+            visible=graph.visible,
+            place_of=lambda node: columns.xy[columns.node_ids == node].tolist(),
+        )
 
     def _publish_facts(self, facts: Mapping[str, Any]) -> None:
         self.state.facts.update(facts)
@@ -305,11 +321,7 @@ class ArrayEngine:
         """Send what is to be sent in a turn in which all have moved, and apply its rules."""
         state = self.state
         if outboxes and state.radio is not None:
-            hops = partial(state.movement.routes, None)
-            rows = np.broadcast_to(turn.games[:, None], turn.node.shape), np.indices(turn.node.shape)[1]
-            places = state.movement.places(turn.node, rows)
-            scene = Scene(turn.games, turn.turn, turn.node, places.xy, turn.alive, state.purposes, hops)
-            state.radio.send(scene, outboxes)
+            state.radio.send(turn.games, self._scene(turn, state.radio), outboxes)
         turn.end_moves()
         if self._here.rules["before"]:
             turn.keep_moves()
