@@ -3,7 +3,6 @@
 import logging
 import os
 from collections.abc import Callable, Mapping
-from contextlib import ExitStack
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -285,14 +284,18 @@ class Context(Guarded, typing.IContext):
             return
         if self._game is not None:
             self._game.internals.close()  # before the recorder stops, which writes how the game ended
-        with ExitStack() as closing:  # calls the last one first, and all of them even when one raises
-            closing.callback(setattr, self, "_alive", False)
-            for name in ("_visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine"):
-                if (engine := getattr(self, name)) is not None:
-                    closing.callback(engine.terminate)
+        closing: list[Callable[[], object]] = [self._end]
+        try:
+            names = ("_visual_engine", "internal_context", "graph_engine", "sensor_engine", "agent_engine")
+            closing += [engine.terminate for name in names if (engine := getattr(self, name)) is not None]
             recorder = self._recorder
             if recorder is not None and getattr(recorder, "is_open", recorder.record()):
-                closing.callback(getattr(recorder, "close", recorder.stop))
+                closing.append(getattr(recorder, "close", recorder.stop))
+        finally:
+            _call_each(closing)
+
+    def _end(self) -> None:
+        self._alive = False
 
     def _repr_png_(self) -> bytes | None:
         """Return the present state for notebooks; None where it cannot be drawn as PNG."""
@@ -375,9 +378,8 @@ def create_context(
         ctx._seed, ctx.is_seeded = as_int(seed, "seed"), True
     if game is not None:
         ctx.game.configure(game)
-    with ExitStack() as opened:  # closes what is open when a later engine cannot be built
-        ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
-        opened.callback(ctx.internal_context.terminate)
+    ctx.internal_context = InternalContext(memory_engine=memory.MemoryEngine())
+    try:
         path = _database_path(graph_engine, graph_path)
         ctx.graph_engine = graph.GraphEngine(ctx, engine=graph_engine, path=path)  # type: ignore[arg-type] # it is checked there
         ctx.agent_engine = agent.AgentEngine(ctx)
@@ -386,12 +388,23 @@ def create_context(
             ctx._visual_class = visual.NoEngine  # NOTE: a third of the time of a context that shows nothing
         else:
             ctx._visual_engine = _visual_engine(ctx, vis_engine, keywords)
-        opened.pop_all()
+    except BaseException:
+        ctx.internal_context.terminate()
+        raise
     ctx.set_alive()
     return ctx
 
 
 contexts.register("gamms")(create_context)
+
+
+def _call_each(verbs: list[Callable[[], object]]) -> None:
+    """Call the last one first, and all of them even when one raises."""
+    if verbs:
+        try:
+            verbs.pop()()
+        finally:
+            _call_each(verbs)
 
 
 def _keywords(given: object, name: str) -> dict[str, Any]:
@@ -433,7 +446,8 @@ def _configured_logger(config: dict[str, Any]) -> logging.Logger:
         kind = BadType if isinstance(error, TypeError) else BadValue
         raise kind(f"logger_config cannot be {shown(config)}: {error}.") from error
     logger = logging.getLogger("gamms")
-    logger.setLevel(level)
+    if logging.getLevelName(logger.level) != level:  # NOTE: to set it empties the caches of all loggers
+        logger.setLevel(level)
     logger.addFilter(_made_printable)
     return logger
 
