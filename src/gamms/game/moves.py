@@ -249,7 +249,7 @@ class TurnMoves:
 
     def stop_each(self, stopped: IntArray) -> None:
         """Keep the agents of slots where they are, all of which go along one edge."""
-        np.asarray(self.ends)[stopped] = np.asarray(self.starts)[stopped]
+        np.asarray(self.ends)[stopped] = np.asarray(self.starts).take(stopped)
         self.order.count_blocked(stopped)
         self._by_name = None
 

@@ -520,7 +520,7 @@ class TurnEngine:
             is_stopped = self._stopped_in_arrays(turn)
             if is_stopped is not None:
                 stopped = np.flatnonzero(is_stopped)
-                self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends)[stopped])
+                self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends).take(stopped))
                 turn.stop_each(stopped)
                 for slot in slots.made_of(is_stopped):
                     slot.show_blocked()
