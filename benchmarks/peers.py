@@ -70,6 +70,37 @@ def ours_alone(side, counts, sensors, capacity=None, tag=False, turns=5):
     return run
 
 
+def ours_as_team(side=64, agents=64, metres=71.0, turns=20):
+    """Turns of `ctx.game` of a team that looks around in arrays, to the corners of 11 x 11 nodes, and has goals."""
+    import numpy as np
+
+    import gamms
+    from gamms import rules
+
+    ctx, rng = gamms.create_context(seed=1), np.random.default_rng(1)
+    lattice(ctx, side)
+    around = ctx.sensor.create_sensor("around", "RANGE", sensor_range=metres)
+    near = ctx.sensor.create_sensor("near", "AGENT_RANGE", sensor_range=metres)
+    around.sense_many(range(side * side))
+    team = ctx.agent.create_team("red", random.Random(2).sample(range(side * side), agents))
+    xy, goals = ctx.graph.columns().xy, rng.integers(side * side, size=agents)
+
+    def walk(arrays):
+        reached = np.flatnonzero(arrays.nodes == goals)
+        goals[reached] = rng.integers(side * side, size=len(reached))
+        _ = team.sense(around).values, team.sense(near).places, xy[goals] - xy[arrays.nodes]
+        return arrays.choose(arrays.draw.below(arrays.counts))
+
+    ctx.game.command("red", walk, arrays=True)
+    ctx.game.conflicts = rules.Conflicts(1)
+
+    def run():
+        ctx.game.run(turns)
+        return turns * agents
+
+    return run
+
+
 VIEWS = {"around": ("RANGE", 50.0), "near": ("AGENT_RANGE", 50.0)}
 PURSUIT = {"around": ("RANGE", 30.0), "near": ("AGENT_RANGE", 30.0)}
 
@@ -127,6 +158,7 @@ def ours_as_vectors(games=1024):
 OURS = {
     "POGEMA": lambda: ours_alone(64, {"red": 64}, {"red": VIEWS}, capacity=1),
     "POGEMA, agents only": lambda: ours_alone(64, {"red": 64}, {"red": {"near": VIEWS["near"]}}, capacity=1),
+    "POGEMA, a team in arrays": ours_as_team,
     "POGEMA, in batch": ours_in_batch,
     "PettingZoo": lambda: ours_alone(16, {"red": 8, "blue": 30}, {"red": PURSUIT}, tag=True, turns=10),
     "VMAS": ours_as_vectors,
@@ -244,6 +276,11 @@ PEERS = {
         *_POGEMA,
         "`ctx.game`, AGENT_RANGE 50 m, `Conflicts(1)`",
         "who is near by name, legal nodes, all keys of a state; not what lies around, no goals",
+    ),
+    "POGEMA, a team in arrays": Peer(
+        *_POGEMA,
+        "`ctx.game`, a plan in arrays, RANGE and AGENT_RANGE 71 m, `Conflicts(1)`",
+        "161 nodes around and who is near by ids in arrays, the way to a goal; a new goal when it is reached",
     ),
     "POGEMA, in batch": Peer(
         *_POGEMA,

@@ -494,7 +494,7 @@ def _edges_of(views: list[View]) -> Sensed:
 def _paired(positions: Positions, looks_at: IntArray, rows: IntArray, *, looks: int, own: str | None) -> Sensed:
     """Return pairs of looks and rows of agents as what was sensed, but for one agent."""
     names = tuple(positions.names)
-    if own in names:
+    if own is not None and own in names:
         is_other = rows != names.index(own)
         looks_at, rows = looks_at[is_other], rows[is_other]
     offsets = np.searchsorted(looks_at, np.arange(looks + 1))

@@ -186,8 +186,9 @@ class NearbyAgents:
 
     def near_nodes(self, ids: list[int], radius: float) -> tuple[Positions, tuple[IntArray, IntArray] | None]:
         """Return where agents are, and those near nodes; see `near_places`."""
-        positions = self._catch_up()
-        return positions, near_places(self._ctx.graph.graph.positions(ids), radius, positions, self.places())
+        positions, xy = self._catch_up(), self.places()
+        here = xy if ids == [*positions.nodes] and not positions.travellers else self._ctx.graph.graph.positions(ids)
+        return positions, near_places(here, radius, positions, xy)
 
     def _catch_up(self) -> Positions:
         """Forget what is no longer so, and return where agents are."""
