@@ -29,6 +29,19 @@ def test_agents_that_pass_each_other_on_an_edge_meet(road):
     assert pairs(ctx, crossing=False) == {("r", "behind"): 0.0, ("r", "same_way"): 0.0}
 
 
+@pytest.mark.parametrize("team", ["drones", "red"])
+def test_agents_that_fly_change_nothing_between_those_on_the_ground(road, team):
+    ctx = road(r=("red", 3, 4, 5), b=("blue", 4, 3, 3), far=("blue", 9), late=("blue", 8, 7, 6))
+    drone = {"type": AgentType.AERIAL, "position": (31.0, 0.0, 9.0), "speed": 20.0, "start_node_id": 3}
+    ctx.agent.create_agent("d", team=team, strategy=lambda state: state.update(action=(20.0, 0.0, 0.0)), **drone)
+    ctx.game.step()
+    assert pairs(ctx) == {("r", "b"): 0.0}
+    ctx.game.step()
+    assert pairs(ctx) == {}
+    ctx.agent.get_agent("r").current_node_id = 6
+    assert pairs(ctx) == {("r", "late"): 0.0}
+
+
 def test_agents_with_a_speed_meet_anywhere_on_their_way(road):
     ctx = road(r=("red", 0, 5), b=("blue", 6, 1), other=("blue", 9))
     for name in "rb":

@@ -135,14 +135,18 @@ class TurnMoves:
             return True
         return crossing and not set(ours(self.starts)).isdisjoint(there)
 
-    def are_single_steps(self, block: AgentBlock) -> bool:
-        """Whether all living agents are on the ground, went along one edge or none, and are where that has led."""
+    def are_single_steps(self, block: AgentBlock, a: Hashable, b: Hashable) -> bool:
+        """Whether all living agents went along one edge or none, and are there; where some fly, those of two sides."""
         order = self.order
-        return (
-            not (block.flyers or block.travellers or (self.actions and any(map(_is_long, self.actions.values()))))
-            and order.structure_version == block.structure_version
-            and order.nodes() == self.ends
-        )
+        if block.travellers or order.structure_version != block.structure_version:
+            return False
+        if self.actions and any(map(_is_long, self.actions.values())):
+            return False
+        nodes, ground = order.nodes(), order.whole.on_ground
+        if not block.flyers or ground is None:
+            return bool(nodes == self.ends)
+        sides = order.of_side(a), order.of_side(b)
+        return all(one.as_set.issubset(ground) and one.of(nodes) == one.of(self.ends) for one in sides)
 
     def by_name(self) -> dict[str, Move]:
         """Return agent -> its move, of all on the ground, in the order of the names."""

@@ -186,7 +186,7 @@ def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:
     """Whether all went one edge or none, to nodes that are not near each other, and no two passed: then none met."""
     # NOTE: most turns are like that; tracks of all agents take a quarter of a small game (benchmarks).
     moves: TurnMoves | None = ctx.game.internals.state.moves
-    if moves is None or not moves.are_single_steps(ctx.agent.block):
+    if moves is None or not moves.are_single_steps(ctx.agent.block, a, b):
         return False
     if nearness.unit is None:
         return not moves.may_meet(a, b, crossing=nearness.crossing)
