@@ -101,6 +101,20 @@ def test_a_turn_allocates_little_and_keeps_little(ctx):
     assert (after - before) / (TURNS * AGENTS) <= 100  # 90, of which 60 once
 
 
+def test_states_of_a_second_kind_of_game_are_as_small(ctx):
+    first = ctx.agent.get_agent("a0").state
+    with gamms.create_context(seed=1) as other:
+        other.graph.attach_networkx_graph(gamms.graph.grid(12, 12))
+        for i in range(AGENTS):
+            other.agent.create_agent(f"b{i}", start_node_id=i, speed=5.0, strategy=stay)
+        other.game.speed_unit = "metres"
+        other.game.step()
+        second = other.agent.get_agent("b0").state
+    assert len(second) == len(first) + 3  # edge, offset_m and xy
+    for state in (first, second):
+        assert sys.getsizeof(state) < 0.8 * sys.getsizeof({**state})  # they share their keys
+
+
 def test_a_turn_of_a_small_game_makes_few_calls():
     teams = {team: {"count": 5, "strategy": "gamms.strategies:random_walk"} for team in ("red", "blue")}
     rules = [

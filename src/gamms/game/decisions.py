@@ -259,8 +259,7 @@ class Decisions:
             last[0] = state = template.copy()
             state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
             state["legal"] = legal = near[here]
-            is_known = are_shared and template["team"] in shared
-            noted: dict[Any, Any] = memory_copy(shared[template["team"]]) if is_known else {}
+            noted: dict[Any, Any] = memory_copy(shared.get(template["team"], {})) if are_shared else {}
             state["team_memory"] = noted
             phase.agent = agent
             try:
@@ -278,7 +277,7 @@ class Decisions:
                 ends[i] = action
             else:
                 self.take(i, state)
-            if is_known:
+            if are_shared and template["team"] in shared:
                 self.note(i, state.get("team_memory"))
             elif noted:
                 self.note(i, noted)

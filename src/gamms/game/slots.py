@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy
+from functools import cache
 from typing import Any
 
 from gamms.arguments import as_range
@@ -120,6 +121,7 @@ class AgentSlot:
                 "blocked": self._why_blocked(),
                 "fork": self.fork,
                 **({"deeds": settings.deeds} if settings.deeds else {}),
+                **({"inbox": [], "outbox": []} if settings.channels else {}),
             }
         )
 
@@ -229,8 +231,13 @@ def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:
     return slots.made() if isinstance(slots, LazySlots) else slots
 
 
-class _Layout:
-    """Its instances have the keys that states share."""
+@cache
+def _layout(_keys: tuple[str, ...]) -> type:
+    """Return the class whose instances have these keys, which states share; others get another class.
+
+    In one class for all, the keys of later kinds of games would find no place in its table.
+    """
+    return type("_Layout", (), {})
 
 
 def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
@@ -239,11 +246,12 @@ def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
     Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
     those of 1,000 agents would not stay in the cache (benchmarks: turns).
     """
-    instance = _Layout()
+    instance: Any = _layout(tuple(template))()
     for key in (*template, "action"):
         setattr(instance, key, template.get(key))
-    del instance.action  # type: ignore[attr-defined]
-    return instance.__dict__
+    del instance.action
+    shared: dict[str, Any] = instance.__dict__
+    return shared
 
 
 def _speed(agent: IAgent) -> float | None:
