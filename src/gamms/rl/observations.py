@@ -108,7 +108,7 @@ class MapGraph:
         game, agent = np.indices((games, agents))
         found[game, agent, host.node, 2] = 1.0
         found[..., 3] = -1.0
-        legal, is_legal = host.movement.legal(host.choices)
+        legal, is_legal = host.legal_rows()
         at, who, action = (column[::-1] for column in np.nonzero(is_legal))  # of several, the first one counts
         found[at, who, legal[at, who, action], 3] = action
         for entry, (at, viewers, rows) in zip((4, 5), _mates_and_enemies(host), strict=True):
@@ -202,7 +202,7 @@ def _places(streets: Streets) -> FloatArray:
 
 def _actions(view: ArrayView, near: IntArray) -> IntArray:
     """Return the numbers of the actions that lead to nodes, (games, agents, nodes); -1: none does."""
-    found, (legal, is_legal) = np.full(near.shape, -1), view.movement.legal(view.choices)
+    found, (legal, is_legal) = np.full(near.shape, -1), view.legal_rows()
     for action in reversed(range(legal.shape[2])):
         found[(near == legal[..., action, None]) & is_legal[..., action, None]] = action
     return found
@@ -210,9 +210,4 @@ def _actions(view: ArrayView, near: IntArray) -> IntArray:
 
 def _mates_and_enemies(view: ArrayView) -> list[tuple[IntArray, IntArray, IntArray]]:
     """Return who sees where mates, and where enemies: games, agents of the view, and rows of nodes."""
-    found, enemies = view.seen(), view.enemies()
-    agents = len(view.roster.names)
-    key, hostile = ((one.at * len(view.agents) + one.viewers) * agents + one.others for one in (found, enemies))
-    is_mate = ~np.isin(key, hostile)
-    mates = found.at[is_mate], found.viewers[is_mate], found.nodes[is_mate]
-    return [mates, (enemies.at, enemies.viewers, enemies.nodes)]
+    return [(one.at, one.viewers, one.nodes) for one in (view.mates(), view.enemies())]

@@ -123,7 +123,7 @@ def _farthest_in_arrays(view: ArrayView) -> IntArray:
     seen, actions = view.enemies(), no_actions(view)
     if len(seen.at):
         starts, _ = runs_of(seen)
-        legal, is_legal = _legal_of(view, (seen.at, seen.viewers))
+        legal, is_legal = view.legal_rows((seen.at, seen.viewers))
         far = np.full(legal.shape, -inf)
         threats = np.broadcast_to(seen.nodes[:, None], legal.shape)
         far[is_legal] = view.routes().distances(threats[is_legal], legal[is_legal])
@@ -142,11 +142,6 @@ def _farthest_on_device(view: DeviceView) -> Tensor:
     safety = xp.where(is_legal, xp.min(xp.where(seen[..., None], far, inf), axis=2), -inf)
     is_best = is_legal & (safety == xp.max(safety, axis=2, keepdims=True))
     return xp.where(xp.any(seen, axis=2), _lowest(view, legal, is_best), -1)
-
-
-def _legal_of(view: ArrayView, which: tuple[IntArray, ...]) -> tuple[IntArray, BoolArray]:
-    """Return the rows of the legal nodes of some agents, (agents, most), and which of these count."""
-    return view.movement.legal(view.choices[which])
 
 
 def _lowest(view: ArrayView, legal: IntArray, is_chosen: BoolArray) -> IntArray:
@@ -298,7 +293,7 @@ def _exit_in_arrays(exits: tuple[int, ...], fallback: ArrayStrategy, view: Array
     arrivals = routes.distances(seen.nodes[:, None], ends)
     np.minimum.at(first, (seen.at, seen.viewers), arrivals)
     going = np.nonzero(view.mask & np.isfinite(routes.distances(view.node[..., None], ends)).any(axis=-1))
-    legal, is_legal = _legal_of(view, going)
+    legal, is_legal = view.legal_rows(going)
     number = no_actions(view)
     number[going] = np.arange(len(legal))
     seen = seen.of(number[seen.at, seen.viewers] >= 0)
@@ -428,7 +423,7 @@ def _first_to_come(view: ArrayView, seen: Seen) -> IntArray:
 def _confining_actions(view: ArrayView, chased: Seen) -> IntArray:
     """Return what `_confining_node` returns for agents, each with the enemy that it goes after: numbers of nodes."""
     speeds, me = _speeds(view), view.agents[chased.viewers]
-    legal, is_legal = _legal_of(view, (chased.at, chased.viewers))
+    legal, is_legal = view.legal_rows((chased.at, chased.viewers))
     far = _turns(view.routes(None).distances(legal, chased.nodes[:, None]), speeds[me][:, None])
     far[~is_legal] = inf
     is_nearest = is_legal & (far == far.min(axis=1, keepdims=True))

@@ -17,7 +17,7 @@ import numpy as np
 from gamms.arguments import as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
-from gamms.game.batch.device_view import DeviceView, columns_of, with_columns
+from gamms.game.batch.device_view import DeviceView, columns_of, with_others
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.travel import ByMetres
@@ -544,7 +544,7 @@ def remember(view: ArrayView, key: str, **values: Tensor) -> None:
     if isinstance(view, DeviceView):
         for name, column in values.items():
             own = view.xp.where(view.mask, column, columns_of(kept[name], view.agents, view.library))
-            kept[name] = with_columns(kept[name], view.agents, own, view.library)
+            kept[name] = with_others(kept[name], view.agents, own, 1, view.library)
         return
     at, agents = np.nonzero(view.mask)
     for name, column in values.items():

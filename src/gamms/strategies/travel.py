@@ -378,22 +378,22 @@ def _drawn_aside(ahead: Tensor, view: ArrayView) -> Tensor:
     """Return actions to legal nodes that are neither the own ones nor those ahead, or to any where there are none."""
     xp = view.xp
     if isinstance(view, DeviceView):
-        options = _options_aside(view, view.legal_rows(), view.node, ahead)
+        options = _options_aside(view, np.s_[:, :], ahead)
         counted = xp.cumulative_sum(xp.astype(options, xp.int64), axis=2)
         drawn = view.draw.below(counted[..., -1])
         return xp.argmax(xp.astype(counted > drawn[..., None], xp.int64), axis=2)
     at, actions, counts = np.nonzero(view.mask), no_actions(view), filled(view, 1)
-    options = _options_aside(view, view.movement.legal(view.choices[at]), view.node[at], ahead[at])
+    options = _options_aside(view, at, ahead)
     counts[at] = options.sum(axis=1)
     drawn = view.draw.below(counts)[at]
     actions[at] = (np.cumsum(options, axis=1) > drawn[:, None]).argmax(axis=1)
     return actions
 
 
-def _options_aside(view: ArrayView, legal: tuple[Tensor, Tensor], here: Tensor, ahead: Tensor) -> Tensor:
-    """Return which of the legal nodes agents may step aside to, of those that `here` is of."""
-    nodes, is_legal = legal
-    is_free = is_legal & (nodes != here[..., None]) & (nodes != ahead[..., None])
+def _options_aside(view: ArrayView, at: Any, ahead: Tensor) -> Tensor:
+    """Return to which of their legal nodes the agents of an index may step aside."""
+    nodes, is_legal = view.legal_rows(at)
+    is_free = is_legal & (nodes != view.node[at][..., None]) & (nodes != ahead[at][..., None])
     return view.xp.where(view.xp.any(is_free, axis=-1, keepdims=True), is_free, is_legal)
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine, teams_asked
 from gamms.game.batch.columns import PlayedGame, Roster
-from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing
+from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing, with_others
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Group
@@ -110,9 +110,7 @@ class DeviceGames(GameArrays):
     def _with_rows(self, column: Tensor, games: IntArray, rows: Tensor) -> Tensor:
         if not self.library.is_own(column):
             return super()._with_rows(column, games, rows)
-        places = np.arange(len(self))
-        places[games] = len(self) + np.arange(len(games))
-        return self.library.xp.take(self.library.xp.concat((column, rows)), self.library.put(places), axis=0)
+        return with_others(column, games, rows, 0, self.library)
 
     def move(self, ends: Tensor, playing: BoolArray) -> None:
         """Move all agents on the device, in the games that are played."""

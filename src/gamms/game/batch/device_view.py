@@ -154,11 +154,11 @@ class DeviceView(ArrayView):
         """Return the view in NumPy, of all games: where agents are on a GPU, they are copied."""
         return ArrayView(self._state, np.arange(len(self._state)), self.agents)
 
-    def legal_rows(self) -> tuple[Tensor, Tensor]:
+    def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[Tensor, Tensor]:
         """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
-        xp, table = self.xp, self.streets.legal
-        rows = xp.reshape(xp.take(table, xp.reshape(self.node, (-1,)), axis=0), (*self.node.shape, table.shape[1]))
-        return rows, xp.arange(rows.shape[-1], device=self.library.device) < self.counts[..., None]
+        xp, table, node = self.xp, self.streets.legal, self.node[which]
+        rows = xp.reshape(xp.take(table, xp.reshape(node, (-1,)), axis=0), (*node.shape, table.shape[1]))
+        return rows, xp.arange(rows.shape[-1], device=self.library.device) < self.counts[which][..., None]
 
     def places(self) -> Places:
         """Return where the agents are: in games by metres some may be on edges."""
@@ -410,14 +410,14 @@ def columns_of(table: Tensor, agents: IntArray, library: ArrayLibrary) -> Tensor
     return library.xp.take(table, library.put(agents), axis=1)
 
 
-def with_columns(table: Tensor, agents: IntArray, own: Tensor, library: ArrayLibrary) -> Tensor:
-    """Return a table (games, agents) with other columns of some agents."""
-    most = table.shape[1]
-    if len(agents) == most:
+def with_others(table: Tensor, numbers: IntArray, own: Tensor, axis: int, library: ArrayLibrary) -> Tensor:
+    """Return a table (games, agents) with other rows of some games, axis 0, or other columns of some agents, axis 1."""
+    most = table.shape[axis]
+    if np.array_equal(numbers, np.arange(most)):
         return own
     places = np.arange(most)
-    places[agents] = most + np.arange(len(agents))
-    return library.xp.take(library.xp.concat((table, own), axis=1), library.put(places), axis=1)
+    places[numbers] = most + np.arange(len(numbers))
+    return library.xp.take(library.xp.concat((table, own), axis=axis), library.put(places), axis=axis)
 
 
 def only_playing(alive: Tensor, playing: BoolArray, library: ArrayLibrary) -> Tensor:

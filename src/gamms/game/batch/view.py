@@ -170,9 +170,13 @@ class ArrayView(Mapping[str, Any]):
         known = self._state.heights
         return np.zeros(self.node.shape) if known is None else known[np.ix_(self.games, self.agents)]
 
-    def legal_rows(self) -> tuple[IntArray, BoolArray]:
-        """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count."""
-        return self.movement.legal(self.choices)
+    def legal_rows(self, which: Any = np.s_[:, :]) -> tuple[IntArray, BoolArray]:
+        """Return the rows of the legal nodes of each agent, (games, agents, most), and which of these count.
+
+        Args:
+            which: an index of the agents of the view that are asked for.
+        """
+        return self.movement.legal(self.choices[which])
 
     def _time(self) -> FloatArray:
         now = self.movement.now
