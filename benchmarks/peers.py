@@ -70,8 +70,8 @@ def ours_alone(side, counts, sensors, capacity=None, tag=False, turns=5):
     return run
 
 
-def ours_as_team(side=64, agents=64, metres=71.0, turns=20):
-    """Turns of `ctx.game` of a team that looks around in arrays, to the corners of 11 x 11 nodes, and has goals."""
+def ours_as_team(side=64, agents=64, metres=61.0, turns=10):
+    """Turns of `ctx.game` of a team that looks at 121 nodes around each agent, in arrays, and has goals."""
     import numpy as np
 
     import gamms
@@ -279,8 +279,8 @@ PEERS = {
     ),
     "POGEMA, a team in arrays": Peer(
         *_POGEMA,
-        "`ctx.game`, a plan in arrays, RANGE and AGENT_RANGE 71 m, `Conflicts(1)`",
-        "161 nodes around and who is near by ids in arrays, the way to a goal; a new goal when it is reached",
+        "`ctx.game`, a plan in arrays, RANGE and AGENT_RANGE 61 m, `Conflicts(1)`",
+        "121 nodes around and who is near by ids in arrays, the way to a goal; a new goal when it is reached",
     ),
     "POGEMA, in batch": Peer(
         *_POGEMA,
