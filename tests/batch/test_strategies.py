@@ -230,6 +230,32 @@ def test_false_alarms_are_late_in_arrays_as_alone(order, same_as_one_by_one):
     same_as_one_by_one(scenario.replace(rules=[tag, back]), [1, 2], {"red": MADE["chase"], "blue": MADE["flee"]})
 
 
+def test_a_camera_that_covers_no_node_gives_no_false_alarm_in_arrays_either(same_as_one_by_one):
+    camera = {"type": "AGENT_RANGE", "at": [5.0, 5.0], "sensor_range": 1.0, "false_alarm_rate": 2.0}
+    red = {"count": 1, "sensors": ["camera"]}
+    scenario = hunted().replace(**{"sensors.camera": camera, "teams.red": red})
+    same_as_one_by_one(scenario, [1], {"red": chase, "blue": random_walk})
+
+
+def test_an_agent_on_the_first_edge_of_a_map_is_there_in_arrays_too():
+    anna = {
+        "name": "anna",
+        "node": 0,
+        "speed": 4.0,
+        "strategy": {"function": "gamms.strategies:goto", "with": {"target": 1}},
+    }
+    map = {"grid": {"width": 3, "height": 1}}
+    scenario = Scenario(map=map, teams={"red": {"agents": [anna]}}, max_turns=9, settings={"speed_unit": "metres"})
+    with scenario.batch(seeds=[1, 2]) as games, scenario.build(seed=1) as ctx:
+        games.step()
+        ctx.game.step()
+        alone, places = ctx.agent.get_agent("anna"), games.observe("red").places()
+        assert alone.edge[2] == ctx.graph.columns().edge_ids[0]
+        assert places.edge[:, 0].tolist() == [list(alone.edge)] * 2
+        assert places.offset_m[:, 0].tolist() == [alone.offset_m] * 2
+        assert places.xy[:, 0].tolist() == [[*alone.xy]] * 2
+
+
 def test_teams_that_play_one_after_another_see_what_has_moved(same_as_one_by_one):
     scenario = hunted(settings={"order": [["blue"], ["red"]]})
     same_as_one_by_one(scenario, [1, 2, 3], {"red": chase, "blue": flee})

@@ -106,3 +106,14 @@ def test_a_fact_named_function_is_a_fact(made):
     with game.build() as ctx:
         assert dict(ctx.game.facts) == ctx.game.internals.scenario["facts"] == {"function": "players:make"}
         assert ctx.game.internals.scenario["teams"]["red"]["meta"] == {"function": "players:make"}
+
+
+def test_a_default_that_is_written_out_makes_no_other_game():
+    def digests(**more):
+        tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", **more}}
+        teams = {"red": {"count": 1}, "blue": {"count": 1}}
+        return Scenario(map={"grid": {"width": 3, "height": 3}}, teams=teams, rules=[tag]).digests()
+
+    usual = digests()
+    assert digests(then="respawn", score=1) == usual
+    assert {part for part, digest in digests(score=2).items() if digest != usual[part]} == {"rules"}

@@ -176,7 +176,13 @@ def test_a_bar_that_has_no_room_beside_the_note_stands_above_it(street):
     ctx.graph.graph.attribution = "© OpenStreetMap contributors, ODbL 1.0"
     root = ET.fromstring(ctx.visual.picture(".svg", 300, 500))
     heights = {text.text: float(text.get("y")) for text in root.iter(f"{SVG}text")}
-    assert heights["100 m"] < heights["© OpenStreetMap contributors, ODbL 1.0"] - 10
+    assert 10 < heights["© OpenStreetMap contributors, ODbL 1.0"] - heights["100 m"] < 40
+
+
+def test_a_scale_bar_ends_where_its_words_stand(street):
+    picture = street(500, 1000, "EPSG:32635").visual.picture(".svg", 400, 500).decode()
+    ((top, height),) = re.findall(r'stroke="#777777" stroke-width="1.5" d="m\d+ (\d+) 0 (\d+) ', picture)
+    assert f'y="{int(top) + int(height) - 1}" font-size="11"' in picture
 
 
 # -- the legend and the words -----------------------------------------------------------------------------------
