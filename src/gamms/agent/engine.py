@@ -419,11 +419,15 @@ class AgentStorage(Guarded):
 
     def details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
         """Return the sensors, attributes and strategy of each agent, which are not to be written to."""
+        stored = self._engine._stored()
+        alike: dict[int, Any] = {
+            key: ({}, {}, one.strategy) for key, one in teams_in(stored).items() if not one.columns
+        }
         return [
-            ({}, one.attributes(name) if one.columns else {}, one.strategy)
+            alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
             if type(one) is Members
             else (one._sensor_list, one.__dict__, one.strategy)
-            for name, one in self._engine._stored().items()
+            for name, one in stored.items()
         ]
 
     def made(self) -> list[BaseAgent]:

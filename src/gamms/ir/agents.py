@@ -165,8 +165,8 @@ class AgentBlock:
                 continue
             kind, shape = ARRAYS[name]
             if shape and isinstance(column, list):
-                none = (np.nan,) * shape[0]
-                column = [none if value is None else value for value in column]
+                none, is_empty = (np.nan,) * shape[0], column.count(None) == len(column)
+                column = np.broadcast_to(none, (len(column), *shape)) if is_empty else [one or none for one in column]
             columns[name] = np.array(column, kind).reshape(-1, *shape)
         return columns
 

@@ -50,10 +50,10 @@ def captured(ctx: HostContext) -> Keyframe:
         "numbers": np.array(rows.journal.ids[: len(details)], np.int64),
         "alive": arrays["alive"].astype(np.int64),
         **progress_columns(rows.progress),
-        "teams": [to_plain(team) for team in rows.teams],
-        "speed": [to_plain(speed) for speed in rows.speed],
-        "sensors": [{name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details],
-        "attributes": [plain_subset(attributes) if attributes else {} for _, attributes, _ in details],
+        "teams": to_plain(list(rows.teams)),
+        "speed": to_plain(list(rows.speed)),
+        "sensors": [sensors and {name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details],
+        "attributes": [attributes and plain_subset(attributes) for _, attributes, _ in details],
         "strategies": _names_of(deciders(ctx)),
     }
     described = ctx.sensor.storage.described()
@@ -217,6 +217,8 @@ def flyers_of(ctx: HostContext) -> dict[str, Any] | None:
 
 def progress_columns(progress: list[Progress | None]) -> Columns:
     """Return how far along edges agents are, as columns; zeros where an agent is on no edge."""
+    if not any(progress):
+        return {name: np.zeros(len(progress), ARRAYS[name][0]) for name in ON_EDGES}
     rows = [one or (0, 0, 0.0, 0, 0) for one in progress]
     return {name: np.array([row[i] for row in rows], ARRAYS[name][0]) for i, name in enumerate(ON_EDGES)}
 
@@ -277,7 +279,7 @@ def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dic
         "names": None if names == ids else names,
         "ids": np.array([place[sensor_id] for sensor_id in ids], np.int64),
         "others": others,
-        "counts": np.array([len(one) for one in sensors], np.int64),
+        "counts": np.array(list(map(len, sensors)), np.int64),
     }
 
 
