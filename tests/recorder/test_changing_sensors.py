@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms import recorder
 from gamms.errors import BadValue, UnknownName
-from gamms.recorder.keyframes import captured
+from gamms.recorder.keyframes import captured, grouped, sensors_in
 
 QUIET = {"level": "CRITICAL"}
 IDS = ["a", "b", "c"]
@@ -152,6 +152,16 @@ def test_a_context_that_is_resumed_into_keeps_what_a_recording_cannot_hold():
         assert ctx.sensor.get_sensor("b") is before
         assert before.range == 20.0
         assert callable(before.notice.detection)
+
+
+@pytest.mark.parametrize(
+    ("types", "has_places"), [(("RANGE", "RANGE", "ARC"), False), (("RANGE", "ARC", "RANGE"), True)]
+)
+def test_sensors_keep_their_order_which_is_written_where_kinds_alternate(types, has_places):
+    sensors = [{"id": f"s{i}", "type": type, "keywords": {"sensor_range": 9.0}} for i, type in enumerate(types)]
+    groups = grouped(sensors)
+    assert sensors_in(groups) == sensors
+    assert [sorted(group) for group in groups] == [["at"] * has_places + ["ids", "keywords", "type"]] * 2
 
 
 def test_a_sensor_on_a_node_that_was_removed_is_there_and_does_not_look():
