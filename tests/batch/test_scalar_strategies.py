@@ -95,6 +95,21 @@ def test_a_sensor_that_counts_the_looks_of_several_agents_is_asked_in_games_one_
             assert "a sensor that draws for several" in games.slow
 
 
+def test_a_rule_that_is_called_where_agents_share_a_sensor_lets_games_stay_in_arrays():
+    sees, seeds = {"settings": {"speed_unit": "metres"}}, SEEDS[:2]
+    with scene([TAG], max_turns=4, **sees).build(seed=1, strategies={"red": flee}) as ctx:
+        shared = ctx.sensor.create_sensor("near", "AGENT_RANGE", sensor_range=20.0, false_alarm_rate=0.5)
+        for name in ("red_0", "red_1", "red_2"):
+            ctx.agent.get_agent(name).register_sensor("near", shared)
+        ctx.game.add(bonus)
+        with ctx.game.batch(seeds=seeds) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert not games.detached
+            for number, seed in enumerate(seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
 def test_flags_are_published_to_strategies_that_are_asked_agent_by_agent():
     assert not same({"red": carry}, rules=[TAG, FLAGS], max_turns=40).detached
 

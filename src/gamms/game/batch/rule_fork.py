@@ -153,7 +153,7 @@ class RuleFork:
         self._heading, self._all = list(self._block.heading), Selection(list(range(len(self.rows))))
         self._orders: dict[tuple[bool, ...], TurnOrder] = {}  # by which agents live
         self._equipped, self._sensors = self._equipment(), self.ctx.sensor.storage.described()
-        self._fixed, self._counted = self._what_is_fixed(), self._what_is_counted()
+        self._fixed = self._what_is_fixed()
 
     def _cast(self) -> _Cast:
         attributes = [copied(vars(agent)) for agent in self.ctx.agent.agents.values()]
@@ -275,7 +275,7 @@ class RuleFork:
             if held[0] is not self._looks:
                 held[0] = self._looks
         self._loaded = columns.node[at], columns.previous[at], columns.alive[at], len(values.events), scores
-        self._structure = block.structure_version
+        self._structure, self._counted = block.structure_version, self._what_is_counted()
 
     def _set_alive(self, alive: list[bool]) -> None:
         block = self._block
