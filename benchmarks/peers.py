@@ -70,7 +70,7 @@ def ours_alone(side, counts, sensors, capacity=None, tag=False, turns=5):
     return run
 
 
-def ours_as_team(side=64, agents=64, metres=61.0, turns=10):
+def ours_as_team(side=64, agents=64, metres=61.0, turns=50):
     """Turns of `ctx.game` of a team that looks at 121 nodes around each agent, in arrays, and has goals."""
     import numpy as np
 
