@@ -76,7 +76,8 @@ class AgentsSnapshot:
 
 def teams_in(stored: dict[str, Any]) -> dict[int, Members]:
     """Return id() -> `Members`, of those that stand in for agents."""
-    return {id(one): one for one in stored.values() if type(one) is Members}
+    each = dict(zip(map(id, stored.values()), stored.values(), strict=True))
+    return {key: one for key, one in each.items() if type(one) is Members}
 
 
 def copied_attributes(attributes: dict[str, Any]) -> dict[str, Any]:

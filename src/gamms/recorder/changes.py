@@ -313,7 +313,7 @@ class StrategyChanges:
         ]
 
     def _now(self) -> list[Any]:
-        return deciders(self._ctx)
+        return deciders(self._ctx, self._ctx.agent.storage.details())
 
 
 class SensorChanges:

@@ -54,7 +54,7 @@ def captured(ctx: HostContext) -> Keyframe:
         "speed": to_plain(list(rows.speed)),
         "sensors": [sensors and {name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details],
         "attributes": [attributes and plain_subset(attributes) for _, attributes, _ in details],
-        "strategies": _names_of(deciders(ctx)),
+        "strategies": _names_of(deciders(ctx, details)),
     }
     described = ctx.sensor.storage.described()
     return packed(columns, len(rows.journal.names), described, ctx.game.internals.state, ctx.rng_state())
@@ -255,9 +255,9 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return list(groups.values())
 
 
-def deciders(ctx: HostContext) -> list[Any]:
-    """Return the functions that decide for agents: the plan of the team of each, its own strategy, or None."""
-    strategies, plans = [strategy for _, _, strategy in ctx.agent.storage.details()], ctx.game.plans
+def deciders(ctx: HostContext, details: list[tuple[Any, Any, Any]]) -> list[Any]:
+    """Return the functions that decide for agents of such details: the plan of the team of each, its own, or None."""
+    strategies, plans = [strategy for _, _, strategy in details], ctx.game.plans
     if not plans:
         return strategies
     functions = {team: plan.function for team, plan in plans.items()}
@@ -265,8 +265,9 @@ def deciders(ctx: HostContext) -> list[Any]:
 
 
 def _names_of(functions: list[Any]) -> list[str | None]:
-    names = {id(function): strategy_name(function) for function in {id(one): one for one in functions}.values()}
-    return [names[id(function)] for function in functions]
+    keys = list(map(id, functions))
+    names = {key: strategy_name(function) for key, function in dict(zip(keys, functions, strict=True)).items()}
+    return list(map(names.__getitem__, keys))
 
 
 def _carried(sensors: list[dict[str, str]], groups: list[dict[str, Any]]) -> dict[str, Any]:

@@ -34,7 +34,7 @@ _TURNS_AT_ONCE = 256  # what may wait to be written
 _ENTRIES_AT_ONCE = 1 << 13  # of logs; the same
 _TURNS_OF_STREAM = 64  # likewise, where blocks are written that stay, and no other thread writes
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
-_KEYFRAME_TURNS = 64  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
+_KEYFRAME_TURNS = 128  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
 _OF_VALUE = 64  # such entries take as long to read as one event with a value; those of flights: `SessionJournal.weight`
 
 
