@@ -167,7 +167,8 @@ class GraphStore:
         nodes, edges = self.nodes, self.edges
         if len(nodes) and None not in (columns.crs, self.crs) and columns.crs != self.crs:
             raise BadValue(f"its CRS is {columns.crs}, that of the graph is {self.crs}; project it first")
-        edges.index.refuse_duplicates(columns.edge_ids, edges.kind)  # before there are new nodes
+        nodes.index.refuse_duplicates(columns.node_ids, nodes.kind)
+        edges.index.refuse_duplicates(columns.edge_ids, edges.kind)
         first = nodes.extend(columns.node_ids, xy=columns.xy)
         nodes.add_attributes(first, columns.node_attributes)
         ends = {"sources": columns.sources + first, "targets": columns.targets + first}
