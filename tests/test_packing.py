@@ -244,7 +244,28 @@ def test_many_integers_come_back_of_which_few_differ(numbers, size):
     reader.finish()
 
 
-@pytest.mark.parametrize(("entries", "size"), [(256, 2 + 1 + 256 + 20_000), (257, 1 + 40_000)])
+@pytest.mark.parametrize(
+    ("base", "each"), [(1, 8), (2, 8), (3, 5), (4, 4), (5, 3), (6, 3), (7, 2), (15, 2), (16, 2), (17, 1)]
+)
+@pytest.mark.parametrize("size", [32_768, 40_001])
+def test_many_integers_without_a_pattern_have_as_many_of_a_table_in_a_byte_as_there_can_be(base, each, size):
+    column = np.random.default_rng(base).integers(-base, 0, size) * 1000
+    written = packing.column(column)
+    assert len(written) == 2 + 1 + 2 * base + 1 + -(-size // each)
+    assert written[-1 - -(-size // each)] == each
+    reader = packing.ByteReader(written)
+    assert np.array_equal(reader.column(size), column)
+    reader.finish()
+
+
+def test_integers_with_a_pattern_that_would_be_lost_have_a_byte_each():
+    some = np.random.default_rng(1).integers(0, 16, 20_001) * 1000
+    written = packing.column(np.resize(some, 40_000))
+    assert len(written) > 40_000
+    assert len(packing.packed_columns([written])) < 11_500
+
+
+@pytest.mark.parametrize(("entries", "size"), [(256, 2 + 1 + 256 + 1 + 20_000), (257, 1 + 40_000)])
 def test_a_table_has_at_most_256_entries(entries, size):
     column = np.resize(np.arange(entries) - 127, 20_000)
     written = packing.column(column)
@@ -253,16 +274,21 @@ def test_a_table_has_at_most_256_entries(entries, size):
 
 
 def test_a_table_that_was_written_once_says_the_same_for_ever():
-    reader = packing.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17 01 01 00 01"))
-    assert reader.column(4).tolist() == [1000, 1000, -2000, 1000]
-    reader.finish()
+    for numbers in ("01 01 01 00 01", "03 03 01", "08 0b"):
+        reader = packing.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17" + numbers))
+        assert reader.column(4).tolist() == [1000, 1000, -2000, 1000]
+        reader.finish()
 
 
 @pytest.mark.parametrize(
     ("column", "size", "words"),
     [
-        ("09 01 01 00 02 00 02", 2, "2 numbers does not fit its table of 2 entries"),
-        ("09 00 01 00", 0, "0 numbers does not fit its table of 1 entries"),
+        ("09 01 01 00 02 01 00 02", 2, "2 numbers does not fit its table of 2 entries"),
+        ("09 01 01 00 02 02 04", 2, "2 numbers does not fit its table of 2 entries"),
+        ("09 00 01 00 01", 0, "0 numbers does not fit its table of 1 entries"),
+        ("09 00 01 00 00 00", 1, "a byte cannot have 0 of 1 entries"),
+        ("09 00 01 00 09 00", 1, "a byte cannot have 9 of 1 entries"),
+        ("09 02 01 00 02 02 06 00", 1, "a byte cannot have 6 of 3 entries"),
         ("09 00 09 00 01 00 00", 1, "1 numbers cannot have the form 9"),
         ("09 00 00 00", 1, "1 numbers cannot have the form 0"),
         ("09 ff 01 00", 1, "256 bytes are promised and 1 are there"),
@@ -271,7 +297,11 @@ def test_a_table_that_was_written_once_says_the_same_for_ever():
     ],
     ids=[
         "no such entry",
+        "no such pair of entries",
         "empty",
+        "bytes without numbers",
+        "bytes with nine numbers",
+        "bytes with too many numbers",
         "a table in a table",
         "no entries",
         "cut entries",

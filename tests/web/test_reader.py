@@ -61,7 +61,7 @@ import { ByteReader } from "%s";
 const found = process.argv.slice(1).map((hex) => {
   const bytes = Uint8Array.from(hex.match(/../g), (digits) => parseInt(digits, 16));
   try {
-    return [[...new ByteReader(bytes).column(20000)], [...new ByteReader(bytes).wideColumn(20000)].map(Number)];
+    return [[...new ByteReader(bytes).column(40000)], [...new ByteReader(bytes).wideColumn(40000)].map(Number)];
   } catch (error) {
     return error.message;
   }
@@ -71,24 +71,30 @@ console.log(JSON.stringify(found));
 
 
 def test_tables_of_columns_are_read_and_damaged_ones_refused():
-    numbers = np.resize([0, 1, -1, 1000, -1000], 20_000)
-    column = packing.column(numbers)
-    entries = column[: len(column) - 20_000]
+    numbers = np.random.default_rng(1).choice([-1000, -1, 0, 1, 1000], 40_000)
+    in_threes = packing.column(numbers)
+    table = in_threes[: 2 + 1 + 2 * 5]
+    column = table + b"\1" + np.searchsorted(np.unique(numbers), numbers).astype(np.uint8).tobytes()
     damaged = [
-        entries + bytes(19_999) + b"\5",  # no such entry
-        b"\x09\0" + entries + bytes(20_000),  # a table in a table
+        table + b"\1" + bytes(39_999) + b"\5",  # no such entry
+        table + b"\3\x7d" + bytes(13_333),  # nor are there three of them with this number
+        table + b"\0" + bytes(40_000),
+        table + b"\4" + bytes(10_000),  # four of five entries are more than a byte
+        b"\x09\0" + table + bytes(40_000),  # a table in a table
         b"\x0a" + column[1:],  # a form of later versions
         column[:-1],
     ]
     program = COLUMNS % (HERE.parents[1] / "src/gamms/web/viewer/values.js").as_uri()
-    given = [NODE, "--input-type=module", "-e", program, *(one.hex() for one in (column, *damaged))]
+    given = [NODE, "--input-type=module", "-e", program, *(one.hex() for one in (column, in_threes, *damaged))]
     done = subprocess.run(given, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
-    found, *messages = json.loads(done.stdout)
+    found, found_in_threes, *messages = json.loads(done.stdout)
     assert found == [numbers.tolist()] * 2
+    assert len(in_threes) == len(table) + 1 + 13_334
+    assert found_in_threes == found
     assert messages == [
-        "a column does not fit its table",
-        "a table is damaged",
+        *["a column does not fit its table"] * 2,
+        *["a table is damaged"] * 3,
         "a column is damaged",
-        "20000 bytes are promised and fewer are there",
+        "40000 bytes are promised and fewer are there",
     ]

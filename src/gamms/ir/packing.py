@@ -11,7 +11,7 @@ The same value gives the same bytes. docs/recording-format.md describes all of i
 
 import zlib
 from collections.abc import Callable, Sequence
-from functools import cache
+from functools import cache, reduce
 from itertools import groupby
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
@@ -60,10 +60,9 @@ _LARGE = 1 << 23  # bytes; more are deflated with less effort
 _NOTHING = b"\0\3\0"  # no bytes, as `packed` returns them
 
 _TABLE = 9  # instead of how many bytes the integers of a column need: it has a table
-_MOST_ENTRIES = 256
+_MOST_ENTRIES, _MOST_IN_BYTE = 256, 8  # of a table; numbers of them in a byte
 _MOST_COUNTED = 1 << 21  # of larger integers no table is made
 _LARGE_COLUMN = 1 << 15  # bytes, as far back as deflate looks: from here on it pays to ask how a column is packed best
-_SAMPLE = 1 << 13  # bytes at their end, in which patterns are looked for
 
 # -- packed bytes -----------------------------------------------------------------------------------------------
 
@@ -89,31 +88,23 @@ def packed(data: bytes) -> bytes:
 
 def packed_columns(columns: Sequence[bytes]) -> bytes:
     """Return columns as packed bytes: small ones deflated together, each large one in the way that suits it."""
-    *others, last = _pieces(columns)
+    groups = groupby(enumerate(columns), lambda one: one[0] if len(one[1]) >= _LARGE_COLUMN else -1)
+    *others, last = (b"".join(column for _, column in some) for _, some in groups)
     size = varint(sum(map(len, columns)))
     return b"".join((size, *(_deflated(one, zlib.Z_SYNC_FLUSH) for one in others), _deflated(last, zlib.Z_FINISH)))
 
 
-def _pieces(columns: Sequence[bytes]) -> list[bytes]:
-    """Return columns that follow each other and are small in one piece, and each of the others in its own."""
-    groups = groupby(enumerate(columns), lambda one: one[0] if len(one[1]) >= _LARGE_COLUMN else -1)
-    return [b"".join(column for _, column in some) for _, some in groups]
-
-
 def _deflated(columns: bytes, flush: int) -> bytes:
-    """Return columns of differences deflated, in which longer patterns are rare.
+    """Return columns of differences deflated; their stream ends for good, or with a whole byte, and goes on."""
+    # NOTE: where no patterns are found it takes a fifth of the time to look for none (benchmarks: teams).
+    is_plain = len(columns) >= _LARGE_COLUMN and _sampled(columns, zlib.Z_RLE) <= 1.01 * _sampled(columns)
+    return _deflate(columns, zlib.Z_RLE if is_plain else zlib.Z_FILTERED, flush)
 
-    Args:
-        columns: one that is large, or several.
-        flush: how the stream ends: for good, or with a whole byte, so that another one continues it.
-    """
-    strategy = zlib.Z_FILTERED
-    if len(columns) >= _LARGE_COLUMN:
-        # NOTE: where no patterns are found it takes a fifth of the time to look for none (benchmarks: teams).
-        before, sample = columns[: _LARGE_COLUMN - _SAMPLE], columns[_LARGE_COLUMN - _SAMPLE : _LARGE_COLUMN]
-        found, repeated = (len(_deflate(sample, way, before=before)) for way in (zlib.Z_FILTERED, zlib.Z_RLE))
-        strategy = zlib.Z_RLE if repeated <= 1.01 * found else zlib.Z_FILTERED
-    return _deflate(columns, strategy, flush)
+
+def _sampled(column: bytes, strategy: int = zlib.Z_FILTERED) -> int:
+    """Return how many bytes the last quarter of the first 32 KiB takes, deflated after those before it."""
+    begin = min(len(column), _LARGE_COLUMN) * 3 // 4
+    return len(_deflate(column[begin:_LARGE_COLUMN], strategy, before=column[:begin]))
 
 
 def _deflate(data: bytes, strategy: int, flush: int = zlib.Z_FINISH, before: bytes = b"") -> bytes:
@@ -180,11 +171,15 @@ class ByteReader:
         if count != _TABLE:
             return self._integers(count, size)
         last, count = self.take(2)
-        entries = np.cumsum(self._integers(count, last + 1))
-        numbers = np.frombuffer(self.take(size), np.uint8)
-        if not size or int(numbers.max()) > last:
-            raise BadFile(f"a column of {size} numbers does not fit its table of {last + 1} entries")
-        return entries[numbers]
+        entries = np.cumsum(self._integers(count, base := last + 1))
+        (each,) = self.take(1)
+        if not 1 <= each <= _MOST_IN_BYTE or base**each > 256:
+            raise BadFile(f"a byte cannot have {each} of {base} entries")
+        groups = np.frombuffer(self.take(-(-size // each)), np.uint8)
+        if not size or int(groups.max()) >= base**each:
+            raise BadFile(f"a column of {size} numbers does not fit its table of {base} entries")
+        of_byte: IntArray = entries[np.arange(256)[:, None] // base ** np.arange(each) % base]  # (256, each)
+        return of_byte[groups].reshape(-1)[:size]
 
     def _integers(self, count: int, size: int) -> IntArray:
         """Return integers that are there by `count` bytes each."""
@@ -308,7 +303,23 @@ def _by_table(zigzag: IntArray, found: IntArray) -> bytes:
     numbers = np.empty(found[-1] + 1, np.uint8)
     numbers[found[order]] = np.arange(len(found))
     table = column(steps(entries[order]))  # too short to have one itself
-    return b"".join((bytes([_TABLE, len(found) - 1]), table, numbers[zigzag].tobytes()))
+    return b"".join((bytes([_TABLE, len(found) - 1]), table, _grouped(numbers[zigzag], len(found))))
+
+
+def _grouped(numbers: Array, base: int) -> bytes:
+    """Return how many numbers below a base are in each byte, and the bytes: several, unless deflate saves less then."""
+    each = next(each for each in range(_MOST_IN_BYTE, 0, -1) if base**each <= 256)
+    if each > 1 and len(numbers) >= _LARGE_COLUMN:
+        sample = numbers[:_LARGE_COLUMN]
+        if _sampled(_groups(sample, base, each)) <= 1.05 * _sampled(sample.tobytes()):
+            return bytes([each]) + _groups(numbers, base, each)
+    return b"\1" + numbers.tobytes()
+
+
+def _groups(numbers: Array, base: int, each: int) -> bytes:
+    """Return bytes of so many numbers each, the first of them in the lowest place; the last is filled with zeros."""
+    digits = np.pad(numbers, (0, -len(numbers) % each)).reshape(-1, each).T
+    return bytes(reduce(lambda higher, digit: higher * np.uint8(base) + digit, digits[::-1]))
 
 
 def array_bytes(array: Array) -> bytes:
@@ -332,9 +343,7 @@ def array_of(data: bytes, dtype: "np.dtype[Any]") -> Array:
     if dtype.kind == "b":
         return items.reshape(-1).astype(np.bool_)
     flat: Array = items.view(dtype.newbyteorder("<")).reshape(-1).astype(dtype, copy=False)
-    if dtype.kind in "iu":
-        flat = np.cumsum(flat, dtype=dtype)
-    return flat
+    return np.cumsum(flat, dtype=dtype) if dtype.kind in "iu" else flat
 
 
 # -- plain values to bytes --------------------------------------------------------------------------------------

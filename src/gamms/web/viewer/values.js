@@ -4,6 +4,7 @@ import { inflate } from "./inflate.js";
 
 const MOST_DEPTH = 32;
 const TABLE = 9; // instead of how many bytes the integers of a column need: it has a table
+const MOST_IN_BYTE = 8; // numbers of its entries
 const MOST_INFLATED = 1 << 28; // bytes of one block
 const MOST_PER_BYTE = 2048; // deflate makes at most 1,032 bytes of one
 const TWO_32 = 4294967296;
@@ -106,10 +107,15 @@ export class ByteReader {
    * @returns {Column}
    */
   #named(found, entries) {
-    const numbers = this.take(found.length);
-    for (let i = 0; i < found.length; i++) {
-      if (numbers[i] >= entries.length) throw new Error("a column does not fit its table");
-      found[i] = entries[numbers[i]];
+    const [each] = this.take(1);
+    const base = entries.length;
+    const most = base ** each;
+    if (each < 1 || each > MOST_IN_BYTE || most > 256) throw new Error("a table is damaged");
+    const groups = this.take(Math.ceil(found.length / each));
+    for (let i = 0, group = 0; i < found.length; i++) {
+      group = i % each ? Math.floor(group / base) : groups[i / each];
+      if (group >= most) throw new Error("a column does not fit its table");
+      found[i] = entries[group % base];
     }
     return found;
   }
