@@ -6,14 +6,20 @@ import numpy as np
 
 WALK = "gamms.strategies:random_walk"
 TEAMS = {"red": {"count": 5, "strategy": WALK}, "blue": {"count": 5, "strategy": WALK}}
+FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 8_000}, "goal": None}}
 TAG = [{"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}, {"rule": "time_limit", "with": {"turns": 200}}]
 
 
-def of_helsinki(games=1024):
-    """Games of 5 against 5 that tag each other on Helsinki, 200 turns, against the same by `reset` and `run`."""
+def of_helsinki(games=1024, *, is_fresh=False):
+    """Games of 5 against 5 on Helsinki with tag and flags, 200 turns, against the same one by one.
+
+    Args:
+        games: in the batch.
+        is_fresh: whether each of the others is `scenario.play(seed)`; else one context is `reset(seed)`.
+    """
     from gamms.scenario import Scenario
 
-    scenario = Scenario(map={"helsinki": {}}, teams=TEAMS, rules=TAG)
+    scenario = Scenario(map={"helsinki": {}}, teams=TEAMS, rules=[TAG[0], FLAGS, TAG[1]])
     batch, alone = scenario.batch(games), scenario.build(seed=0)
 
     def ours():
@@ -24,8 +30,11 @@ def of_helsinki(games=1024):
 
     def floor(few=4):
         for seed in range(few):
-            alone.game.reset(seed=seed)
-            alone.game.run()
+            if is_fresh:
+                scenario.play(seed=seed)
+            else:
+                alone.game.reset(seed=seed)
+                alone.game.run()
         return few * 10 * 200
 
     return ours, floor

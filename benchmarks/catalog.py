@@ -92,7 +92,14 @@ CASES = [
     Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True), KEYS),
     Case("scenario: 5 against 5 by reset(seed)", "game", lambda: batches.of_scenario(is_fresh=False), KEYS),
     Case("scenario: 5 against 5 by play(seed)", "game", lambda: batches.of_scenario(is_fresh=True), KEYS),
-    Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki, RESET, 1 / 40),
+    Case(
+        "scenario: 1,024 games of 5 against 5 in a batch, beside play",
+        "agent-step",
+        lambda: batches.of_helsinki(is_fresh=True),
+        "the same games by `play`",
+        1 / 40,
+    ),
+    Case("scenario: 1,024 games of 5 against 5 in a batch", "agent-step", batches.of_helsinki, RESET),
     Case(
         "scenario: 4,096 games of two pursuers, vectors in a batch",
         "agent-step",

@@ -1,10 +1,14 @@
 """One large team that a plan of arrays moves, against a kernel of NumPy, and what conflicts add to its turns."""
 
+from itertools import count, islice
+
 import numpy as np
 
 import gamms
 from gamms import kernels
 from gamms.rules import Conflicts
+
+TURNS = 10  # one after the other, as games play them: after a turn of something else, nothing is in the cache
 
 
 def lattice(side):
@@ -31,17 +35,18 @@ def by_keys(arrays):
 
 
 def game(agents, side, plan, nodes, conflicts=None):
-    """Return the function that plays a turn of a team."""
+    """Return the function that plays some turns of a team."""
     ctx = lattice(side)
     ctx.agent.create_team("red", nodes)
     ctx.game.command("red", plan, arrays=True)
     ctx.game.conflicts = conflicts
 
-    def turn():
-        ctx.game.step()
-        return agents
+    def play():
+        for _ in range(TURNS):
+            ctx.game.step()
+        return TURNS * agents
 
-    return turn
+    return play
 
 
 def walk(agents, side, *, is_keyed):
@@ -57,22 +62,21 @@ def walk(agents, side, *, is_keyed):
         rng, purpose = np.random.default_rng(1), kernels.purpose_key(1, "agent")
         keys = kernels.name_keys([f"red_{i}" for i in range(agents)]) if is_keyed else None
         share, places, chosen = np.empty(agents, np.float32), np.empty(agents, np.int32), np.empty(agents, np.int32)
-        turns = 0
+        turns = count()
 
         def floor():
-            nonlocal turns
-            np.take(degrees, at, out=places)
-            if is_keyed:
-                chosen[:] = kernels.below_many(kernels.draw_bits_many(purpose, keys, turns), places)
-            else:
-                rng.random(out=share, dtype=np.float32)
-                np.multiply(share, places, out=share)
-                chosen[:] = share
-            np.take(offsets, at, out=places)
-            np.add(places, chosen, out=places)
-            np.take(targets, places, out=at)
-            turns += 1
-            return agents
+            for turn in islice(turns, TURNS):
+                np.take(degrees, at, out=places)
+                if is_keyed:
+                    chosen[:] = kernels.below_many(kernels.draw_bits_many(purpose, keys, turn), places)
+                else:
+                    rng.random(out=share, dtype=np.float32)
+                    np.multiply(share, places, out=share)
+                    chosen[:] = share
+                np.take(offsets, at, out=places)
+                np.add(places, chosen, out=places)
+                np.take(targets, places, out=at)
+            return TURNS * agents
 
         return ours, floor
 
