@@ -39,6 +39,21 @@ def test_what_a_team_remembers_is_known_in_the_next_turn_to_the_team_alone(ctx):
     ]
 
 
+@pytest.mark.parametrize("budget", [None, 60.0])  # with one, agents are asked in another way
+def test_a_teams_first_memory_may_be_put_in_place_of_the_empty_one(ctx, budget):
+    seen = []
+
+    def strategy(state):
+        seen.append(state["team_memory"])
+        state["team_memory"] = {"goal": 7}
+        state["action"] = state["curr_pos"]
+
+    ctx.agent.create_agent("one", start_node_id=0, team="red", strategy=strategy)
+    ctx.game.time_budget = budget
+    ctx.game.run(2)
+    assert seen == [{}, {"goal": 7}]
+
+
 def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):
     def tell(state):
         state["team_memory"].setdefault("seen", {"nodes": []})["nodes"].append(state["name"])

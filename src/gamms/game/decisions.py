@@ -259,8 +259,7 @@ class Decisions:
             last[0] = state = template.copy()
             state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
             state["legal"] = legal = near[here]
-            noted: dict[Any, Any] = memory_copy(shared.get(template["team"], {})) if are_shared else {}
-            state["team_memory"] = noted
+            state["team_memory"] = memory_copy(shared.get(template["team"], {})) if are_shared else {}
             phase.agent = agent
             try:
                 answer = strategy(state)
@@ -277,10 +276,9 @@ class Decisions:
                 ends[i] = action
             else:
                 self.take(i, state)
-            if are_shared and template["team"] in shared:
-                self.note(i, state.get("team_memory"))
-            elif noted:
-                self.note(i, noted)
+            mine = state.get("team_memory")
+            if mine or (are_shared and template["team"] in shared):
+                self.note(i, mine)
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
         """Ask the plan of a team, with the states of its agents."""
