@@ -276,7 +276,7 @@ class Decisions:
                 ends[i] = action
             else:
                 self.take(i, state)
-            mine = state.get("team_memory")
+            mine = state["team_memory"] if "team_memory" in state else None  # noqa: SIM401 - a call in each agent-step
             if mine or (are_shared and template["team"] in shared):
                 self.note(i, mine)
 
