@@ -204,6 +204,24 @@ def test_the_first_seed_plays_the_first_game_again(game):
         assert ctx.game.run() == first == game.play()
 
 
+def changed_game_after_reset(game, change):
+    """Return a game that was changed, and then reset with a seed: it is the one built with that seed and changed so."""
+
+    def seen(ctx):
+        with ctx:
+            game, metas = ctx.game, [agent.meta for agent in ctx.agent.create_iter()]
+            rules = [(one.name, one.phase) for one in game.rules]
+            return rules, metas, game.run(), repr(game.data), repr(game.facts)
+
+    first, second = game.build(), game.build(seed=5)
+    change(first)
+    first.game.run(2)
+    first.game.reset(5)
+    change(second)
+    assert seen(first) == seen(second)
+    return first
+
+
 def test_what_the_program_has_changed_before_the_first_turn_stays(tmp_path):
     (tmp_path / "drawing.py").write_text(CODE)
     game = Scenario(folder=tmp_path, **GRID, **GAMES["what functions draw"])
@@ -230,17 +248,7 @@ def test_what_the_program_has_changed_before_the_first_turn_stays(tmp_path):
         ctx.game.add(rule, name="mine")
         ctx.game.collect("turn", lambda ctx: ctx.game.turn)
 
-    def seen(ctx):
-        with ctx:
-            game = ctx.game
-            return [(one.name, one.phase) for one in game.rules], game.run(), repr(game.data), repr(game.facts)
-
-    first, second = game.build(), game.build(seed=5)
-    change(first)
-    first.game.run(2)
-    first.game.reset(5)
-    change(second)
-    assert seen(first) == seen(second)
+    first = changed_game_after_reset(game, change)
     assert first.agent.get_agent("red_1").strategy is mine
 
 
@@ -259,17 +267,7 @@ def test_what_the_program_has_changed_stays_where_only_places_are_drawn():
         ctx.game.remove("tag")
         ctx.game.add(lambda ctx: None, name="mine")
 
-    def seen(ctx):
-        with ctx:
-            names, metas = [one.name for one in ctx.game.rules], [agent.meta for agent in ctx.agent.create_iter()]
-            return names, metas, ctx.game.run(), repr(ctx.game.data), repr(ctx.game.facts)
-
-    first, second = game.build(), game.build(seed=5)
-    change(first)
-    first.game.run(2)
-    first.game.reset(5)
-    change(second)
-    assert seen(first) == seen(second)
+    changed_game_after_reset(game, change)
 
 
 def test_strategies_are_prepared_for_every_seed():
