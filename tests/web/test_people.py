@@ -24,8 +24,8 @@ def context(red, blue=gamms.strategies.stay, **settings):
 
 
 def play(ctx, answer, turns=1):
-    """Play with people who answer each question at once by a function; return the result and what it returned."""
-    people, found = People.open(ctx), []
+    """Play with people who answer each question at once by a function; return the result and its answers in order."""
+    people, found = People.open(ctx), {}
     for name in people.persons:
         people.come(name)
 
@@ -36,7 +36,7 @@ def play(ctx, answer, turns=1):
                     is_new = question["question"] not in seen
                     seen.add(question["question"])
                 if is_new:
-                    found.append(answer(people, name, question))
+                    found[question["question"]] = answer(people, name, question)
 
     def look():
         answering.append(Thread(target=on_change, daemon=True))
@@ -47,7 +47,7 @@ def play(ctx, answer, turns=1):
     result = ctx.game.run(turns)
     for thread in answering:  # the game may end before the last of them has noted what it answered
         thread.join(10.0)
-    return result, found
+    return result, [found[number] for number in sorted(found)]
 
 
 def going_to(*nodes):
