@@ -114,6 +114,15 @@ def test_positions_after_the_moves_of_the_turn_count():
         assert inboxes(ctx, "cat") == {1: ["hello"]}
 
 
+def test_each_channel_reaches_as_many_edges_as_it_says():
+    with world(ROAD, plan=once([send(None, "near"), send(None, "far", channel="loud")])) as ctx:
+        ctx.game.add_channel("radio", hops=1)
+        ctx.game.add_channel("loud", hops=3)
+        ctx.game.run(2)
+        assert inboxes(ctx, "bob") == {1: ["near", "far"]}
+        assert inboxes(ctx, "cat") == {1: ["far"]}
+
+
 def test_a_delay_counts_turns_and_moves_later_change_nothing():
     with world(ROAD, plan=once([send("bob")])) as ctx:
         ctx.game.add_channel("radio", range_m=10, delay_turns=3)

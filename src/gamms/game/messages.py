@@ -61,7 +61,7 @@ class Scene(NamedTuple):
     def of(cls, ctx: HostContext, agents: Sequence[IAgent], turn: int) -> "Scene":
         """Ask where the living agents of one game are now."""
         graph, block, ids = ctx.graph.graph, ctx.agent.block, [agent.current_node_id for agent in agents]
-        xyz, near = np.zeros((1, len(agents), 3)), dict[int, BoolArray]()
+        xyz, near = np.zeros((1, len(agents), 3)), dict[tuple[int, int], BoolArray]()
         xyz[0, :, :2], ground = graph.positions(ids), graph.ground(ids)
         xyz[0, :, 2] = 0.0 if ground is None else ground.z
         antennas = xyz + ANTENNA
@@ -75,10 +75,10 @@ class Scene(NamedTuple):
 
         def is_within(_: IntArray, transmitters: IntArray, hops: int) -> BoolArray:
             for row in transmitters.tolist():
-                if row not in near:
+                if (row, hops) not in near:
                     reached = graph.distances(source=ids[row], weight=None, cutoff=hops)
-                    near[row] = np.array([node in reached for node in ids], np.bool_)
-            return np.stack([near[row] for row in transmitters.tolist()])
+                    near[row, hops] = np.array([node in reached for node in ids], np.bool_)
+            return np.stack([near[row, hops] for row in transmitters.tolist()])
 
         return cls(
             teams={agent.name: agent.team for agent in agents},
