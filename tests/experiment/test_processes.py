@@ -4,7 +4,9 @@ import os
 import signal
 import subprocess
 import sys
+import threading
 import time
+from concurrent.futures import Future
 from pathlib import Path
 
 import pytest
@@ -12,6 +14,7 @@ import small_hunts
 from small_hunts import HUNT
 
 from gamms import experiment
+from gamms.experiment.executors import result_of
 from gamms.workers import Worker, task_of
 
 HERE = Path(__file__).parent
@@ -79,6 +82,24 @@ def children(of):
     except OSError:
         return []
     return below + [one for child in below for one in children(child)]
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals for one thread are of Unix")
+def test_ctrl_c_that_does_not_wake_who_waits_ends_the_wait_all_the_same():
+    def interrupt():
+        time.sleep(0.05)
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)
+        woken.append(is_interrupted.wait(10.0))
+        future.set_result(None)
+
+    future, is_interrupted, woken = Future(), threading.Event(), []
+    thread = threading.Thread(target=interrupt)
+    thread.start()
+    with pytest.raises(KeyboardInterrupt):
+        result_of(future)
+    is_interrupted.set()
+    thread.join()
+    assert woken == [True]
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")

@@ -98,7 +98,7 @@ def _results(
     game: "Scenario", seeds: Sequence[int], strategies: Strategies, jobs: int
 ) -> Iterator[tuple[int, "Result"]]:
     """Yield the result of each seed, in their order, whatever process has played it."""
-    from gamms.experiment.executors import WorkerPool
+    from gamms.experiment.executors import WorkerPool, result_of
 
     jobs = min(jobs, len(seeds))
     size = max(1, min(_MOST_IN_A_BATCH, len(seeds) // (4 * jobs)))
@@ -108,7 +108,9 @@ def _results(
         done = 0
         pool = None if jobs == 1 else WorkerPool(jobs)  # whose games end with it, at Ctrl-C too
         try:
-            results: Iterator[list[Result] | str] = (map if pool is None else pool.map)(batch, batches)
+            results: Iterator[list[Result] | str] = (
+                map(batch, batches) if pool is None else map(result_of, [pool.submit(batch, some) for some in batches])
+            )
             for some, found in zip(batches, results, strict=True):
                 if isinstance(found, str):
                     echo(found, err=True)

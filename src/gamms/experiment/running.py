@@ -4,14 +4,14 @@ import os
 import time
 from collections import deque
 from collections.abc import Iterable
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
 from gamms.arguments import as_bool, as_ids, as_mapping, as_path
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
-from gamms.experiment.executors import Here, WorkerPool, executor_for
+from gamms.experiment.executors import Here, WorkerPool, executor_for, first_done
 from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play, without_address
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
@@ -290,7 +290,7 @@ class _Runner:
 
     def _collect(self) -> None:
         """Note what has been played; play again what a process has died of."""
-        for future in wait(self._waiting, return_when=FIRST_COMPLETED).done:
+        for future in first_done(self._waiting):
             games, is_alone = self._waiting.pop(future)
             try:
                 played = future.result()

@@ -4,14 +4,14 @@ import json
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from concurrent.futures import BrokenExecutor, Executor, Future
 from itertools import combinations
 from pathlib import Path
 from typing import Any
 
 from gamms.arguments import as_bool, as_count, as_float, as_int, as_items, as_path
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, WriteConflict
-from gamms.experiment.executors import Here, WorkerPool, executor_for
+from gamms.experiment.executors import Here, WorkerPool, executor_for, first_done
 from gamms.experiment.folders import Journal
 from gamms.experiment.variants import digest_of, row_id
 from gamms.folders import locked, write_whole
@@ -214,7 +214,7 @@ class _Runner:
                 waiting[self._asked(task)] = task, 1
             if not waiting:
                 return
-            for future in wait(waiting, return_when=FIRST_COMPLETED).done:
+            for future in first_done(waiting):
                 task, attempts = waiting.pop(future)
                 try:
                     rows = future.result()
