@@ -101,6 +101,23 @@ def ours_as_team(side=64, agents=64, metres=61.0, turns=50):
     return run
 
 
+def ours_as_walkers(side=200, agents=10_000, turns=10):
+    """Turns of `ctx.game` of a team that walks at random, by a plan in arrays."""
+    import gamms
+
+    ctx = gamms.create_context(seed=1)
+    lattice(ctx, side)
+    ctx.agent.create_team("red", random.Random(2).sample(range(side * side), agents))
+    ctx.game.command("red", lambda arrays: arrays.choose(arrays.draw.below(arrays.counts)), arrays=True)
+
+    def run():
+        for _ in range(turns):
+            ctx.game.step()
+        return turns * agents
+
+    return run
+
+
 VIEWS = {"around": ("RANGE", 50.0), "near": ("AGENT_RANGE", 50.0)}
 PURSUIT = {"around": ("RANGE", 30.0), "near": ("AGENT_RANGE", 30.0)}
 
@@ -163,6 +180,7 @@ OURS = {
     "PettingZoo": lambda: ours_alone(16, {"red": 8, "blue": 30}, {"red": PURSUIT}, tag=True, turns=10),
     "VMAS": ours_as_vectors,
     "Mesa": lambda: ours_alone(100, {"red": 1000}, {"red": {"near": ("NEIGHBOR", 0.0)}}, turns=1),
+    "mesa-frames": ours_as_walkers,
 }
 
 
@@ -225,6 +243,42 @@ def mesa(side=100, agents=1000):
 
     def run():
         model.agents.do("step")
+        return agents
+
+    return run
+
+
+def mesa_frames(side=200, agents=10_000):
+    """10,000 agents, columns of a data frame, that walk at random on 200 x 200 cells; at the border they stay."""
+    import numpy as np
+    import polars as pl
+    from mesa_frames import AgentSetPolars, GridPolars, ModelDF
+
+    directions = np.array([(0, 1), (0, -1), (1, 0), (-1, 0)])
+
+    class Walkers(AgentSetPolars):
+        def __init__(self, model):
+            super().__init__(model)
+            self += pl.DataFrame({"unique_id": np.arange(agents)})
+
+        def step(self):
+            at = self.pos.select("dim_0", "dim_1").to_numpy()
+            to = np.clip(at + directions[self.random.integers(4, size=agents)], 0, side - 1)
+            self.space.move_agents(self.pos["unique_id"], to)
+
+    class World(ModelDF):
+        def __init__(self):
+            super().__init__(seed=1)
+            self.space = GridPolars(self, [side, side], neighborhood_type="von_neumann")
+            walkers = Walkers(self)
+            self.agents += walkers
+            cells = self.random.choice(side * side, agents, replace=False)
+            self.space.place_agents(walkers.index, np.stack([cells // side, cells % side], axis=1))
+
+    world = World()
+
+    def run():
+        world.agents.do("step")
         return agents
 
     return run
@@ -304,6 +358,15 @@ PEERS = {
         "an agent after the other moves to a random neighbour",
         "`ctx.game`, NEIGHBOR",
         "a state of twelve keys, legality, all move at once",
+    ),
+    "mesa-frames": Peer(
+        "mesa_frames",
+        "mesa-frames",
+        mesa_frames,
+        "`GridPolars` of 200 x 200 cells, 10,000 agents in a data frame",
+        "all agents move to a random neighbour, and cells count who is on them",
+        "`ctx.game`, a team with a plan in arrays",
+        "legal moves of roads, draws by agent, all move at once",
     ),
     "VMAS": Peer(
         "vmas",
