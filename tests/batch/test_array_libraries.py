@@ -4,6 +4,7 @@ NumPy passed as `xp=` plays the same code; what needs another library is skipped
 """
 
 import gc
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -22,12 +23,38 @@ from gamms.strategies import random_walk
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 LIMIT = {"rule": "time_limit", "with": {"turns": 12}}
 IN_NUMPY = {"guard", "safest_exit", "assign", "assign for some", "intercept", "intercept goals", "sweep", "sweep again"}
-NAMES = ["numpy", "torch", "array_api_strict"]
+NAMES = ["numpy", "torch", "array_api_strict", "array_api_strict on device1"]  # which others cannot read, as a GPU
+
+
+class Place(NamedTuple):
+    """An array library, and where it puts the arrays of a batch."""
+
+    xp: Any
+    device: Any
+
+    @property
+    def options(self):
+        return {"xp": self.xp, "device": self.device}
+
+    @property
+    def kind(self):
+        return type(self.xp.asarray([0]))
+
+    def put(self, array):
+        return self.xp.asarray(array, device=self.device)
+
+    def read(self, tensor):
+        is_there = self.device is not None and isinstance(tensor, self.kind)
+        return np.asarray(tensor.to_device(self.xp.Device("CPU_DEVICE")) if is_there else tensor)
 
 
 @pytest.fixture(params=NAMES)
-def xp(request):
-    return library(request.param)
+def place(request):
+    return place_of(library(request.param.split()[0]), request.param)
+
+
+def place_of(xp, name):
+    return Place(xp, xp.Device("device1") if name.endswith("device1") else None)
 
 
 def library(name):
@@ -38,7 +65,7 @@ def installed():
     found = []
     for name in NAMES:
         try:
-            found.append(__import__(name))
+            found.append(place_of(__import__(name.split()[0]), name))
         except ImportError:
             continue
     return found
@@ -54,15 +81,17 @@ def installed():
     restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
     early=st.sets(st.integers(0, 9), max_size=2),
     order=st.one_of(st.none(), orders),
-    xp=st.sampled_from(installed()),
+    place=st.sampled_from(installed()),
 )
-def test_a_batch_of_any_library_is_that_of_numpy(streets, places, rules, conflicts, seeds, restart, early, order, xp):
+def test_a_batch_of_any_library_is_that_of_numpy(
+    streets, places, rules, conflicts, seeds, restart, early, order, place
+):
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
     results = []
-    for chosen in (None, xp):
+    for chosen in ({}, place.options):
         with (
             open_game(streets, agents, rules, conflicts, early, order) as ctx,
-            ctx.game.batch(seeds=seeds, xp=chosen) as games,
+            ctx.game.batch(seeds=seeds, **chosen) as games,
         ):
             for _ in range(restart[0]):
                 games.step()
@@ -73,18 +102,18 @@ def test_a_batch_of_any_library_is_that_of_numpy(streets, places, rules, conflic
 
 
 @pytest.mark.parametrize("name", MADE)
-def test_strategies_play_the_same_in_any_library(name, xp):
+def test_strategies_play_the_same_in_any_library(name, place):
     results = []
     conflicts = {"conflicts": {"capacity": 1}} if name == "unblock" else {}
-    for chosen in (None, xp):
+    for chosen in ({}, place.options):
         strategies = {"red": MADE[name], "blue": MADE[name]}
-        with hunted(**conflicts).batch(4, seed=1, strategies=strategies, xp=chosen) as games:
+        with hunted(**conflicts).batch(4, seed=1, strategies=strategies, **chosen) as games:
             for _ in range(9):
                 games.step()
             games.reset([2])
             games.run()
             results.append([plain(games.result(number)) for number in range(4)])
-            if chosen is not None and name not in IN_NUMPY:
+            if chosen and name not in IN_NUMPY:
                 assert all(hasattr(agent.strategy.array_form, "portable_form") for agent in games._roster.agents)
     assert results[0] == results[1]
 
@@ -104,52 +133,80 @@ def test_routes_of_large_maps_are_learned_as_they_are_asked_for(name, on_host, m
         assert [plain(games.result(number)) for number in range(3)] == results
 
 
-def test_actions_go_in_and_all_that_a_policy_needs_comes_out_as_tensors(xp):
-    with scene([TAG, LIMIT]).batch(4, seed=1, xp=xp) as games, scene([TAG, LIMIT]).batch(4, seed=1) as plain_games:
-        tensor = type(xp.asarray([0]))
+def test_actions_go_in_and_all_that_a_policy_needs_comes_out_as_tensors(place):
+    with (
+        scene([TAG, LIMIT]).batch(4, seed=1, **place.options) as games,
+        scene([TAG, LIMIT]).batch(4, seed=1) as plain_games,
+    ):
+        tensor = place.kind
         for _ in range(12):
             view, other = games.observe("red"), plain_games.observe("red")
             for key in ("curr_pos", "legal", "mask", "turn", "xy", "edge", "offset_m"):
                 assert isinstance(view[key], tensor)
-                assert np.asarray(view[key]).tolist() == other[key].tolist(), key
+                assert place.read(view[key]).tolist() == other[key].tolist(), key
             going = games.step({"red": view.draw.below(view.counts)})
             plain_games.step({"red": other.draw.below(other.counts)})
             assert isinstance(going, tensor)
         for name in ("is_over", "terminated", "truncated", "turn"):
             assert isinstance(getattr(games, name), tensor)
-            assert np.asarray(getattr(games, name)).tolist() == getattr(plain_games, name).tolist()
-        assert {key: np.asarray(one).tolist() for key, one in games.scores.items()} == {
+            assert place.read(getattr(games, name)).tolist() == getattr(plain_games, name).tolist()
+        assert {key: place.read(one).tolist() for key, one in games.scores.items()} == {
             key: one.tolist() for key, one in plain_games.scores.items()
         }
         assert [plain(games.result(i)) for i in range(4)] == [plain(plain_games.result(i)) for i in range(4)]
 
 
-def test_what_sensors_show_comes_out_as_tensors(xp):
-    with hunted().batch(3, xp=xp) as games, hunted().batch(3) as plain_games:
+def test_what_sensors_show_comes_out_as_tensors(place):
+    with hunted().batch(3, **place.options) as games, hunted().batch(3) as plain_games:
+        for _ in range(6):
+            games.step()
+            plain_games.step()
         view, other = games.observe("red"), plain_games.observe("red")
-        assert np.asarray(view.sees()).tolist() == np.asarray(view.sees("near")).tolist() == other.sees().tolist()
-        for found, expected in ((view.seen(), other.seen()), (view.enemies(), other.enemies())):
-            assert [np.asarray(column).tolist() for column in found[1:]] == [one.tolist() for one in expected[1:]]
+        assert place.read(view.sees()).tolist() == place.read(view.sees("near")).tolist() == other.sees().tolist()
+        for found, expected in (
+            (view.seen(), other.seen()),
+            (view.enemies(), other.enemies()),
+            (view.mates(), other.mates()),
+        ):
+            assert [place.read(column).tolist() for column in found[1:]] == [one.tolist() for one in expected[1:]]
         for column, expected in zip(view.vector(), other.vector(), strict=True):
-            assert np.asarray(column).tolist() == np.asarray(expected).tolist()
-        node = xp.asarray(other.node)
-        assert np.asarray(view.towards(node * 0 + 5)).tolist() == other.towards(other.node * 0 + 5).tolist()
+            assert place.read(column).tolist() == np.asarray(expected).tolist()
+        for key in ("living", "is_there"):
+            assert place.read(getattr(view, key)).tolist() == getattr(other, key).tolist()
+        assert place.read(view.covered()).tolist() == other.covered().tolist()
+        node = place.put(other.node)
+        assert place.read(view.towards(node * 0 + 5)).tolist() == other.towards(other.node * 0 + 5).tolist()
 
 
-def test_a_view_knows_the_actions_that_lead_to_nodes(xp):
-    with scene().batch(3, xp=xp) as games, scene().batch(3) as plain_games:
+def test_flows_take_and_give_tensors(place):
+    with hunted().batch(3, **place.options) as games, hunted().batch(3) as plain_games:
+        view, other = games.observe("red"), plain_games.observe("red")
+        (flows, node), (plain_flows, row) = (view.flows(), view.node), (other.flows(), other.node)
+        masses = np.full((3, len(other.streets.counts)), 0.5)
+        for found, expected in (
+            (flows.walks(node, 4), plain_flows.walks(row, 4)),
+            (flows.within(node, 10.0), plain_flows.within(row, 10.0)),
+            (flows.edges(node, node), plain_flows.edges(row, row)),
+            (flows.diffuse(place.put(masses)), plain_flows.diffuse(masses)),
+        ):
+            assert isinstance(found, place.kind)
+            assert place.read(found).tolist() == expected.tolist()
+
+
+def test_a_view_knows_the_actions_that_lead_to_nodes(place):
+    with scene().batch(3, **place.options) as games, scene().batch(3) as plain_games:
         view, other = games.observe("red"), plain_games.observe("red")
         wanted = other["legal"][:, :, 1]
-        assert np.asarray(view.action_to(xp.asarray(wanted))).tolist() == other.action_to(wanted).tolist()
-        assert np.asarray(view.action_to(7)).tolist() == other.action_to(7).tolist()
-        assert (np.asarray(view.action_to(xp.asarray(wanted * 0 + 999))) == -1).all()
+        assert place.read(view.action_to(place.put(wanted))).tolist() == other.action_to(wanted).tolist()
+        assert place.read(view.action_to(7)).tolist() == other.action_to(7).tolist()
+        assert (place.read(view.action_to(place.put(wanted * 0 + 999))) == -1).all()
 
 
-def test_given_actions_are_kept_for_recordings(xp, tmp_path):
+def test_given_actions_are_kept_for_recordings(place, tmp_path):
     files = []
-    for name, chosen in (("numpy.ggr", None), ("other.ggr", xp)):
-        with scene([LIMIT]).batch(2, seed=5, record=True, xp=chosen) as games:
-            while not bool(games.is_over.all() if chosen is None else xp.all(games.is_over)):
+    for name, chosen in (("numpy.ggr", {}), ("other.ggr", place.options)):
+        with scene([LIMIT]).batch(2, seed=5, record=True, **chosen) as games:
+            while not bool(place.xp.all(games.is_over) if chosen else games.is_over.all()):
                 view = games.observe("blue")
                 games.step({"blue": view.turn[:, None] % view.counts})
             games.record(1, tmp_path / name)
@@ -158,55 +215,55 @@ def test_given_actions_are_kept_for_recordings(xp, tmp_path):
     assert files[0] == files[1]
 
 
-def test_turns_without_contacts_read_no_agents(xp):
-    with scene([LIMIT], side=9).batch(50, xp=xp) as games:
+def test_turns_without_contacts_read_no_agents(place):
+    with scene([LIMIT], side=9).batch(50, **place.options) as games:
         games.run()
         assert games.library.num_reads == 0
-    with scene([TAG, LIMIT], side=30).batch(2, xp=xp) as games:
+    with scene([TAG, LIMIT], side=30).batch(2, **place.options) as games:
         games.run()
         events = sum(len(games.result(i).events) for i in range(2))
         assert games.library.num_reads <= 12 + 5 + 2 * events
 
 
-def test_draws_are_the_same_bits_in_any_library(xp):
+def test_draws_are_the_same_bits_in_any_library(place):
     seeds, turns = np.random.default_rng(0).integers(0, 2**63, (7, 5)).astype(np.uint64) * 2 + 1, np.arange(7)
-    space = xp if xp.__name__ != "torch" else pytest.importorskip("array_api_compat.torch")
-    first, there = xp.asarray(kernels.as_signed(seeds)), xp.asarray(turns)[:, None]
+    space = place.xp if place.xp.__name__ != "torch" else pytest.importorskip("array_api_compat.torch")
+    first, there = place.put(kernels.as_signed(seeds)), place.put(turns)[:, None]
     keys, other = kernels.later_keys_signed(first, there), kernels.later_key_rows(seeds, turns[:, None])
-    assert np.asarray(keys).tolist() == kernels.as_signed(other).tolist()
+    assert place.read(keys).tolist() == kernels.as_signed(other).tolist()
     for k in (0, 3):
         bits, others = kernels.bits_at_signed(keys, k), kernels.bits_at_rows(other, k)
-        assert np.asarray(bits).tolist() == kernels.as_signed(others).tolist()
+        assert place.read(bits).tolist() == kernels.as_signed(others).tolist()
         for n in (1, 7, 2**31, 2**32):
-            assert np.asarray(kernels.below_signed(bits, n)).tolist() == kernels.below_many(others, n).tolist()
-        assert np.asarray(kernels.fraction_signed(bits, space)).tolist() == kernels.fraction_many(others).tolist()
+            assert place.read(kernels.below_signed(bits, n)).tolist() == kernels.below_many(others, n).tolist()
+        assert place.read(kernels.fraction_signed(bits, space)).tolist() == kernels.fraction_many(others).tolist()
 
 
-def test_what_has_no_form_for_the_library_is_played_in_numpy_with_tensors_in_and_out(xp):
+def test_what_has_no_form_for_the_library_is_played_in_numpy_with_tensors_in_and_out(place):
     def wander(state):
         state["action"] = state["legal"][-1]
 
-    with scene([TAG, LIMIT]).batch(2, xp=xp, strategies={"red": wander}) as games:
+    with scene([TAG, LIMIT]).batch(2, **place.options, strategies={"red": wander}) as games:
         assert "wander" in games.slow
         view = games.observe("blue")
         games.step({"blue": view.counts - 1})
-        assert np.asarray(games.turn).tolist() == [1, 1]
-        assert isinstance(games.observe("blue")["xy"], type(xp.asarray([0])))
+        assert place.read(games.turn).tolist() == [1, 1]
+        assert isinstance(games.observe("blue")["xy"], place.kind)
 
 
-def test_a_form_in_numpy_plays_in_a_batch_of_any_library(xp):
+def test_a_form_in_numpy_plays_in_a_batch_of_any_library(place):
     def last(state):
         state["action"] = state["legal"][-1]
 
     last.array_form = lambda view: np.where(view.mask, view.counts - 1, 0)
-    with scene([TAG, LIMIT]).batch(3, xp=xp, strategies={"red": last}) as games:
+    with scene([TAG, LIMIT]).batch(3, **place.options, strategies={"red": last}) as games:
         games.run()
         for number in range(3):
             assert plain(games.result(number)) == plain(scene([TAG, LIMIT]).play(seed=number, strategies={"red": last}))
 
 
-def test_a_portable_form_gets_tensors(xp):
-    kind = type(xp.asarray([0]))
+def test_a_portable_form_gets_tensors(place):
+    kind = place.kind
 
     def last(state):
         state["action"] = state["legal"][-1]
@@ -216,21 +273,21 @@ def test_a_portable_form_gets_tensors(xp):
         return view.xp.where(view.mask, view.counts - 1, 0)
 
     last.array_form = gamms.portable_form(form)
-    with scene([TAG, LIMIT]).batch(3, xp=xp, strategies={"red": last}) as games:
+    with scene([TAG, LIMIT]).batch(3, **place.options, strategies={"red": last}) as games:
         games.run()
         assert plain(games.result(1)) == plain(scene([TAG, LIMIT]).play(seed=1, strategies={"red": last}))
 
 
-def test_illegal_actions_name_the_agent_and_no_game_is_played(xp):
-    with scene().batch(2, xp=xp) as games:
+def test_illegal_actions_name_the_agent_and_no_game_is_played(place):
+    with scene().batch(2, **place.options) as games:
         wrong = games.observe("red").counts
         with pytest.raises(BadValue, match="of agent 'red_0' in game 0, turn 0, is not the number of a legal node"):
             games.step({"red": wrong})
         with pytest.raises(BadValue, match="one action for each game and agent"):
             games.step({"red": wrong[:1, :]})
         with pytest.raises(BadType, match="numbers of legal nodes"):
-            games.step({"red": xp.asarray(np.zeros((2, 3)))})
-        assert np.asarray(games.turn).tolist() == [0, 0]
+            games.step({"red": place.put(np.zeros((2, 3)))})
+        assert place.read(games.turn).tolist() == [0, 0]
 
 
 def test_arrays_of_another_library_are_refused():
@@ -247,20 +304,20 @@ def test_what_is_no_array_library_is_refused(wrong):
         scene().batch(2, xp=wrong)
 
 
-def test_a_device_that_is_not_there_is_refused(xp):
+def test_a_device_that_is_not_there_is_refused(place):
     with pytest.raises(BadValue, match="Give a device that is there"):
-        scene().batch(2, xp=xp, device="warp drive")
+        scene().batch(2, xp=place.xp, device="warp drive")
     with pytest.raises(BadValue, match="device='cuda' needs an array library"):
         scene().batch(2, device="cuda")
 
 
-def test_games_are_played_on_the_device(xp):
+def test_games_are_played_on_the_device(place):
     with gamms.create_context() as ctx:
         ctx.graph.graph.add_node({"id": 0, "x": 0.0, "y": 0.0})
         ctx.agent.create_agent("a", start_node_id=0, strategy=random_walk)
         ctx.game.max_turns = 3
-        with ctx.game.batch(2, xp=xp) as games:
+        with ctx.game.batch(2, **place.options) as games:
             assert isinstance(games._engine, DeviceEngine)
             games.run()
-            assert np.asarray(games.truncated).tolist() == [True, True]
-            assert f"of {xp.__name__} on" in repr(games)
+            assert place.read(games.truncated).tolist() == [True, True]
+            assert f"of {place.xp.__name__} on" in repr(games)

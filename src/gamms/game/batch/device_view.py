@@ -8,6 +8,7 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import BadValue
 from gamms.game.batch.columns import Table, some_rows
+from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import ArrayLibrary, Tensor
 from gamms.game.batch.movement import Places
 from gamms.game.batch.routes import RouteTable, of_asked
@@ -196,8 +197,30 @@ class DeviceView(ArrayView):
 
     def enemies(self) -> Seen:
         """Return which agents of other teams the sensors show; an agent of no team (None) is an enemy of all."""
-        found = self._put(self.on_host().enemies())
+        return self._of_asked(self.on_host().enemies())
+
+    def mates(self) -> Seen:
+        """Return which agents of their own teams the sensors show."""
+        return self._of_asked(self.on_host().mates())
+
+    def _of_asked(self, seen: Seen) -> Seen:
+        found = self._put(seen)
         return found.of(self.mask[found.at, found.viewers])
+
+    def covered(self) -> Tensor:
+        """Return on which nodes the sensors would show agents; see `ArrayView.covered`."""
+        return self.library.put(self.on_host().covered()) & self.mask[:, :, None]
+
+    @property
+    def living(self) -> Tensor:
+        """Which agents are alive, (games, all agents)."""
+        everyone = getattr(self._state, "everyone", None)  # where all are on the device
+        return self.library.put(self._state.alive) if everyone is None else everyone[1]
+
+    @property
+    def is_there(self) -> Tensor:
+        """Which agents are in the game, dead or alive, (games, all agents); the others have not come yet."""
+        return self.library.put(self._state.is_there)
 
     def _put(self, table: Table) -> Table:
         """Return a named tuple with its arrays of NumPy on the device."""
@@ -216,6 +239,14 @@ class DeviceView(ArrayView):
             shared[key] = DeviceRoutes(self.streets, weight)
         table: DeviceRoutes = shared[key]
         return table
+
+    def flows(self) -> "DeviceFlows":
+        """Return what spreads along the edges; it is worked out in NumPy, and kept for the batch."""
+        shared = self._state.shared
+        if "flows on a device" not in shared:
+            shared["flows on a device"] = DeviceFlows(self.streets)
+        found: DeviceFlows = shared["flows on a device"]
+        return found
 
     def keep(self, key: Any, make: Callable[[int], Arrays]) -> Arrays:
         """Return what a strategy remembers of all games of the batch, on the device.
@@ -368,6 +399,30 @@ class DeviceRoutes:
                 self.learn(np.unique(library.get(rows)[library.get(is_new)]))
                 slots = self._slots[targets]
         return xp.where(slots < 0, 0, slots)
+
+
+class DeviceFlows(Flows):
+    """What spreads along the edges of a graph on a device: `Flows` works it out on the host."""
+
+    def __init__(self, streets: DeviceStreets) -> None:
+        super().__init__(streets.host)
+        self._library = streets.library
+
+    def walks(self, nodes: Tensor, turns: int, seed: int = 0) -> Tensor:
+        """Walk at random from nodes; see `Flows.walks`."""
+        return self._library.put(super().walks(self._library.get(nodes), turns, seed))
+
+    def diffuse(self, masses: Tensor, turns: int = 1, stay: float | None = None) -> Tensor:
+        """Return probabilities after random walks; see `Flows.diffuse`."""
+        return self._library.put(super().diffuse(self._library.get(masses), turns, stay))
+
+    def within(self, nodes: Tensor, limit: float, weight: str | None = "length") -> Tensor:
+        """Return which nodes paths reach that are at most so long; see `Flows.within`."""
+        return self._library.put(super().within(self._library.get(nodes), limit, weight))
+
+    def edges(self, sources: Tensor, targets: Tensor) -> Tensor:
+        """Return how many edges paths have; see `Flows.edges`."""
+        return self._library.put(super().edges(self._library.get(sources), self._library.get(targets)))
 
 
 class CopiedView(DeviceView):

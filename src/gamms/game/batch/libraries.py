@@ -58,8 +58,8 @@ class ArrayLibrary:
         self.num_reads += 1
         if self.is_own(array):
             if not self.on_host:
-                to_host = getattr(array, "get", None) or array.cpu  # of CuPy, of PyTorch
-                array = to_host()
+                to_host = getattr(array, "get", None) or getattr(array, "cpu", None)  # of CuPy, of PyTorch
+                array = to_host() if to_host else array.to_device(self.xp.__array_namespace_info__().default_device())
             if getattr(array, "requires_grad", False):
                 array = array.detach()
         return np.asarray(array)
