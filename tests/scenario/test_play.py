@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 
 import networkx as nx
 import pytest
@@ -283,6 +284,66 @@ def make():
     assert one.replace(max_turns=3).play().turns == 3
     with one.build() as ctx:
         assert ctx.graph.graph.has_node(40)
+
+
+@pytest.fixture
+def looking(made):
+    """Makes the scenario with a team that looks at streets, too."""
+    sensors = {
+        "near": {"type": "NEIGHBOR"},
+        "eyes": {"type": "AGENT_RANGE", "sensor_range": 30},
+        "streets": {"type": "RANGE", "sensor_range": 25},
+    }
+    return lambda: made(sensors=sensors).replace(**{"teams.red.sensors": ["near", "streets"]})
+
+
+def test_a_game_that_changes_the_map_leaves_those_alone_that_share_it(looking):
+    one = looking()
+    first = told(one.play())
+    with one.build() as other, one.build() as changed:
+        other.game.run(max_turns=4)
+        before = other.graph.graph.neighborhoods[1], list(other.graph.graph.get_edges()), other.graph.columns()
+        changed.graph.close_roads(list(range(8)))
+        changed.graph.graph.add_node({"id": 99, "x": 1.0, "y": 2.0})
+        changed.graph.add_obstacle_face(**WALL)
+        changed.game.run(max_turns=4)
+        assert changed.graph.graph.neighborhoods[0] != other.graph.graph.neighborhoods[0]
+        after = other.graph.graph.neighborhoods[1], list(other.graph.graph.get_edges()), other.graph.columns()
+        assert after == before
+        assert list(other.graph.get_obstacle_faces()) == []
+        other.game.run()
+        assert told(other.game.result()) == first
+        changed.game.reset()
+        assert list(changed.graph.graph.get_edges()) != after[1]  # what was changed before the first turn stays
+    assert told(one.play()) == first
+
+
+def test_a_map_that_was_changed_in_a_game_is_as_before_after_each_reset(looking):
+    with looking().build() as ctx:
+        first = told(ctx.game.run())
+        for _ in range(2):
+            ctx.game.reset()
+            ctx.game.step()
+            ctx.graph.close_roads(list(range(8)))
+            ctx.graph.add_obstacle_face(**WALL)
+            ctx.game.step()
+            ctx.game.reset()
+            assert ctx.graph.closed_roads == []
+            assert list(ctx.graph.get_obstacle_faces()) == []
+            assert told(ctx.game.run()) == first
+
+
+def test_games_in_threads_share_a_map_and_are_those_played_alone(looking):
+    one, seeds = looking(), range(3)
+    alone = [told(looking().play(seed=seed)) for seed in seeds]
+    interval = sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(len(seeds)) as pool:
+            together = list(pool.map(lambda seed: told(one.play(seed=seed)), seeds))
+    finally:
+        sys.setswitchinterval(interval)
+    assert together == alone
 
 
 WALL = {"face_id": 0, "tr": (15, 12, 9), "tl": (15, -2, 9), "br": (15, 12, 0), "bl": (15, -2, 0), "type": 0}

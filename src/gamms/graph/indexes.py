@@ -14,6 +14,7 @@ from gamms import kernels
 from gamms.errors import UnknownName
 from gamms.graph.tables import EdgeTable, NodeTable
 from gamms.ir.graph import FloatArray, IntArray, RowArray
+from gamms.ir.obstacles import BoolArray
 from gamms.typing.graph_values import Node, OSMEdge
 
 _LATE_EDGES = 1024
@@ -155,8 +156,7 @@ class Values:
             self._fill(rows[np.fromiter((value is None for value in taken), np.bool_, len(taken))])
             taken = self._values[rows].tolist()
             if None in taken:  # making room for the missing ones has dropped the others
-                self._fill(rows)
-                taken = self._values[rows].tolist()
+                taken = self._make(rows)
         return taken
 
     def forget(self, rows: IntArray) -> None:
@@ -170,11 +170,13 @@ class Values:
         # Room to spare, so that a graph that grows between two looks is not copied at each of them.
         values = np.empty(count if is_eager else count + count // 4, object)
         values[:before] = self._values
-        self._values = values
         if is_eager:
-            self._fill(np.arange(before, count))
+            rows = np.arange(before, count)
+            values[rows] = np.fromiter(self._make(rows), object, len(rows))
+            self._made += len(rows)
         else:
             self._is_complete = False
+        self._values = values  # now, for games in other threads may ask, too
 
     def _fill(self, rows: RowArray) -> None:
         if self._made + len(rows) > _MOST_KEPT:
@@ -216,7 +218,7 @@ class Indexes:
         self._by_end: dict[str, Adjacency] = {}
         self._node_values = Values(lambda rows: node_values(nodes, rows))
         self._edge_values = Values(lambda rows: edge_values(edges, nodes, rows, self.node_values))
-        self._is_seen = np.zeros(0, np.bool_)  # by node row; all False between calls
+        self._unused: list[BoolArray] = []  # by node row, all False; none while it is used
 
     # -- questions ----------------------------------------------------------------------------------------------
 
@@ -234,12 +236,17 @@ class Indexes:
 
     def edges_among(self, nodes: IntArray) -> IntArray:
         """Return the rows of the edges with both ends among the node rows, in insertion order."""
-        if len(self._is_seen) < self._nodes.count:
-            self._is_seen = np.zeros(self._nodes.capacity, np.bool_)
         rows = self._adjacency("sources").at(nodes)
-        self._is_seen[nodes] = True
-        among: IntArray = rows[self._is_seen[self._edges.array("targets")[rows]]]
-        self._is_seen[nodes] = False
+        try:
+            is_seen = self._unused.pop()  # for one at a time: games in other threads may ask, too
+        except IndexError:
+            is_seen = np.zeros(0, np.bool_)
+        if len(is_seen) < self._nodes.count:
+            is_seen = np.zeros(self._nodes.capacity, np.bool_)
+        is_seen[nodes] = True
+        among: IntArray = rows[is_seen[self._edges.array("targets")[rows]]]
+        is_seen[nodes] = False
+        self._unused[:] = [is_seen]
         return among
 
     def edge_values(self, rows: RowArray) -> list[OSMEdge]:

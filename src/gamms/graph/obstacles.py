@@ -1,7 +1,6 @@
 """Obstacle faces: quadrangles in space by id, kept as columns."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from copy import copy
 from itertools import chain, islice
 from math import isfinite, isqrt
 from typing import Any, ClassVar, cast
@@ -45,11 +44,13 @@ class _FaceTable(Table):
         "alive": (np.uint8, 1),
     }
 
+    def __init__(self) -> None:
+        super().__init__()
+        self.grid: FaceGrid | None = None  # of the boxes, once there are many
+
 
 class Obstacles:
     """The faces of one graph, in insertion order."""
-
-    _grid: "FaceGrid | None"
 
     def __init__(self) -> None:
         self.revision = 0  # changes with every change
@@ -111,7 +112,7 @@ class Obstacles:
         self.revision += 1
         if table.dead > len(table) + _FEW:  # so a long loop of adding and removing takes time in proportion
             table.compact()
-            self._grid = None
+            table.grid = None
 
     def replace(self, faces: Iterable[ObsFace]) -> None:
         """Hold `faces` and no others."""
@@ -160,7 +161,6 @@ class Obstacles:
         self._stop_sharing()
         self._faces = _FaceTable()
         self._new: dict[int, ObsFace] = {}  # added one by one, and not in the table yet
-        self._grid = None
 
     def _written(self) -> _FaceTable:
         """Return the table, with the faces in it that were added one by one."""
@@ -174,9 +174,10 @@ class Obstacles:
         """Rows, in any order, of a superset of the faces whose box meets a rectangle; dead ones may be among them."""
         table = self._faces
         if table.count > _FEW:
-            if self._grid is None or self._grid.is_outdated(table.count):
-                self._grid = FaceGrid(table.array("boxes"))
-            rows = self._grid.between(low, high, table.count)
+            grid = table.grid
+            if grid is None or grid.is_outdated(table.count):
+                grid = table.grid = FaceGrid(table.array("boxes"))
+            rows = grid.between(low, high, table.count)
             if rows is not None:
                 return rows
         return np.arange(table.count)
@@ -185,13 +186,20 @@ class Obstacles:
 
     def fork(self) -> "Obstacles":
         """Return the same faces for another context; both have the same table until one of them changes."""
-        self._written()
-        if self._sharers is None:
-            self._sharers = WeakSet([self])
-        obstacles = copy(self)
-        obstacles._new = {}
-        self._sharers.add(obstacles)
+        obstacles = Obstacles()
+        obstacles.share(self)
+        obstacles.revision = self.revision
         return obstacles
+
+    def share(self, other: "Obstacles") -> None:
+        """Hold the faces of another context and no others; both have the same table until one of them changes."""
+        self._reset()
+        self._faces = other._written()
+        if other._sharers is None:
+            other._sharers = WeakSet([other])
+        self._sharers = other._sharers
+        self._sharers.add(self)
+        self.revision = max(self.revision + 1, other.revision)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Obstacles":
         """Copy, for a look ahead into a game that goes on elsewhere."""
@@ -205,7 +213,7 @@ class Obstacles:
         if self._sharers is not None and self._stop_sharing():
             new, self._new = self._new, {}
             columns = self.columns()
-            self._faces, self._grid, self._new = _FaceTable(), None, new
+            self._faces, self._new = _FaceTable(), new
             _write(self._faces, columns)
 
     def _stop_sharing(self) -> bool:

@@ -39,6 +39,16 @@ class MapSnapshot(NamedTuple):
     visibility_rows: Cache
     packed: list[bytes]  # of this map, once one of the contexts that share this list has packed it
     place_state: Any  # the state of the stream that `place` draws from; None: nothing was drawn
+    shared: "list[tuple[GraphStore, Obstacles]]"  # what contexts share that have this map, once there is such a one
+
+    def tables(self) -> "tuple[GraphStore, Obstacles]":
+        """Return what contexts share that have this map, made when it is asked for first; not to be changed."""
+        if not self.shared:
+            store, obstacles = GraphStore(), Obstacles()
+            store.replace(self.columns, self.attribution, self.scenery, self.closed)
+            obstacles.put(self.obstacles)
+            self.shared.append((store, obstacles))
+        return self.shared[0]
 
 
 class MapStorage(Guarded, IMapStorage):
@@ -125,6 +135,7 @@ class MapStorage(Guarded, IMapStorage):
             self.visibility_rows,
             self._packed_map(),
             None if stream is None else stream.bit_generator.state,
+            [],
         )
 
     @refused_while_deciding
@@ -132,11 +143,11 @@ class MapStorage(Guarded, IMapStorage):
         """Restore a snapshot of this context; what has not changed is left alone, its indexes too."""
         store, obstacles = self._store, self._obstacles
         if store.revision not in (before.revision, self._restored.get(before.revision)):
-            store.replace(before.columns, before.attribution, before.scenery, before.closed)
+            store.share(before.tables()[0])
             self._restored = {before.revision: store.revision}
         known = before.obstacle_revision, self._restored_obstacles.get(before.obstacle_revision)
         if obstacles.revision not in known:
-            obstacles.put(before.obstacles)
+            obstacles.share(before.tables()[1])
             self._restored_obstacles = {before.obstacle_revision: obstacles.revision}
         self._packed = self._now(), before.packed
         self._place_stream = None
@@ -145,9 +156,10 @@ class MapStorage(Guarded, IMapStorage):
 
     @refused_while_deciding
     def copy_from(self, snapshot: MapSnapshot) -> None:
-        """Replace graph and obstacles by those of a snapshot of another context, and share its visibility rows."""
-        self._store.replace(snapshot.columns, snapshot.attribution, snapshot.scenery, snapshot.closed)
-        self._obstacles.put(snapshot.obstacles)
+        """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
+        store, obstacles = snapshot.tables()
+        self._store.share(store)
+        self._obstacles.share(obstacles)
         self.visibility_rows = snapshot.visibility_rows
         self._packed = self._now(), snapshot.packed
 

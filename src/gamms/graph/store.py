@@ -3,6 +3,7 @@
 `Cache` holds what others derive from one revision of it.
 """
 
+import dataclasses
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterable, Mapping
 from copy import deepcopy
@@ -73,8 +74,9 @@ class Neighborhoods(dict[int, tuple[int, ...]]):
         elif self._runs is None and self._misses == (_MANY if is_large else _FEW):
             self._runs = self._store.indexes.targets_by_row()
             self._changed.clear()
-        if self._runs is not None and id not in self._changed and type(id) is int:
-            (offsets, ids), row = self._runs, self._store.nodes.index.row(id)
+        runs = self._runs  # once: games in other threads may ask, too
+        if runs is not None and id not in self._changed and type(id) is int:
+            (offsets, ids), row = runs, self._store.nodes.index.row(id)
             if 0 <= row < len(offsets) - 1:
                 return self._keep(id, tuple(dict.fromkeys((id, *ids[offsets[row] : offsets[row + 1]]))))
         id = records.as_id(id, "a node")
@@ -110,6 +112,7 @@ class GraphStore:
     def __init__(self) -> None:
         self.revision = -1
         self._sharers: WeakSet[GraphStore] | None = None  # itself, and the stores that have the same tables
+        self._askers: WeakSet[GraphStore] = WeakSet()  # of these, those that ask for neighbourhoods here
         self.neighborhoods = Neighborhoods(self)
         self.clear()
 
@@ -227,17 +230,28 @@ class GraphStore:
 
     def fork(self) -> "GraphStore":
         """Return another store of this graph; both have the same tables until one of them changes."""
-        columns = self.columns()  # which leaves no dead rows
         store = GraphStore()
-        store.nodes, store.edges, store.indexes, store._columns = self.nodes, self.edges, self.indexes, columns
-        store.neighborhoods = Neighborhoods(store, self.neighborhoods)
-        store.revision, store.crs = self.revision, self.crs
-        store.attribution, store.scenery, store.closed = self.attribution, self.scenery, self.closed
-        if self._sharers is None:
-            self._sharers = WeakSet([self])
-        self._sharers.add(store)
-        store._sharers = self._sharers
+        store.share(self)
+        store.revision, store._columns = self.revision, self._columns
         return store
+
+    def share(self, other: "GraphStore") -> None:
+        """Become the graph of another store; both have the same tables until one of them changes."""
+        columns = other.columns()  # which leaves no dead rows
+        self._stop_sharing()
+        self.nodes, self.edges, self.indexes = other.nodes, other.edges, other.indexes
+        self.crs, self.attribution = other.crs, other.attribution
+        self.scenery, self.closed = other.scenery, other.closed
+        self.revision = max(self.revision + 1, other.revision)
+        is_same = self.revision == other.revision
+        self._columns = columns if is_same else dataclasses.replace(columns, revision=self.revision)
+        self.neighborhoods.clear()
+        self.neighborhoods.source = other.neighborhoods
+        if other._sharers is None:
+            other._sharers = WeakSet([other])
+        self._sharers = other._sharers
+        self._sharers.add(self)
+        other._askers.add(self)
 
     def own(self) -> None:
         """Share nothing any longer; called before every change."""
@@ -255,8 +269,10 @@ class GraphStore:
         if sharers is None:
             return False
         sharers.discard(self)
-        for store in sharers:
-            store.neighborhoods.source = None
+        askers, self._askers = self._askers, WeakSet()
+        for store in askers:
+            if store.neighborhoods.source is self.neighborhoods:
+                store.neighborhoods.source = None
         return bool(sharers)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -95,7 +95,7 @@ class IMapStorage(ABC):
 
     @abstractmethod
     def copy_from(self, snapshot: Any) -> None:
-        """Replace graph and obstacles by those of a snapshot of another context, and share its visibility rows."""
+        """Replace graph and obstacles by those of a snapshot of another context, and share them until they change."""
 
     @abstractmethod
     def restart_stream(self) -> None:
