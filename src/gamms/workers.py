@@ -7,17 +7,20 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Callable, Iterator
-from concurrent.futures import BrokenExecutor
+from collections.abc import Callable, Collection, Iterator
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future
+from concurrent.futures import wait as wait_for
 from contextlib import contextmanager, suppress
 from functools import cache
 from multiprocessing.connection import wait
-from typing import Any, BinaryIO, ParamSpec, cast
+from typing import Any, BinaryIO, ParamSpec, TypeVar, cast
 
 from gamms.errors import BadValue, GammsError
 
 P = ParamSpec("P")
+T = TypeVar("T")
 
+_SIGNALS_S = 0.5  # how often signals are looked for that came just before a wait, which Python then sleeps through
 _LOOK_S = 1.0  # how often a process that says nothing is looked at
 _IN_WORKER = "GAMMS_WORKER"
 _SCRIPT = """import signal
@@ -32,6 +35,19 @@ serve()
 def cores() -> int:
     """Return how many cores this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def first_done(futures: Collection[Future[T]]) -> set[Future[T]]:
+    """Wait until at least one of these is done, or Ctrl-C is pressed; return those that are done."""
+    while not (done := wait_for(futures, _SIGNALS_S, FIRST_COMPLETED).done):
+        pass
+    return done
+
+
+def result_of(future: Future[T]) -> T:
+    """Wait for a result, or Ctrl-C."""
+    first_done([future])
+    return future.result()
 
 
 class WorkerDied(BrokenExecutor):

@@ -14,8 +14,7 @@ import small_hunts
 from small_hunts import HUNT
 
 from gamms import experiment
-from gamms.experiment.executors import result_of
-from gamms.workers import Worker, task_of
+from gamms.workers import Worker, result_of, task_of
 
 HERE = Path(__file__).parent
 PROGRAM = """

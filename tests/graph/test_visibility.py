@@ -3,9 +3,12 @@
 import itertools
 import math
 import os
+import signal
 import struct
 import subprocess
 import sys
+import threading
+import time
 import zlib
 from pathlib import Path
 
@@ -252,6 +255,22 @@ def test_an_interruption_leaves_neither_processes_nor_files(ctx, cache, monkeypa
         ctx.graph.visibility(9.0)
     assert list(cache.iterdir()) == []
     assert ctx.graph.visibility_table(9.0, 1.6) is None
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals for one thread are of Unix")
+def test_ctrl_c_that_does_not_wake_who_waits_for_workers_ends_them_all_the_same(monkeypatch):
+    def begin(*words, **options):
+        begun = popen(*words, **options)
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)  # the main thread waits on
+        return begun
+
+    popen = subprocess.Popen
+    monkeypatch.setattr(subprocess, "Popen", begin)
+    monkeypatch.setattr(visibility_workers, "_SCRIPT", "import time; time.sleep(60)")
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        visibility_workers.compute_visibility(scene(60), 2, lambda _: None)
+    assert time.monotonic() - began < 50
 
 
 def test_workers_do_not_run_the_users_script_again(tmp_path):

@@ -1,6 +1,9 @@
 """Servers that are away, busy or talk nonsense: one clear error each, soon, and nothing of it is kept."""
 
+import os
+import signal
 import socket
+import threading
 import time
 from pathlib import Path
 
@@ -25,7 +28,7 @@ from gamms.osm import OSMType, create_osm_graph
 from gamms.osm.overpass import features_of_place, read_areas
 
 PLACE = "Kluuvi, Helsinki"
-SOON_S = 4.0
+SOON_S = 15.0
 
 
 def is_refused(error, words, place=PLACE, osm_type=OSMType.DRIVE, **options):
@@ -79,6 +82,19 @@ def test_a_server_that_misbehaves_is_one_clear_error(server, tmp_path, where, wh
     is_refused(NetworkError, rf"127\.0\.0\.1:\d+.*{words}")
     assert server.asked.count(where) == (3 if "busy" in words else 1)
     assert nothing_is_kept(tmp_path)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="signals for one thread are of Unix")
+def test_ctrl_c_that_does_not_wake_who_waits_for_an_answer_ends_the_wait(server):
+    def interrupts(handler, answer):
+        signal.pthread_kill(threading.get_ident(), signal.SIGINT)  # the main thread waits on
+        hangs(handler, answer)
+
+    server.misbehaviour["search"] = interrupts
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        create_osm_graph(PLACE, OSMType.DRIVE)
+    assert time.monotonic() - began < SOON_S
 
 
 @pytest.mark.parametrize("where", ["search", "interpreter"])

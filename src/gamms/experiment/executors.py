@@ -1,8 +1,8 @@
 """Where games are played: in this process, in worker processes, or by an executor of the caller's, such as Ray's."""
 
 import threading
-from collections.abc import Callable, Collection
-from concurrent.futures import FIRST_COMPLETED, Executor, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable
+from concurrent.futures import Executor, Future, ThreadPoolExecutor
 from importlib.util import find_spec
 from typing import Any, ParamSpec, TypeVar
 
@@ -13,8 +13,6 @@ from gamms.workers import Worker, WorkerDied, task_of
 
 P = ParamSpec("P")
 T = TypeVar("T")
-
-_LOOK_S = 0.5  # how often signals are looked for that came just before a wait began, which Python then sleeps through
 
 
 def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:
@@ -33,19 +31,6 @@ def executor_for(given: object, workers: int | None) -> tuple[Executor, bool]:
     if given is not None:
         raise BadType(f"executor must be an executor of concurrent.futures or 'ray', not {shown(given)}.")
     return (Here(), False) if workers is None else (WorkerPool(as_count(workers, "workers")), True)
-
-
-def first_done(futures: Collection[Future[T]]) -> set[Future[T]]:
-    """Wait until at least one of these is done, or Ctrl-C is pressed; return those that are done."""
-    while not (done := wait(futures, _LOOK_S, FIRST_COMPLETED).done):
-        pass
-    return done
-
-
-def result_of(future: Future[T]) -> T:
-    """Wait for a result, or Ctrl-C."""
-    first_done([future])
-    return future.result()
 
 
 class Here(Executor):

@@ -1,9 +1,10 @@
 """How decisions that are awaited are collected: they start together, and end together under one deadline."""
 
 import asyncio
+import math
 import weakref
 from collections.abc import Awaitable, Callable, Coroutine, Iterable
-from concurrent.futures import Future
+from concurrent.futures import Future, wait
 from contextlib import suppress
 from contextvars import copy_context
 from threading import Thread
@@ -13,6 +14,7 @@ from gamms.deciding import AWAITED, DecidePhase
 from gamms.errors import GammsError
 
 _GRACE_S = 1.0  # that a coroutine has to end once it was cancelled
+_LOOK_S = 0.5  # how often signals are looked for that came just before a wait began, which Python then sleeps through
 
 
 class Outcome(NamedTuple):
@@ -72,7 +74,7 @@ async def _collected(
     tasks = [asyncio.create_task(_decided(phase, decider, awaitable)) for decider, awaitable in awaited]
     until = asyncio.FIRST_EXCEPTION if strict else asyncio.ALL_COMPLETED
     try:
-        await asyncio.wait(tasks, timeout=deadline_s, return_when=until)
+        await _ended(tasks, deadline_s, until)
         return [_outcome(task) for task in tasks]
     finally:
         late = [task for task in tasks if not task.done()]
@@ -82,6 +84,16 @@ async def _collected(
             ended, _ = await asyncio.wait(late, timeout=_GRACE_S)
             for task in ended:
                 _outcome(task)  # or asyncio would log an error that was never retrieved
+
+
+async def _ended(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, until: str) -> None:
+    """Wait for tasks as `asyncio.wait` does, but wake up now and then, to hear Ctrl-C."""
+    now = asyncio.get_running_loop().time
+    ends = math.inf if deadline_s is None else now() + deadline_s
+    waiting, are_enough = set(tasks), False
+    while waiting and not are_enough and (left := ends - now()) > 0.0:
+        ended, waiting = await asyncio.wait(waiting, timeout=min(left, _LOOK_S), return_when=until)
+        are_enough = until == asyncio.FIRST_EXCEPTION and any(not one.cancelled() and one.exception() for one in ended)
 
 
 async def _decided(phase: DecidePhase, decider: object, awaitable: Awaitable[Any]) -> Any:
@@ -121,6 +133,8 @@ def _run(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome
 
 def _run_in_thread(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, list[Outcome]]) -> list[Outcome]:
     """Run the loop in a thread of its own, because this one runs another loop; an interrupt cancels what is running."""
+    from gamms.workers import first_done
+
     found: Future[list[Outcome]] = Future()
 
     def run() -> None:
@@ -130,15 +144,16 @@ def _run_in_thread(loop: asyncio.AbstractEventLoop, work: Coroutine[Any, Any, li
             found.set_exception(error)
 
     thread = Thread(target=copy_context().run, args=(run,), name="gamms decisions", daemon=True)
-    thread.start()
     try:
-        return found.result()
+        thread.start()
+        first_done([found])
     except BaseException:
         if not found.done():
             loop.call_soon_threadsafe(_cancel_all, loop)
+            wait([found], 2 * _GRACE_S)
         raise
-    finally:
-        thread.join()
+    thread.join()
+    return found.result()
 
 
 def _cancel_all(loop: asyncio.AbstractEventLoop) -> "set[asyncio.Task[Any]]":

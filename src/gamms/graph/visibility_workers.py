@@ -105,6 +105,8 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
 
 def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) -> Generator[VisibilityRows, None, None]:
     """Return what each span sees; where a process cannot be had or breaks down, this process works in its place."""
+    from gamms.workers import result_of
+
     processes: list[subprocess.Popen[bytes]] = []
     is_over = Event()
 
@@ -126,7 +128,8 @@ def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) ->
 
     with ThreadPoolExecutor(workers) as pool:  # threads that wait for a process each
         try:
-            yield from pool.map(seen, spans)
+            for future in [pool.submit(seen, span) for span in spans]:
+                yield result_of(future)
         finally:
             is_over.set()
             for process in processes:

@@ -329,7 +329,8 @@ class Live:
         begun = threading.Event()
         self._thread = threading.Thread(target=self._play_on, args=(begun,), name="gamms game", daemon=True)
         self._thread.start()
-        begun.wait()
+        while not begun.wait(_LOOK_S):  # a signal that came just before a wait is heard after it
+            pass
         if self._error is not None:
             raise self._error
         if watched := self._options.get("watch"):
