@@ -121,7 +121,7 @@ def test_a_feed_that_is_flooded_keeps_the_newest():
 
 def test_an_iterable_is_read_in_a_thread_that_ends_with_it():
     with Feed({"x": x, "y": 0} for x in range(5)) as feed:
-        feed._reader._thread.join(2.0)
+        feed._reader._thread.join(60.0)
         assert [one.fix.x for one in feed.take()] == [0, 1, 2, 3, 4]
     assert not feed._reader._thread.is_alive()
 
@@ -134,6 +134,7 @@ def test_an_iterable_without_end_is_let_go_when_the_feed_is_closed():
 
     with Feed(fixes()) as feed:
         pass
+    feed._reader._thread.join(60.0)
     assert not feed._reader._thread.is_alive()
 
 
@@ -146,7 +147,7 @@ def test_an_asynchronous_iterable_is_cancelled_when_the_feed_is_closed():
         await asyncio.sleep(60)
 
     with Feed(fixes()) as feed:
-        assert begun.wait(30.0)
+        assert begun.wait(60.0)
         assert len(feed.take()) == 1
     assert not feed._reader._thread.is_alive()
 
@@ -157,7 +158,7 @@ def test_what_an_iterable_raises_is_raised_where_the_feed_is_used():
         raise OSError("the cable is out")
 
     feed = Feed(fixes())
-    feed._reader._thread.join(2.0)
+    feed._reader._thread.join(60.0)
     with pytest.raises(OSError, match="cable"):
         feed.take()
     assert feed.take() == []

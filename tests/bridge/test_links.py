@@ -18,7 +18,7 @@ from gamms.errors import BadType, BadValue, NetworkError
 HOME = "127.0.0.1"
 
 
-def wait_until(holds, seconds=30.0):
+def wait_until(holds, seconds=60.0):
     ends = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < ends, "it has not come"
@@ -29,8 +29,7 @@ def wait_until(holds, seconds=30.0):
 def _no_thread_is_left():
     before = set(threading.enumerate())
     yield
-    left = [one.name for one in threading.enumerate() if one not in before and one.name.startswith("gamms")]
-    assert left == []
+    wait_until(lambda: not [one for one in {*threading.enumerate()} - before if one.name.startswith("gamms")])
 
 
 # -- UDP ------------------------------------------------------------------------------------------------------------
@@ -40,7 +39,7 @@ def datagrams():
     """Return a socket that robots and strangers use."""
     one = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     one.bind((HOME, 0))
-    one.settimeout(5.0)
+    one.settimeout(60.0)
     return one
 
 
@@ -49,7 +48,7 @@ def test_a_robot_that_talks_by_udp_plays_an_agent():
         ctx.graph.attach_networkx_graph(gamms.graph.grid(1, 3, spacing=10.0))
         goes = {"strategy": lambda state: state.update(action=1)}
         anna = ctx.agent.create_agent("anna", start_node_id=0, **goes)
-        ctx.game.add(drive("anna", link.feed("anna"), limit_s=5.0))
+        ctx.game.add(drive("anna", link.feed("anna"), limit_s=60.0))
 
         def play():
             x, y = json.loads(robot.recv(9_999))["points"][-1]
@@ -124,13 +123,13 @@ def test_viewers_come_and_go_and_get_what_is_sent_meanwhile():
         with connect(link.url) as first, connect(link.url) as second:
             wait_until(lambda: link.viewers == 2)
             link.send({"type": "turn", "turn": 1})
-            assert json.loads(first.recv(timeout=5)) == {"gamms": 1, "type": "turn", "turn": 1}
-            assert json.loads(second.recv(timeout=5))["turn"] == 1
+            assert json.loads(first.recv(timeout=60)) == {"gamms": 1, "type": "turn", "turn": 1}
+            assert json.loads(second.recv(timeout=60))["turn"] == 1
         wait_until(lambda: link.viewers == 0)
         with connect(link.url) as third:
             wait_until(lambda: link.viewers == 1)
             link.send({"type": "turn", "turn": 2})
-            assert json.loads(third.recv(timeout=5))["turn"] == 2
+            assert json.loads(third.recv(timeout=60))["turn"] == 2
 
 
 def test_viewers_that_come_and_go_are_not_logged(caplog):
@@ -159,18 +158,19 @@ def test_a_peer_that_sends_only_bad_lines_is_disconnected():
 
 
 def test_a_peer_is_read_no_faster_than_a_thousand_lines_a_second():
+    began = time.monotonic()
     with WebSocketServer() as link, connect(link.url, close_timeout=0.1) as stranger:
         for _ in range(1_200):
             stranger.send('{"type": "fix", "agent": "anna", "x": 1, "y": 1}')
-        wait_until(lambda: link.counts["received"] >= 1_000)
-        assert link.counts["received"] == 1_000
+        wait_until(lambda: link.counts["received"] == 1_200)
+        assert time.monotonic() - began >= 1.0
 
 
 def test_a_message_that_is_too_long_ends_the_connection():
     with WebSocketServer() as link, connect(link.url) as stranger:
         stranger.send("a" * 100_000)
         with pytest.raises(websockets.ConnectionClosed) as error:
-            stranger.recv(timeout=5)
+            stranger.recv(timeout=60)
         assert error.value.rcvd.code == 1009
 
 
@@ -192,12 +192,7 @@ def test_a_port_that_is_taken_is_an_error_at_once():
 def test_a_viewer_that_does_not_read_is_disconnected():
     with WebSocketServer() as link, connect(link.url, max_queue=1, close_timeout=0.1):
         wait_until(lambda: link.viewers == 1)
-        sent = 0
-        while link.viewers:
-            link.send({"type": "note", "text": "a" * 60_000})
-            sent += 1
-            assert sent < 10_000
-            time.sleep(0.0002)
+        wait_until(lambda: link.send({"type": "note", "text": "a" * 60_000}) or not link.viewers)
 
 
 # -- processes ------------------------------------------------------------------------------------------------------
@@ -218,14 +213,14 @@ def test_a_process_answers_line_by_line():
     with program(ANSWER) as link:
         for turn in range(3):
             link.send({"type": "turn", "turn": turn})
-            assert link.roads(turn, 10.0).close == [turn]
+            assert link.roads(turn, 60.0).close == [turn]
 
 
 def test_a_process_that_says_nothing_is_waited_for_no_longer_than_is_said():
     with program("sys.stdin.read()") as link:
         began = time.monotonic()
         assert link.roads(0, 0.05) is None
-        assert 0.04 < time.monotonic() - began < 30.0  # it would wait for ever
+        assert 0.04 < time.monotonic() - began < 60.0  # it would wait for ever
 
 
 def test_a_process_that_has_ended_is_not_waited_for():
@@ -241,7 +236,7 @@ print(json.dumps({"type": "roads", "turn": 4}), flush=True)
 sys.stdin.read()
 """
     with program(code) as link:
-        assert link.roads(4, 10.0) is not None
+        assert link.roads(4, 60.0) is not None
         assert link.counts == {"received": 4, "bad": 3}
 
 
@@ -270,13 +265,13 @@ def test_a_robot_that_reconnects_goes_on_playing():
         anna = ctx.agent.create_agent(
             "anna", start_node_id=0, strategy=lambda state: state.update(action=max(state["legal"]))
         )
-        ctx.game.add(drive("anna", link.feed("anna"), limit_s=20.0))
+        ctx.game.add(drive("anna", link.feed("anna"), limit_s=60.0))
         ends = []
 
         def robot():
             for _ in range(3):
                 with connect(link.url) as line:
-                    message = json.loads(line.recv(timeout=10))
+                    message = json.loads(line.recv(timeout=60))
                     ends.append(message["points"][-1])
                     x, y = message["points"][-1]
                     line.send(json.dumps({"type": "fix", "agent": "anna", "x": x, "y": y}))

@@ -76,7 +76,7 @@ def _no_thread_is_left():
     _get_shared_manager().terminate()
 
 
-def wait_until(holds, seconds=30.0):
+def wait_until(holds, seconds=60.0):
     ends = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < ends, "it has not come"
@@ -110,7 +110,7 @@ def test_a_robot_plays_a_game_by_rosbridge(server):
         walk = {"strategy": lambda state: state.update(action=max(state["legal"]))}
         anna = ctx.agent.create_agent("anna", start_node_id=0, **walk)
         ctx.agent.create_agent("bert", start_node_id=1, strategy=gamms.strategies.random_walk)
-        ctx.game.add(drive("anna", ros.feed("/anna/odom", path="/anna/path"), limit_s=10.0))
+        ctx.game.add(drive("anna", ros.feed("/anna/odom", path="/anna/path"), limit_s=60.0))
         ctx.game.run(3)
         assert (anna.current_node_id, ctx.game.events) == (3, [])
         assert server.subscribed == {"/anna/odom": "nav_msgs/Odometry"}

@@ -108,7 +108,7 @@ def test_another_process_closes_opens_and_slows_roads(ctx):
     slow = {"type": "roads", "turn": 1, "open": [edge], "travel_time": {edge: 99.5}}
     anna = ctx.agent.get_agent("anna")
     with program(closed, slow) as link:
-        ctx.game.add(traffic(link, wait_s=20.0), phase="before")
+        ctx.game.add(traffic(link, wait_s=60.0), phase="before")
         ctx.game.step()
         assert (anna.current_node_id, ctx.graph.closed_roads) == (2, [edge])
         ctx.game.step()
@@ -128,7 +128,7 @@ def test_a_game_goes_on_where_no_answer_comes(ctx):
 def test_a_recorded_game_with_traffic_replays_without_the_other_process(ctx, tmp_path):
     edge = edge_between(ctx, 2, 3)
     with program({"type": "roads", "turn": 0, "close": [edge], "travel_time": {edge_between(ctx, 0, 1): 7}}) as link:
-        ctx.game.add(traffic(link, wait_s=20.0), phase="before")
+        ctx.game.add(traffic(link, wait_s=60.0), phase="before")
         ctx.record.start(tmp_path / "game")
         ctx.game.step()
         ctx.record.stop()

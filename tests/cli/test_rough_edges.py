@@ -246,7 +246,7 @@ def test_ctrl_c_ends_games_with_a_word_and_leaves_a_recording_that_can_be_read(f
             sizes |= {waited_for.stat().st_size} - {0} if waited_for.exists() else set()
             time.sleep(0.02)
         os.killpg(process.pid, number)
-        said = process.communicate(timeout=30)[1].decode()
+        said = process.communicate(timeout=60)[1].decode()
     assert process.returncode == 130
     assert said.strip() == "gamms: Interrupted."
     assert more or run("info", "long/game.ggr").exit_code == 0

@@ -56,7 +56,7 @@ def test_a_study_is_served_until_ctrl_c_and_goes_on(folder, monkeypatch):
     def agree():
         said = ""
         while "#" not in said:  # the link
-            said += lines.get(timeout=20.0)
+            said += lines.get(timeout=60.0)
         address, token = re.search(r"(http://127\S+/)\?code=CODE#(\S+)", said).groups()
         with httpx.Client(trust_env=False, headers={"Authorization": f"Bearer {token}"}) as page:
             given = ({"code": "P1"}, {"code": "P1", "secret": "x" * 32, "agree": True})

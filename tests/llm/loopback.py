@@ -115,7 +115,7 @@ def outcomes(result):
 
 
 def wait_until(is_so):
-    end = time.monotonic() + 30
+    end = time.monotonic() + 60
     while not is_so() and time.monotonic() < end:
         time.sleep(0.005)
     assert is_so()

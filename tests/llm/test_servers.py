@@ -33,11 +33,12 @@ def test_a_server_that_is_slow_is_given_up(server, strategy_of, stopped):
         assert outcomes(ctx.game.run(1)) == ["timeout"]
 
 
-def test_the_fallback_plays_before_the_deadline_of_the_turn(server, strategy_of, stopped):
+def test_the_fallback_plays_before_the_deadline_of_the_turn(server, strategy_of, stopped, monkeypatch):
+    monkeypatch.setattr(gamms.llm.asking, "_RESERVE_S", 1.0)  # for a machine that is busy
     server.script = lambda _: stopped.wait(5) and {"move": 1}
     fallback = lambda state: state.update(action=state["legal"][-1])
     with new_game(strategy_of(seconds=60, fallback=fallback)) as ctx:
-        ctx.game.deadline_s = 0.6
+        ctx.game.deadline_s = 2.0
         result = ctx.game.run(1)
         assert ctx.agent.get_agent("anna").current_node_id == 1
     assert outcomes(result) == ["timeout"]

@@ -3,8 +3,8 @@
 import io
 import subprocess
 import sys
-import time
 from importlib.resources import files
+from types import SimpleNamespace
 
 import networkx as nx
 import pytest
@@ -76,9 +76,11 @@ def test_lengths_of_the_shipped_map_fit_its_polylines(helsinki):
 
 def test_progress_shows_on_a_terminal_after_a_while(monkeypatch):
     monkeypatch.setattr(sys, "stderr", terminal := Terminal())
+    now = [7.0]
+    monkeypatch.setattr("gamms.progress.time", SimpleNamespace(monotonic=lambda: now[0]))
     with progress(0.02) as show:
         show("soon")
-        time.sleep(0.05)
+        now[0] += 0.05
         show("late")
     assert "soon" not in terminal.getvalue()
     assert "late" in terminal.getvalue()

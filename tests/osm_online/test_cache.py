@@ -304,7 +304,7 @@ def test_the_status_of_a_server_with_slots_is_asked_for(server, settings, monkey
     server.misbehaviour["status"] = says(b"nothing of use")
     begin = time.monotonic()
     create_osm_graph(PLACE, OSMType.BIKE)
-    assert time.monotonic() - begin < 5.0
+    assert time.monotonic() - begin < 50.0
 
 
 def test_features_come_with_their_tags_as_text(server):

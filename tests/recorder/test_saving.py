@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms import recordings
 from gamms.recorder import Reader, RecordingError
+from gamms.recorder.saving import INTERVAL_S
 
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
 
@@ -64,23 +65,33 @@ ctx.record.start(sys.argv[2])
 """
 
 
-def run(program, path, *, wait=None):
-    """Run a program that records; if it says that it is ready, kill it so much later."""
+def run(program, path, *, turns=None, is_killed=False):
+    """Run a program until it says that it is ready, and until that many turns of it are saved; then end it."""
     command = [sys.executable, "-c", BEGIN + program, str(Path(__file__).parent), str(path)]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(sys.path)}
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as child:
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True, env=environment) as child:
         assert child.stdout.readline() == "ready\n"
-        if wait is not None:
-            time.sleep(wait)
+        until = time.monotonic() + 60.0
+        while turns is not None and saved_in(path) != turns:
+            assert time.monotonic() < until
+            time.sleep(0.01)
+        if is_killed:
             child.send_signal(signal.SIGKILL)
-    assert wait is not None or child.returncode == 0
+    assert is_killed or child.returncode == 0
+
+
+def saved_in(path):
+    with Reader(path) as reader:
+        return reader.turns
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nothing can be killed here")
-@pytest.mark.parametrize(("turns", "wait"), [(0, 0.0), (1, 1.0), (2, 1.0), (150, 1.0)])
-def test_a_killed_program_that_ended_no_turn_for_a_second_has_lost_none(tmp_path, turns, wait):
+@pytest.mark.parametrize("turns", [0, 1, 2, 150])
+def test_a_killed_program_that_ended_no_turn_for_a_second_has_lost_none(tmp_path, turns):
+    assert INTERVAL_S < 1.0
     path = tmp_path / "game.ggr"
-    run(f"for turn in range({turns}): step(turn)\nprint('ready', flush=True)\ntime.sleep(60)", path, wait=wait)
+    program = f"for turn in range({turns}): step(turn)\nprint('ready', flush=True)\ntime.sleep(60)"
+    run(program, path, turns=turns, is_killed=True)
     with gamms.recorder.open(path) as recording:
         assert (recording.turns, len(list(recording))) == (turns, turns + 1)
         assert f"was not finished: its first {turns} turns" in recording.warning
@@ -92,10 +103,16 @@ def test_a_killed_program_that_ended_no_turn_for_a_second_has_lost_none(tmp_path
 
 
 @pytest.mark.parametrize(
-    "end", ["", "sys.exit(0)", "time.sleep(1); os._exit(0)", "del ctx, step; time.sleep(1); os._exit(0)"]
+    ("end", "turns"),
+    [
+        ("", None),
+        ("sys.exit(0)", None),
+        ("sys.stdin.read(); os._exit(0)", 3),
+        ("del ctx, step; sys.stdin.read(); os._exit(0)", 3),
+    ],
 )
-def test_a_program_that_ends_without_a_word_leaves_all_its_turns(tmp_path, end):
-    run(f"for turn in range(3): step(turn)\nprint('ready', flush=True)\n{end}", tmp_path / "game.ggr")
+def test_a_program_that_ends_without_a_word_leaves_all_its_turns(tmp_path, end, turns):
+    run(f"for turn in range(3): step(turn)\nprint('ready', flush=True)\n{end}", tmp_path / "game.ggr", turns=turns)
     assert turns_of((tmp_path / "game.ggr").read_bytes()) == 3
 
 

@@ -55,10 +55,10 @@ def test_an_alias_stands_for_what_its_anchor_named():
 @pytest.mark.usefixtures("parser")
 def test_values_behind_aliases_count_as_often_as_they_are_there():
     bomb = "a0: &a0 [x]\n" + "".join(f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 10)}]\n" for n in range(1, 30))
-    began = time.perf_counter()
+    began = time.process_time()
     with pytest.raises(ScenarioError, match="line 7: with its aliases the file has over 500,000 values"):
         from_yaml(bomb)
-    assert time.perf_counter() - began < 1.0
+    assert time.process_time() - began < 5.0
 
 
 @pytest.mark.usefixtures("parser")

@@ -220,9 +220,9 @@ def descendants():
     return found
 
 
-def played(launchers, deed, entry, move_s=10.0):
+def played(launchers, deed, entry, other="python", move_s=10.0):
     launchers[entry].allowed = launchers[entry].allowed._replace(move_s=move_s)
-    row, logs = play(stays(deed), Fixture("id", {"red": entry, "blue": "python"}, 1, 1), launchers)
+    row, logs = play(stays(deed), Fixture("id", {"red": entry, "blue": other}, 1, 1), launchers)
     assert len(descendants()) == len(launchers)
     assert not list(launchers[entry].scratch.iterdir())
     return row, logs
@@ -268,7 +268,8 @@ CAN_CONFINE = pytest.mark.skipif(sys.platform != "linux", reason="confined on Li
     ],
 )
 def test_a_python_entry_loses_by_its_fault(launchers, deed, kind):
-    row, _ = played(launchers, deed, "python", move_s=0.3 if kind == "time" else 10.0)
+    more = {"other": "program", "move_s": 0.5} if kind == "time" else {}  # which has ten seconds for a move
+    row, _ = played(launchers, deed, "python", **more)
     assert (row["faults"], row["winner"]) == ({"red": kind}, "blue"), row["details"]
     assert row["turns"] == 2
 

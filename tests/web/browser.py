@@ -22,7 +22,7 @@ _FLAGS = (
     "--remote-debugging-port=0",
     "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1",  # there is no network but for this machine
 )
-_SECONDS = 30.0
+_SECONDS = 60.0
 _LEFT = re.compile("navigated or closed|context was destroyed|Cannot find context")
 _IS_READ = "document.querySelector('.failure') || document.getElementById('viewer')?.dataset.isRead"
 
@@ -180,7 +180,7 @@ def browser():
                 yield Page(socket, found[1])
         finally:
             process.terminate()
-            process.wait(10)
+            process.wait(60)
             process.stderr.close()
 
 

@@ -49,7 +49,7 @@ class Client:
     def say(self, **message):
         self.socket.send(json.dumps(message))
 
-    def read(self, until, seconds=10.0):
+    def read(self, until, seconds=60.0):
         """Read messages until a condition holds."""
         while not until(self):
             found = self.socket.recv(timeout=seconds)
@@ -95,7 +95,7 @@ def test_each_team_is_sent_what_a_cut_of_the_recording_holds(join, tmp_path):
         for client in clients.values():
             client.read(lambda client: client.bytes)
         live.pace.pause(is_paused=False)
-        assert live.wait(10).turns == 40
+        assert live.wait(60).turns == 40
         sent = {name: client.read_turns(40) for name, client in clients.items()}
     with recorder.open(tmp_path / "game.ggr") as whole:
         assert repr(list(sent["everything"].logs())) == repr([drawn_log(log) for log in whole.logs()])
@@ -180,7 +180,7 @@ def test_what_is_wrong_in_a_turn_is_raised_where_it_is_played(tmp_path):
 
 def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
     with web.serve(HUNT, speed=None) as live:
-        first = live.wait(10)
+        first = live.wait(60)
         admin = join(live.links["admin"])
         admin.read(lambda client: client.told)
         known = {one["path"]: one for one in admin.told[0]["numbers"]}
@@ -192,7 +192,7 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
         assert live.wait(0.0) is first
         admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})
         admin.read(lambda client: client.recording().turns == 12)
-        again = live.wait(10)
+        again = live.wait(60)
     assert (again.turns, again.seed, len(again.agents)) == (12, 9, 5)
 
 
@@ -200,13 +200,13 @@ def test_the_game_begins_again_when_its_file_changes(join, tmp_path):
     path = tmp_path / "hunt.json"
     path.write_text(json.dumps(HUNT.to_dict()))
     with web.serve(scenario.load(path), speed=None, watch=True) as live:
-        assert live.wait(10).turns == 40
+        assert live.wait(60).turns == 40
         watcher = join(live.links["admin"])
         path.write_text("{")
         watcher.read(lambda client: client.told and client.told[-1]["error"])
         path.write_text(json.dumps({**HUNT.to_dict(), "max_turns": 7}))
         watcher.read(lambda client: client.bytes and client.recording().turns == 7)
-        assert live.wait(10).turns == 7
+        assert live.wait(60).turns == 7
 
 
 def test_a_program_that_opens_a_window_else_serves_its_turns(join):
@@ -288,13 +288,13 @@ def test_another_origin_or_host_is_refused(paused):
 
 
 def test_answers_are_sent_without_waiting_for_more(paused):
-    times = []
+    ends, seconds = time.monotonic() + 60.0, 60.0
     with httpx.Client(trust_env=False) as client:
-        for _ in range(12):
+        while seconds >= 0.035:  # Nagle's algorithm waits 0.04 s, each time; other programs may take as long at times
             begun = time.monotonic()
+            assert begun < ends
             client.get(paused.url.partition("#")[0] + "nothing")  # whose head and body are sent one after the other
-            times.append(time.monotonic() - begun)
-    assert min(times) < 0.035  # Nagle's algorithm waits 0.04 s, each time
+            seconds = time.monotonic() - begun
 
 
 def hostile(draw):
@@ -353,7 +353,7 @@ def test_nothing_of_others_is_on_the_wire_of_a_team(join):
         for client in (spectator, red):
             client.read(lambda client: client.bytes)
         live.pace.pause(is_paused=False)
-        live.wait(10)
+        live.wait(60)
         texts = [
             str(list(found.logs())) + str([found.detached(turn).keyframe(turn) for turn in range(found.turns + 1)])
             for found in (spectator.read_turns(40), red.read_turns(40))
@@ -403,7 +403,7 @@ def test_connections_that_ask_for_nothing_end_after_some_time(many_connections, 
     with web.serve(HUNT, is_paused=True) as live:
         connections = many_connections(live, 20, HALF[1])
         for one in connections:
-            one.settimeout(5.0)
+            one.settimeout(60.0)
             with suppress(ConnectionError):
                 assert one.recv(1) == b""
 
@@ -419,7 +419,7 @@ def test_spectators_who_do_not_say_their_token_make_room_for_others(join, monkey
         spectator = join(live.url)
         spectator.read(lambda client: client.bytes)
         with pytest.raises(ConnectionClosed) as closed:
-            silent[0].recv(timeout=5.0)
+            silent[0].recv(timeout=60.0)
         assert closed.value.rcvd.code == 1013  # after which a page tries again
         for one in silent:
             one.socket.close()
@@ -447,7 +447,7 @@ def test_a_call_whose_body_does_not_come_is_ended(tmp_path, monkeypatch):
         port = int(address.rpartition("/")[0].rpartition(":")[2])
         head = f"POST /participant HTTP/1.1\r\nHost: 127.0.0.1:{port}\r\nAuthorization: Bearer {token}\r\n"
         with socket.create_connection(("127.0.0.1", port)) as client:
-            client.settimeout(5.0)
+            client.settimeout(60.0)
             client.sendall(f"{head}Content-Length: 99\r\n\r\n{{".encode())
             assert b" 408 " in client.recv(100)
 

@@ -164,7 +164,7 @@ def called(editor, path, message, token=None, **headers):
     given = {"Authorization": f"Bearer {own if token is None else token}", **headers}
     request = urllib.request.Request(address + path, json.dumps(message).encode(), given)
     try:
-        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=20) as answer:
+        with urllib.request.build_opener(urllib.request.ProxyHandler({})).open(request, timeout=60) as answer:
             return answer.status, json.load(answer)["value"]
     except urllib.error.HTTPError as error:
         with error:

@@ -83,7 +83,7 @@ def test_two_people_play_one_leaves_and_returns_and_the_recording_has_it(join, t
         red.go(1, 2)
         red.go(2, 2)
         blue.go(2, 3)
-        result = live.wait(10)
+        result = live.wait(60)
     assert [result.agents[name]["node"] for name in ("rita", "bob")] == [2, 3]
     with recorder.open(path) as recording:
         assert [state.agents["node"].tolist() for state in recording] == [[0, 5], [1, 4], [2, 3], [2, 3]]
@@ -123,7 +123,7 @@ def test_a_player_is_sent_nothing_of_those_who_are_out_of_sight_and_nothing_of_w
         red.go(1, 1)  # and now they are 20 apart, which is still too far
         blue.go(2, 2)
         red.go(2, 1)
-        live.wait(10)
+        live.wait(60)
         kinds = [event["kind"] for event in red.read_turns(3).events()]
         assert kinds == ["choice"] * 3
 

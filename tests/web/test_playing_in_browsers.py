@@ -98,7 +98,7 @@ def test_two_people_play_by_mouse_fingers_and_keys(pages, tmp_path):
         rita.key("Enter")
         bea.touch("touchStart", place_of(bea, 28))
         bea.touch("touchEnd")
-        result = live.wait(10)
+        result = live.wait(60)
         rita.wait("gamms.turns === 3")
         assert rita.messages == bea.messages == []
         with received(rita) as sent:
@@ -158,7 +158,7 @@ def test_people_write_to_each_other_on_their_turns(pages, tmp_path):
         for page in (rita, bea):
             asked(page, 2)
             click_button(page, "Stay")
-        result = live.wait(10)
+        result = live.wait(60)
         assert rita.messages == bea.messages == []
     assert [(one["sender"], one["to"], one["body"]) for one in result.messages] == [("rita", None, "<b>at 7, ok?</b>")]
     people = {name: web.human(choices=path) for name in ("rita", "bea")}

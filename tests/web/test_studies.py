@@ -30,7 +30,7 @@ CONDITIONS = {"short": {"max_turns": 1}, "long": {}}
 
 def begun(out, **options):
     """Return a study in a folder."""
-    given = {"people": "red", "consent": "Do you agree?", "conditions": CONDITIONS, "rounds": 2, "seconds": 20.0}
+    given = {"people": "red", "consent": "Do you agree?", "conditions": CONDITIONS, "rounds": 2, "seconds": 60.0}
     return web.study(ALONE, out=out, **(given | options))
 
 
@@ -59,7 +59,7 @@ def play(study, code):
         player.go(turn, turn + 1)
     player.socket.close()
     for thread in study._threads:
-        thread.join(5)
+        thread.join(60)
     assert sum(row["participant"] == code for row in study.rows) == count + 1
     return now["practice"], now["round"]
 
@@ -187,7 +187,7 @@ DUEL = scenario.Scenario(
 
 def begun_for_two(out, **options):
     """Return a study of pairs in a folder."""
-    given = {"consent": "Do you agree?", "practice": 0, "rounds": 2, "seconds": 20.0}
+    given = {"consent": "Do you agree?", "practice": 0, "rounds": 2, "seconds": 60.0}
     return web.study(DUEL, out=out, **(given | options))
 
 
@@ -209,7 +209,7 @@ def begin_together(study, *codes):
 def finished(study, rows):
     """Wait until the games that are played are over, and there are so many rows."""
     for thread in study._threads:
-        thread.join(5)
+        thread.join(60)
     assert len(study.rows) == rows
     return study.rows
 

@@ -352,7 +352,7 @@ def test_a_team_has_its_colour_in_files_streams_cuts_and_pictures(chromium, tmp_
     path, pixels = tmp_path / "game.ggr", {}
     moves = {"herons": east_for_two_turns, "moles": gamms.strategies.stay}
     with gamms.web.serve(MEETING, speed=None, strategies=moves, record=path) as live:
-        live.wait(10)
+        live.wait(60)
         pages = {f"live {name}": live.links[name] for name in ("everything", "moles")}
         with recorder.open(path) as recording:
             for name, audience in (("all", None), ("moles", "moles")):

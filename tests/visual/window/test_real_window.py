@@ -156,7 +156,7 @@ def do(screen):
 
     def do(*words):
         command = ["xdotool", *map(str, words)]
-        return subprocess.run(command, env=screen, check=True, timeout=20, capture_output=True, text=True).stdout
+        return subprocess.run(command, env=screen, check=True, timeout=60, capture_output=True, text=True).stdout
 
     return do
 
@@ -167,8 +167,8 @@ def find(screen):
 
     def find():
         search = ["xdotool", "search", "--onlyvisible", "--class", ".*"]
-        for _ in range(100):
-            found = subprocess.run(search, env=screen, check=False, timeout=20, capture_output=True).stdout.split()
+        for _ in range(600):
+            found = subprocess.run(search, env=screen, check=False, timeout=60, capture_output=True).stdout.split()
             if len(found) > 1:
                 return found[-1].decode()
             sleep(0.1)
@@ -215,12 +215,12 @@ def test_a_person_plays_with_keys_and_mouse_until_the_program_is_ended(screen, d
         assert after_click["pinned"]  # the pointer is on the agent
 
         player.terminate()
-        assert player.wait(20) == -signal.SIGTERM, player.stderr.read()
+        assert player.wait(60) == -signal.SIGTERM, player.stderr.read()
 
 
 def close(screen, window):
     """Ask a window to close, as the cross in its frame does."""
-    subprocess.run([sys.executable, "-c", CLOSE, find_library("X11"), window], env=screen, check=True, timeout=20)
+    subprocess.run([sys.executable, "-c", CLOSE, find_library("X11"), window], env=screen, check=True, timeout=60)
 
 
 @pytest.mark.skipif(find_library("X11") is None, reason="needs libX11")
@@ -229,7 +229,7 @@ def test_closing_the_window_ends_the_loop_of_the_paper_and_its_recording_is_whol
         window = find()
         heard(player)
         close(screen, window)
-        rest, errors = player.communicate(timeout=20)
+        rest, errors = player.communicate(timeout=60)
         assert (player.returncode, errors) == (0, "")
         *_, last = map(json.loads, rest.splitlines())
     recordings.verify(tmp_path / "game.ggr")
@@ -288,7 +288,7 @@ def test_the_window_of_a_game_that_is_over_stays_open_at_the_end_of_the_program(
         with pytest.raises(subprocess.TimeoutExpired):
             player.wait(1.0)
         close(screen, window)
-        assert (player.wait(20), player.stderr.read()) == (0, "")
+        assert (player.wait(60), player.stderr.read()) == (0, "")
 
 
 def test_ctrl_c_ends_a_program_whose_window_stays_open(screen, find):
@@ -297,7 +297,7 @@ def test_ctrl_c_ends_a_program_whose_window_stays_open(screen, find):
         assert player.stdout.readline() == "done False\n"
         sleep(0.5)
         player.send_signal(signal.SIGINT)
-        assert (player.wait(20), player.stderr.read()) == (0, "")
+        assert (player.wait(60), player.stderr.read()) == (0, "")
 
 
 @pytest.mark.parametrize(
@@ -306,7 +306,7 @@ def test_ctrl_c_ends_a_program_whose_window_stays_open(screen, find):
 )
 def test_a_program_with_a_window_ends_by_itself_after(screen, case):
     with a_game(screen, case) as player:
-        printed, errors = player.communicate(timeout=20)
+        printed, errors = player.communicate(timeout=60)
     assert (player.returncode == 0) == (printed != "") == (case != "an exception"), errors
 
 
@@ -315,7 +315,7 @@ def test_closing_the_window_in_a_question_ends_the_program(screen, find):
     with played(screen, PLAYER) as player:
         heard(player)
         close(screen, find())
-        rest, errors = player.communicate(timeout=20)
+        rest, errors = player.communicate(timeout=60)
         assert (player.returncode, rest, errors) == (0, "", "")
 
 
@@ -337,7 +337,7 @@ def test_a_window_that_is_resized_hidden_and_shown_again_plays_on(screen, do, fi
         assert shown["turns"] > hidden["turns"]
         assert (shown["size"], shown["camera"]) == (now["size"], now["camera"])
         close(screen, window)
-        _, errors = player.communicate(timeout=20)
+        _, errors = player.communicate(timeout=60)
         assert (player.returncode, errors) == (0, "")
     recordings.verify(tmp_path / "game.ggr")
 
@@ -355,7 +355,7 @@ def test_a_replay_opens_its_window_on_the_display_there_is_and_ends_when_it_is_c
     with subprocess.Popen(words, env=unnamed, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as player:
         try:
             close(screen, find())
-            printed, errors = player.communicate(timeout=20)
+            printed, errors = player.communicate(timeout=60)
         finally:
             player.kill()
     assert (player.returncode, "Traceback" in errors) == (0, False)

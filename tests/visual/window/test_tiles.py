@@ -32,7 +32,7 @@ def settle(ctx):
     """Draw frames until everything is painted as it should be."""
     import time
 
-    for _ in range(200):
+    for _ in range(6000):
         ctx.visual.update()
         if ctx.visual._scene.is_sharp(ctx.visual._render_manager.camera()):
             return

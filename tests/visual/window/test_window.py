@@ -251,7 +251,7 @@ while True:
     with subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment) as process:
         assert process.stdout.readline() == "open\n"
         process.terminate()
-        assert process.wait(30) == -signal.SIGTERM
+        assert process.wait(60) == -signal.SIGTERM
 
 
 def test_an_artist_that_fails_is_logged_and_the_others_draw_on(ctx, seen):
