@@ -289,6 +289,10 @@ def test_a_class_has_at_most_three_levels():
 
 
 PUBLIC = {"_replace", "_asdict", "_fields", "_make"}  # of every NamedTuple
+ALLOWED = {
+    "os._exit",
+    "numpy_random._bit_generator",
+}  # the first is public, whatever its name; the second: decision 0063
 
 
 def test_no_package_uses_underscore_names_of_another():
@@ -314,6 +318,6 @@ def test_no_package_uses_underscore_names_of_another():
         for node in nodes_of(path)
         if isinstance(node, ast.Attribute) and re.match(r"_[a-z]", node.attr)
         if node.attr not in defined[package_of(path)] and path.name != "engine.py"
-        if ast.unparse(node) != "os._exit"  # public, whatever its name
+        if ast.unparse(node) not in ALLOWED
     ]
     assert not foreign
