@@ -1,6 +1,8 @@
 """One large team that a plan of arrays moves, against a kernel of NumPy, and what conflicts add to its turns."""
 
+import tempfile
 from itertools import count, islice
+from pathlib import Path
 
 import numpy as np
 
@@ -9,6 +11,7 @@ from gamms import kernels
 from gamms.rules import Conflicts
 
 TURNS = 10  # one after the other, as games play them: after a turn of something else, nothing is in the cache
+RECORDED_TURNS = 128  # of which each recording of a large team has one keyframe: a round holds its share of them
 
 
 def lattice(side):
@@ -34,27 +37,31 @@ def by_keys(arrays):
     return arrays.choose(arrays.draw.below(arrays.counts))
 
 
-def game(agents, side, plan, nodes, conflicts=None):
-    """Return the function that plays some turns of a team."""
-    ctx = lattice(side)
+def game(agents, side, plan, nodes, conflicts=None, file=None):
+    """Return the function that plays some turns of a team, which are recorded if there is a file."""
+    ctx, turns = lattice(side), RECORDED_TURNS if file else TURNS
     ctx.agent.create_team("red", nodes)
     ctx.game.command("red", plan, arrays=True)
     ctx.game.conflicts = conflicts
+    if file:
+        ctx.record.start(file)
 
     def play():
-        for _ in range(TURNS):
+        for _ in range(turns):
             ctx.game.step()
-        return TURNS * agents
+        return turns * agents
 
     return play
 
 
-def walk(agents, side, *, is_keyed):
+def walk(agents, side, *, is_keyed, is_recorded=False):
     """Return the case of a random walk, against a kernel in int32 with kept buffers: degree, draw, neighbour."""
 
     def make():
-        nodes = np.arange(agents) % (side * side)
-        ours = game(agents, side, by_keys if is_keyed else by_stream, nodes)
+        nodes, turns_at_once = np.arange(agents) % (side * side), RECORDED_TURNS if is_recorded else TURNS
+        folder = tempfile.TemporaryDirectory() if is_recorded else None
+        file = Path(folder.name, "walk.ggr") if is_recorded else None
+        ours = game(agents, side, by_keys if is_keyed else by_stream, nodes, file=file)
         columns = lattice(side).graph.columns()
         found = kernels.neighborhoods(columns.sources, columns.targets, side * side)
         offsets, targets = (array.astype(np.int32) for array in found)
@@ -64,8 +71,8 @@ def walk(agents, side, *, is_keyed):
         share, places, chosen = np.empty(agents, np.float32), np.empty(agents, np.int32), np.empty(agents, np.int32)
         turns = count()
 
-        def floor():
-            for turn in islice(turns, TURNS):
+        def floor(_folder=folder):  # which is there as long as the case
+            for turn in islice(turns, turns_at_once):
                 np.take(degrees, at, out=places)
                 if is_keyed:
                     chosen[:] = kernels.below_many(kernels.draw_bits_many(purpose, keys, turn), places)
@@ -76,7 +83,7 @@ def walk(agents, side, *, is_keyed):
                 np.take(offsets, at, out=places)
                 np.add(places, chosen, out=places)
                 np.take(targets, places, out=at)
-            return TURNS * agents
+            return turns_at_once * agents
 
         return ours, floor
 
