@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir import packing
+from gamms.ir import deflated, packing
 from gamms.limits import Allowance
 
 DTYPES = list(packing.DTYPES)
@@ -225,7 +225,7 @@ def test_a_value_may_have_any_number_of_items_that_its_size_explains():
 @given(st.lists(st.integers(-(2**63), 2**63 - 1) | st.integers(-3, 3)))
 def test_a_column_comes_back(numbers):
     column = np.array(numbers, np.int64)
-    reader = packing.ByteReader(packing.column(column) + packing.column(packing.steps(column)))
+    reader = deflated.ByteReader(deflated.column(column) + deflated.column(deflated.steps(column)))
     assert reader.column(len(numbers)).tolist() == numbers
     assert reader.sums(len(numbers)).tolist() == numbers
     reader.finish()
@@ -239,7 +239,7 @@ few = st.lists(st.integers(-(2**20), 2**20 - 1), min_size=1, max_size=9) | st.li
 @given(few, st.integers(15_000, 35_000))
 def test_many_integers_come_back_of_which_few_differ(numbers, size):
     column = np.resize(np.array(numbers, np.int64), size)
-    reader = packing.ByteReader(packing.column(column))
+    reader = deflated.ByteReader(deflated.column(column))
     assert np.array_equal(reader.column(size), column)
     reader.finish()
 
@@ -250,32 +250,32 @@ def test_many_integers_come_back_of_which_few_differ(numbers, size):
 @pytest.mark.parametrize("size", [32_768, 40_001])
 def test_many_integers_without_a_pattern_have_as_many_of_a_table_in_a_byte_as_there_can_be(base, each, size):
     column = np.random.default_rng(base).integers(-base, 0, size) * 1000
-    written = packing.column(column)
+    written = deflated.column(column)
     assert len(written) == 2 + 1 + 2 * base + 1 + -(-size // each)
     assert written[-1 - -(-size // each)] == each
-    reader = packing.ByteReader(written)
+    reader = deflated.ByteReader(written)
     assert np.array_equal(reader.column(size), column)
     reader.finish()
 
 
 def test_integers_with_a_pattern_that_would_be_lost_have_a_byte_each():
     some = np.random.default_rng(1).integers(0, 16, 20_001) * 1000
-    written = packing.column(np.resize(some, 40_000))
+    written = deflated.column(np.resize(some, 40_000))
     assert len(written) > 40_000
-    assert len(packing.packed_columns([written])) < 11_500
+    assert len(deflated.packed_columns([written])) < 11_500
 
 
 @pytest.mark.parametrize(("entries", "size"), [(256, 2 + 1 + 256 + 1 + 20_000), (257, 1 + 40_000)])
 def test_a_table_has_at_most_256_entries(entries, size):
     column = np.resize(np.arange(entries) - 127, 20_000)
-    written = packing.column(column)
+    written = deflated.column(column)
     assert len(written) == size
-    assert np.array_equal(packing.ByteReader(written).column(20_000), column)
+    assert np.array_equal(deflated.ByteReader(written).column(20_000), column)
 
 
 def test_a_table_that_was_written_once_says_the_same_for_ever():
     for numbers in ("01 01 01 00 01", "03 03 01", "08 0b"):
-        reader = packing.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17" + numbers))
+        reader = deflated.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17" + numbers))
         assert reader.column(4).tolist() == [1000, 1000, -2000, 1000]
         reader.finish()
 
@@ -311,12 +311,12 @@ def test_a_table_that_was_written_once_says_the_same_for_ever():
 )
 def test_a_damaged_column_is_refused(column, size, words):
     with pytest.raises(BadFile, match=words):
-        packing.ByteReader(bytes.fromhex(column)).column(size)
+        deflated.ByteReader(bytes.fromhex(column)).column(size)
 
 
 @given(st.binary(), st.binary())
 def test_packed_bytes_come_back_with_what_follows_them(data, rest):
-    assert packing.unpacked(packing.packed(data) + rest, len(data)) == (data, rest)
+    assert deflated.unpacked(deflated.packed(data) + rest, len(data)) == (data, rest)
 
 
 pieces = st.tuples(st.binary(min_size=1, max_size=20), st.sampled_from((1, 7, 1 << 13))).map(
@@ -327,30 +327,30 @@ pieces = st.tuples(st.binary(min_size=1, max_size=20), st.sampled_from((1, 7, 1 
 @given(st.lists(pieces, min_size=1, max_size=5), st.binary())
 def test_packed_columns_come_back_joined_with_what_follows_them(columns, rest):
     data = b"".join(columns)
-    assert packing.unpacked(packing.packed_columns(columns) + rest, len(data)) == (data, rest)
+    assert deflated.unpacked(deflated.packed_columns(columns) + rest, len(data)) == (data, rest)
 
 
 def test_random_moves_on_a_large_lattice_take_less_than_a_third_of_a_byte_each():
     rng = np.random.default_rng(1)
     moves = rng.choice([0, 1, -1, 1000, -1000], 40_000)
-    rows = packing.steps(np.tile(rng.permutation(10_000), 4))  # four times the same, in no order
-    apart = [packing.packed_columns([packing.column(numbers)]) for numbers in (moves, rows)]
+    rows = deflated.steps(np.tile(rng.permutation(10_000), 4))  # four times the same, in no order
+    apart = [deflated.packed_columns([deflated.column(numbers)]) for numbers in (moves, rows)]
     assert len(apart[0]) < 40_000 / 3
     assert len(apart[1]) < 2.5 * 10_000
-    together = packing.packed_columns([packing.column(rows), packing.column(moves)])
+    together = deflated.packed_columns([deflated.column(rows), deflated.column(moves)])
     assert len(together) < sum(map(len, apart)) + 10
 
 
 def test_packed_bytes_are_refused_that_are_not_what_they_promise():
-    packed = packing.packed(b"a" * 1000)
+    packed = deflated.packed(b"a" * 1000)
     for damaged in (
         b"",
         packed[:-1],
-        packing.varint(999) + packed[2:],
-        packing.varint(1001) + packed[2:],
+        deflated.varint(999) + packed[2:],
+        deflated.varint(1001) + packed[2:],
         b"\xff" * 12,
     ):
         with pytest.raises(BadFile):
-            packing.unpacked(damaged, 2000)
+            deflated.unpacked(damaged, 2000)
     with pytest.raises(BadFile, match="1000 bytes of memory"):
-        packing.unpacked(packed, 999)
+        deflated.unpacked(packed, 999)

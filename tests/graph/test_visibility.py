@@ -21,7 +21,7 @@ from gamms import limits
 from gamms.errors import BadFile, BadType, BadValue, MissingFolder, NotOffered, Outdated, UnknownName
 from gamms.graph import map_file, visibility, visibility_workers
 from gamms.graph.visibility_workers import VisibilityRows, VisibilityTask
-from gamms.ir import packing
+from gamms.ir import deflated
 from gamms.typing.graph_engine import IGraphEngine
 
 
@@ -473,7 +473,7 @@ def test_rows_that_are_no_table_are_refused(counts, rows):
 
 def test_a_small_file_is_not_believed_to_hold_a_large_table():
     bomb = zlib.compress(bytes(1 << 28), 9)[2:-4]
-    body = packing.varint(1 << 28) + bomb
+    body = deflated.varint(1 << 28) + bomb
     data = struct.pack("<8sIII", b"GAMMSEYE", 3, len(body), zlib.crc32(body)) + body
     with pytest.raises(BadFile, match="far more than the size of the file explains"):
         visibility.decode(data, KEY, 20_000)

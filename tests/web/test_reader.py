@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from gamms import recorder
-from gamms.ir import packing
+from gamms.ir import deflated
 
 HERE = Path(__file__).parent
 SAMPLES = sorted((HERE.parent / "recorder/samples/ours").glob("version3*.ggr"))
@@ -72,7 +72,7 @@ console.log(JSON.stringify(found));
 
 def test_tables_of_columns_are_read_and_damaged_ones_refused():
     numbers = np.random.default_rng(1).choice([-1000, -1, 0, 1, 1000], 40_000)
-    in_threes = packing.column(numbers)
+    in_threes = deflated.column(numbers)
     table = in_threes[: 2 + 1 + 2 * 5]
     column = table + b"\1" + np.searchsorted(np.unique(numbers), numbers).astype(np.uint8).tobytes()
     damaged = [

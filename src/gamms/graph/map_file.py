@@ -26,6 +26,7 @@ from gamms.graph.obstacles import Obstacles, checked_face
 from gamms.graph.store import ClosedEdges, GraphStore
 from gamms.graph.tables import RowIndex
 from gamms.ir import packing
+from gamms.ir.deflated import Array
 from gamms.ir.geometry import points_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import ObstacleColumns
@@ -102,7 +103,7 @@ def attribute_bytes(value: Plain, kind: str, name: str) -> bytes:
 
 
 def checked_columns(
-    arrays: dict[str, packing.Array],
+    arrays: dict[str, Array],
     polylines: Polylines,
     attributes: tuple[_Attributes, _Attributes],
     crs: str | None,
@@ -295,7 +296,7 @@ def refusing_damages() -> Iterator[None]:
 # -- contents <-> columns ---------------------------------------------------------------------------------------
 
 
-def _arrays_of(contents: SavedMap) -> dict[str, packing.Array]:
+def _arrays_of(contents: SavedMap) -> dict[str, Array]:
     graph, faces = contents.columns, contents.faces
     rows, sizes, points = _bends_of(graph.polylines)
     return {
@@ -338,7 +339,7 @@ def _checked_edge(edge: Plain) -> dict[str, Any]:
     return records.extras(edge, frozenset()) if type(edge) is dict else {}
 
 
-def _array_of(state: dict[str, Plain], name: str) -> packing.Array:
+def _array_of(state: dict[str, Plain], name: str) -> Array:
     array = state[name]
     is_float = name in ("xy", "lengths", "bend_points", "face_corners", "points")
     if not isinstance(array, np.ndarray) or array.dtype != (np.float64 if is_float else np.int64):
@@ -395,7 +396,7 @@ def _attributes_of(columns: Plain) -> _Attributes:
     return found
 
 
-def _polylines_of(columns: dict[str, packing.Array]) -> Polylines:
+def _polylines_of(columns: dict[str, Array]) -> Polylines:
     rows, sizes, points = (columns[name] for name in ("bend_rows", "bend_sizes", "bend_points"))
     if not rows.ndim == sizes.ndim == 1 or len(rows) != len(sizes) or not _are_ascending(rows):
         raise BadFile("the polylines are damaged")
@@ -412,7 +413,7 @@ def _are_ascending(rows: IntArray) -> bool:
     return bool((rows[1:] > rows[:-1]).all())
 
 
-def _faces_of(columns: dict[str, packing.Array]) -> Iterable[ObsFace]:
+def _faces_of(columns: dict[str, Array]) -> Iterable[ObsFace]:
     corners = columns["face_corners"].reshape(-1, 4, 3).tolist()
     ids, types = columns["face_ids"].tolist(), columns["face_types"].tolist()
     if len(set(ids)) < len(ids):

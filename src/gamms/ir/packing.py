@@ -1,26 +1,19 @@
-"""Columns and plain values as bytes, and back: what saved graphs, sight tables and recordings are made of.
-
-Three layers, each of which only the one above it knows: packed bytes (deflate, inflated to a promised size), columns
-(differences, zigzag, the bytes of each place side by side, or a table and numbers of its entries), plain values
-(MessagePack with extension types).
+"""Plain values as bytes, and back: MessagePack with extension types, packed as `deflated.py` packs bytes.
 
 In a value each container is an extension whose content is one flat array of scalars and further extensions. So the
 library decodes one level at a time: depth, memory and keys are checked before anything is made of the next one.
 The same value gives the same bytes. docs/recording-format.md describes all of it byte by byte.
 """
 
-import zlib
 from collections.abc import Callable, Sequence
-from functools import cache, reduce
-from itertools import groupby
+from functools import cache
 from math import prod
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
-import numpy.typing as npt
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir.graph import IntArray
+from gamms.ir.deflated import Array, packed, packed_columns, steps, unpacked
 from gamms.limits import PER_BYTE, Allowance, Keys
 from gamms.plain import MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
@@ -29,9 +22,6 @@ if TYPE_CHECKING:
     from msgspec.msgpack import Decoder as MessagePackDecoder
     from msgspec.msgpack import Encoder as MessagePackEncoder
     from msgspec.msgpack import Ext
-
-Array = npt.NDArray[Any]
-"""An array of any numbers."""
 
 Item: TypeAlias = "bool | int | float | str | Ext | None"
 """What MessagePack holds of a value: a scalar, or an extension, which is not opened yet."""
@@ -56,151 +46,6 @@ _SCALARS = frozenset({type(None), bool, int, float, str})
 _OF_ITEM = 48
 _OF_CONTAINER = 160
 _OF_BYTE = 4  # a letter of a text takes so much where there is an emoji in it
-_LARGE = 1 << 23  # bytes; more are deflated with less effort
-_NOTHING = b"\0\3\0"  # no bytes, as `packed` returns them
-
-_TABLE = 9  # instead of how many bytes the integers of a column need: it has a table
-_MOST_ENTRIES, _MOST_IN_BYTE = 256, 8  # of a table; numbers of them in a byte
-_MOST_COUNTED = 1 << 21  # of larger integers no table is made
-_LARGE_COLUMN = 1 << 15  # bytes, as far back as deflate looks: from here on it pays to ask how a column is packed best
-
-# -- packed bytes -----------------------------------------------------------------------------------------------
-
-
-def varint(value: int) -> bytes:
-    """Return a number that is not negative, as LEB128: seven bits a byte, lowest first."""
-    out = bytearray()
-    while value > 127:
-        out.append(value & 127 | 128)
-        value >>= 7
-    out.append(value)
-    return bytes(out)
-
-
-def packed(data: bytes) -> bytes:
-    """Return the size of bytes, and the bytes deflated."""
-    if not data:
-        return _NOTHING
-    # NOTE: half the time and 1 % more bytes for a city (benchmarks: city scale).
-    deflate = zlib.compressobj(4 if len(data) > _LARGE else 6, zlib.DEFLATED, -15)
-    return b"".join((varint(len(data)), deflate.compress(data), deflate.flush()))
-
-
-def packed_columns(columns: Sequence[bytes]) -> bytes:
-    """Return columns as packed bytes: small ones deflated together, each large one in the way that suits it."""
-    groups = groupby(enumerate(columns), lambda one: one[0] if len(one[1]) >= _LARGE_COLUMN else -1)
-    *others, last = (b"".join(column for _, column in some) for _, some in groups)
-    size = varint(sum(map(len, columns)))
-    return b"".join((size, *(_deflated(one, zlib.Z_SYNC_FLUSH) for one in others), _deflated(last, zlib.Z_FINISH)))
-
-
-def _deflated(columns: bytes, flush: int) -> bytes:
-    """Return columns of differences deflated; their stream ends for good, or with a whole byte, and goes on."""
-    # NOTE: where no patterns are found it takes a fifth of the time to look for none (benchmarks: teams).
-    is_plain = len(columns) >= _LARGE_COLUMN and _sampled(columns, zlib.Z_RLE) <= 1.01 * _sampled(columns)
-    return _deflate(columns, zlib.Z_RLE if is_plain else zlib.Z_FILTERED, flush)
-
-
-def _sampled(column: bytes, strategy: int = zlib.Z_FILTERED) -> int:
-    """Return how many bytes the last quarter of the first 32 KiB takes, deflated after those before it."""
-    begin = min(len(column), _LARGE_COLUMN) * 3 // 4
-    return len(_deflate(column[begin:_LARGE_COLUMN], strategy, before=column[:begin]))
-
-
-def _deflate(data: bytes, strategy: int, flush: int = zlib.Z_FINISH, before: bytes = b"") -> bytes:
-    deflate = zlib.compressobj(4, zlib.DEFLATED, -15, 8, strategy, before)
-    return deflate.compress(data) + deflate.flush(flush)
-
-
-def unpacked(data: bytes, most: int) -> tuple[bytes, bytes]:
-    """Return what `packed` got, and the bytes that follow it.
-
-    Raises:
-        BadFile: the bytes are damaged, or would inflate to more than `most`.
-    """
-    reader = ByteReader(data)
-    size = reader.varint()
-    if size > most:
-        raise BadFile(f"{size} bytes of memory are far more than the size of the file explains")
-    inflate = zlib.decompressobj(-15)
-    try:
-        raw = inflate.decompress(memoryview(data)[reader.at :], size + 1)
-    except zlib.error as error:
-        raise BadFile(f"it cannot be decompressed ({error})") from error
-    if len(raw) != size or not inflate.eof:
-        raise BadFile(f"it does not decompress to the {size} bytes that are promised")
-    return raw, inflate.unused_data
-
-
-class ByteReader:
-    """Reads bytes from front to back, never past their end.
-
-    Attributes:
-        at: where the next one is.
-    """
-
-    __slots__ = ("at", "data")
-
-    def __init__(self, data: bytes) -> None:
-        self.data, self.at = data, 0
-
-    def take(self, size: int) -> bytes:
-        """Return the next `size` bytes.
-
-        Raises:
-            BadFile: they are not there; so do the other methods.
-        """
-        if size > len(self.data) - self.at:
-            raise BadFile(f"{size} bytes are promised and {len(self.data) - self.at} are there")
-        self.at += size
-        return self.data[self.at - size : self.at]
-
-    def varint(self) -> int:
-        """Return the next number."""
-        value = 0
-        for shift in range(0, 63, 7):
-            (byte,) = self.take(1)
-            value |= (byte & 127) << shift
-            if byte < 128:
-                return value
-        raise BadFile("a number is too long")
-
-    def column(self, size: int) -> IntArray:
-        """Return the next column, which must have `size` items."""
-        (count,) = self.take(1)
-        if count != _TABLE:
-            return self._integers(count, size)
-        last, count = self.take(2)
-        entries = np.cumsum(self._integers(count, base := last + 1))
-        (each,) = self.take(1)
-        if not 1 <= each <= _MOST_IN_BYTE or base**each > 256:
-            raise BadFile(f"a byte cannot have {each} of {base} entries")
-        groups = np.frombuffer(self.take(-(-size // each)), np.uint8)
-        if not size or int(groups.max()) >= base**each:
-            raise BadFile(f"a column of {size} numbers does not fit its table of {base} entries")
-        of_byte: IntArray = entries[np.arange(256)[:, None] // base ** np.arange(each) % base]  # (256, each)
-        return of_byte[groups].reshape(-1)[:size]
-
-    def _integers(self, count: int, size: int) -> IntArray:
-        """Return integers that are there by `count` bytes each."""
-        if count > 8 or (count == 0) != (size == 0):
-            raise BadFile(f"a column of {size} numbers cannot have the form {count}")
-        planes = np.frombuffer(self.take(count * size), np.uint8).reshape(count, size)
-        width = 1 << max(count - 1, 0).bit_length()  # NOTE: narrow numbers take half the time of wide ones
-        wide = np.zeros((size, width), np.uint8)
-        wide[:, :count] = planes.T
-        zigzag = wide.view(f"<u{width}").reshape(-1)
-        return ((zigzag >> 1) ^ -(zigzag & 1)).astype(f"u{width}").view(f"i{width}").astype(np.int64)
-
-    def sums(self, size: int) -> IntArray:
-        """Return the next column, which holds differences, as what they are differences of."""
-        return np.cumsum(self.column(size), dtype=np.int64)
-
-    def finish(self) -> None:
-        """Refuse bytes that were not read."""
-        if self.at != len(self.data):
-            raise BadFile(f"{len(self.data) - self.at} bytes are left over")
-
 
 # -- bodies -----------------------------------------------------------------------------------------------------
 
@@ -265,61 +110,7 @@ def padded(body: bytes, cost: int) -> bytes:
     return body + bytes(max(0, -(-cost // PER_BYTE) - len(body)))
 
 
-# -- columns ----------------------------------------------------------------------------------------------------
-
-
-def steps(numbers: IntArray) -> IntArray:
-    """Return differences from the number before, the first from 0; they wrap around at 64 bits."""
-    differences = numbers.copy()
-    differences[1:] -= numbers[:-1]
-    return differences
-
-
-def column(numbers: IntArray) -> bytes:
-    """Return integers as bytes: many by a table of those that occur, if that is shorter, else each by itself."""
-    if not len(numbers):
-        return b"\0"
-    zigzag = ((numbers << 1) ^ (numbers >> 63)).view(np.uint64)
-    largest = int(zigzag.max())
-    count = max(1, (largest.bit_length() + 7) // 8)
-    if count > 1 and count * len(numbers) >= _LARGE_COLUMN and largest < _MOST_COUNTED:
-        places = zigzag.view(np.int64)  # NOTE: an index of unsigned numbers takes 9 times as long
-        is_there = np.zeros(largest + 1, np.bool_)
-        is_there[places] = True
-        found = np.flatnonzero(is_there)
-        if len(found) <= _MOST_ENTRIES:
-            return _by_table(places, found)
-    if count == 1:
-        return b"\1" + zigzag.astype(np.uint8).tobytes()
-    # NOTE: a shift for each byte takes a fifth of a copy of every eighth byte (benchmarks: teams).
-    shifted = ((zigzag >> np.uint64(8 * place)).astype(np.uint8) for place in range(count))
-    return b"".join([bytes([count]), *(part.tobytes() for part in shifted)])
-
-
-def _by_table(zigzag: IntArray, found: IntArray) -> bytes:
-    """Return integers as bytes, of which only some occur; both by zigzag."""
-    entries = (found >> 1) ^ -(found & 1)
-    order = entries.argsort()
-    numbers = np.empty(found[-1] + 1, np.uint8)
-    numbers[found[order]] = np.arange(len(found))
-    table = column(steps(entries[order]))  # too short to have one itself
-    return b"".join((bytes([_TABLE, len(found) - 1]), table, _grouped(numbers[zigzag], len(found))))
-
-
-def _grouped(numbers: Array, base: int) -> bytes:
-    """Return how many numbers below a base are in each byte, and the bytes: several, unless deflate saves less then."""
-    each = next(each for each in range(_MOST_IN_BYTE, 0, -1) if base**each <= 256)
-    if each > 1 and len(numbers) >= _LARGE_COLUMN:
-        sample = numbers[:_LARGE_COLUMN]
-        if _sampled(_groups(sample, base, each)) <= 1.05 * _sampled(sample.tobytes()):
-            return bytes([each]) + _groups(numbers, base, each)
-    return b"\1" + numbers.tobytes()
-
-
-def _groups(numbers: Array, base: int, each: int) -> bytes:
-    """Return bytes of so many numbers each, the first of them in the lowest place; the last is filled with zeros."""
-    digits = np.pad(numbers, (0, -len(numbers) % each)).reshape(-1, each).T
-    return bytes(reduce(lambda higher, digit: higher * np.uint8(base) + digit, digits[::-1]))
+# -- arrays ----------------------------------------------------------------------------------------------------
 
 
 def array_bytes(array: Array) -> bytes:

@@ -25,9 +25,9 @@ import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packing
+from gamms.ir.deflated import ByteReader, column, steps
 from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES
 from gamms.ir.graph import FloatArray, IntArray
-from gamms.ir.packing import ByteReader, column, steps
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
