@@ -10,10 +10,13 @@ from copy import deepcopy
 from enum import Enum
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.applied_to import State
 from gamms.ir.game_state import BlockedAgents
+from gamms.ir.graph import IntArray
 from gamms.ir.messages import as_message
 from gamms.plain import Plain
 from gamms.readonly import published
@@ -22,10 +25,37 @@ from gamms.text import shown
 if TYPE_CHECKING:
     from gamms.ir.game_state import GameState
 
-# (id, node id) of each move of an agent on the ground as two ints, of many as (MOVES, array of such); else (kind, data)
-# as a tuple.
+# (id, node id) of each move of an agent on the ground as two ints, of many as (MOVES, `Moves`); else (kind, data) as a
+# tuple.
 Log = list[Any]
 Record = tuple[int, dict[str, Any]]  # an operation code of format version 2, and its data
+
+
+class Movers:
+    """Agents that moved at once, the same object as long as they are the same.
+
+    Attributes:
+        numbers: by which moves name them, (agents,), each of them once.
+    """
+
+    __slots__ = ("numbers",)
+
+    def __init__(self, numbers: IntArray) -> None:
+        self.numbers = numbers
+
+
+class Moves(NamedTuple):
+    """A move of each of many agents, in place of their ints in a log."""
+
+    movers: Movers
+    nodes: IntArray  # (agents,): ids, of 32 bits if they are small
+
+    @property
+    def pairs(self) -> IntArray:
+        """The ints of a log, (2 * agents,)."""
+        pairs: IntArray = np.column_stack((self.movers.numbers, self.nodes)).astype(np.int64).reshape(-1)
+        return pairs
+
 
 REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened
 
@@ -515,7 +545,8 @@ def events_of(log: Log) -> Iterator[tuple[int, Any]]:
         end = types.index(tuple, begin)
         if end > begin:
             yield MOVES, log[begin:end]
-        yield log[end]
+        kind, data = log[end]
+        yield (kind, data.pairs) if isinstance(data, Moves) else (kind, data)
         begin = end + 1
     if begin < len(log):
         yield MOVES, log[begin:]

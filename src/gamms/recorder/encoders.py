@@ -68,6 +68,11 @@ class Version3Encoder:
         """How many events with a value were written."""
         return self._writer.values
 
+    @property
+    def blocks(self) -> int:
+        """How many blocks were written that stay."""
+        return self._output.blocks
+
     def keyframe(self, keyframe: Keyframe) -> None:
         """Write the whole state."""
         self._writer.keyframe(keyframe)
@@ -86,6 +91,7 @@ class Version2Encoder:
 
     is_current = True
     values = 0  # no keyframe would save any from being read
+    blocks = 0  # likewise: what was flushed stays
 
     def __init__(self, output: Output) -> None:
         self._output = output
@@ -182,7 +188,7 @@ class NoEncoder:
     """Writes nothing, where there is no recording and others follow the game."""
 
     is_current = True
-    values = 0
+    values = blocks = 0
 
     def begin(self, session: RecordingSession, *, is_final: bool) -> None:
         """Write nothing."""

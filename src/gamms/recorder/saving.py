@@ -15,13 +15,13 @@ class Saving:
     """Saves a recording four times a second.
 
     Args:
-        save: writes what waits.
+        save: writes what waits; its argument says whether this is the last time.
 
     Attributes:
         lock: of the thread that writes.
     """
 
-    def __init__(self, save: Callable[[], None]) -> None:
+    def __init__(self, save: Callable[[bool], None]) -> None:
         self._save, self.lock, self._is_over = save, Lock(), False
         self._background: _Background | None = None
         self._trouble: Exception | None = None
@@ -50,12 +50,12 @@ class Saving:
         if self._trouble is not None:
             raise self._trouble
 
-    def save_now(self) -> None:
+    def save_now(self, *, is_last: bool) -> None:
         """Write what waits, in any thread."""
         with self.lock:
             if self._trouble is None and not self._is_over:
                 try:
-                    self._save()
+                    self._save(is_last)
                 except Exception as error:  # noqa: BLE001 - for the thread that plays
                     self._trouble = error
 
@@ -67,7 +67,7 @@ class _Background:
         self.saved: set[Saving] = set()
         self.process = os.getpid()
         self._has_some = Event()
-        atexit.register(self._save_all)
+        atexit.register(self._save_all, is_last=True)
         self.has_thread = False
         # NOTE: one for all of them: to start a thread takes milliseconds where other programs use the processors.
         with suppress(RuntimeError):
@@ -82,16 +82,16 @@ class _Background:
     def _keep_saving(self) -> None:
         while self._has_some.wait():
             sleep(INTERVAL_S)
-            self._save_all()
+            self._save_all(is_last=False)
             if not self.saved:
                 self._has_some.clear()
                 if self.saved:  # which came in between
                     self._has_some.set()
 
-    def _save_all(self) -> None:
+    def _save_all(self, *, is_last: bool) -> None:
         if os.getpid() == self.process:
             for one in tuple(self.saved):
-                one.save_now()
+                one.save_now(is_last=is_last)
 
 
 _backgrounds: list[_Background] = []

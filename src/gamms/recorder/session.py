@@ -59,8 +59,8 @@ class Follower(Protocol):
 
 
 Encoder = Any  # what writes logs in some format: `begin(session, is_final)`, `add(logs)`, `keyframe(state)`, `flush()`,
-#            `close()`; `values`, how many events with a value were written; `is_current`, whether what was flushed can
-#            be read
+#            `close()`; `values`, how many events with a value were written; `blocks`, how many will not be replaced;
+#            `is_current`, whether what was flushed can be read
 
 
 class RecordingSession:
@@ -96,6 +96,7 @@ class RecordingSession:
         self._entries_here = 0  # of the log, since the last one
         self._since_keyframe = 0  # entries
         self._values = 0  # that were written up to the last interval
+        self._blocks = 0  # that were complete when turns were saved that waited
         self._front = 0  # where in the log a change of the map goes: behind what was noted before another beginning
         self._writes_at = 1  # the turn at whose end the turns are written that wait: the first, then the points of rest
         self._saving = Saving(self._save)
@@ -277,11 +278,10 @@ class RecordingSession:
     def renumber(self, snapshot: keyframes.Keyframe) -> None:
         """Give agents the numbers that they have in a snapshot, and expect no changes but those that follow it."""
         journal, block = self._journal, self.ctx.agent.block
-        journal.names, journal.ids_array = [""] * snapshot["next"], None
+        journal.names = [""] * snapshot["next"]
         journal.living = dict.fromkeys(snapshot["names"])
         for name, number in zip(snapshot["names"], snapshot["numbers"].tolist(), strict=True):
-            journal.ids[block.row_of(name)] = number
-            journal.names[number] = name
+            journal.renumber(block.row_of(name), name, number)
         self._revised, self._declarations = _REVISIONS(self._graph), self.drawings.edits
         self.drawings.changes()
         self._watch_game()
@@ -414,11 +414,15 @@ class RecordingSession:
                 self._fail()
                 raise
 
-    def _save(self) -> None:
+    def _save(self, is_last: bool) -> None:
         """Write the turns that wait, which no later turn has done; or let the next one say what went wrong."""
         try:
             self._encode()
-            self._encoder.flush()
+            # NOTE: the turns of a block that began since are written with it, or the next time: not twice where blocks
+            # are large and end soon (benchmarks: teams, recorded).
+            before, self._blocks = self._blocks, self._encoder.blocks
+            if is_last or before == self._blocks:
+                self._encoder.flush()
         except Exception:
             self._writes_at = 0
             raise

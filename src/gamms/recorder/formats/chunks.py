@@ -26,15 +26,16 @@ import numpy as np
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packing
 from gamms.ir.deflated import ByteReader, column, steps
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Movers, Moves
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain
 from gamms.recorder.formats import blocks
 from gamms.text import reason, shown
 
 Log = list[Plain]
-"""The log of one turn: ints two by two, and tuples, among them arrays of such ints."""
+"""The log of one turn: ints two by two, and tuples, among them those that hold the moves of many agents."""
 
+_AGENTS_AT_ONCE = 1 << 12
 BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
 
 
@@ -105,6 +106,26 @@ def layout_of(numbers: bytes) -> tuple[bytes, Layout]:
     # NOTE: which spares a third of the time of a block with ten agents (benchmarks: w4).
     array = np.frombuffer(numbers, np.int64)
     return column(steps(array)), Layout(array)
+
+
+@lru_cache(maxsize=2)
+def team_of(movers: Movers, turns: int) -> tuple[bytes, IntArray]:
+    """Return the column of rows of a block in which each of some agents moves once in each turn, and their order."""
+    rows, _ = layout_of.__wrapped__(np.tile(movers.numbers, turns).tobytes())
+    return rows, _by_number(movers.numbers)
+
+
+def _team_columns(turns: Sequence[Moves]) -> Iterator[bytes]:
+    """Yield the columns of the moves of a block in which the same agents move in each turn, as `Layout` gives them."""
+    rows, order = team_of(turns[0].movers, len(turns))
+    yield rows
+    yield column(steps(turns[0].nodes[order].astype(np.int64)))
+    others = np.empty((len(order), len(turns) - 1), np.result_type(*(one.nodes for one in turns)))
+    # NOTE: some agents at a time, whose nodes the cache holds, take half the time (benchmarks: teams, recorded).
+    for begin in range(0, len(order), _AGENTS_AT_ONCE):
+        some = order[begin : begin + _AGENTS_AT_ONCE]
+        others[begin : begin + len(some)] = np.diff([one.nodes[some] for one in turns], axis=0).T
+    yield column(others.reshape(-1))
 
 
 def _by_number(numbers: IntArray) -> IntArray:
@@ -224,7 +245,7 @@ class Stretch:
 class Part(NamedTuple):
     """The logs of one turn or of several, checked and taken apart."""
 
-    moves: "array[int]"  # row, node, row, node, …
+    moves: "array[int] | Moves"  # row, node, row, node, …; or those of many agents
     turns: Sequence[int]  # moves of each turn
     after: Sequence[int] = ()  # moves before each event, of which a part of several turns has none
     kinds: Sequence[int] = ()
@@ -232,11 +253,21 @@ class Part(NamedTuple):
     rows: Mapping[int, Rows] = MappingProxyType({})  # these, by their kind
 
     @property
+    def total(self) -> int:
+        """How many moves there are."""
+        return len(self.moves.nodes) if isinstance(self.moves, Moves) else len(self.moves) >> 1
+
+    @property
+    def pairs(self) -> "array[int]":
+        """The moves as rows and nodes."""
+        return array("q", self.moves.pairs.tobytes()) if isinstance(self.moves, Moves) else self.moves
+
+    @property
     def size(self) -> int:
         """An estimate of the bytes that it takes."""
         values = sum(map(len, self.data)) + _BYTES_PER_EVENT * len(self.data)
         numbers = sum(len(some.ints) + len(some.floats) for some in self.rows.values())
-        return BYTES_PER_MOVE * (len(self.moves) >> 1) + values + _BYTES_PER_NUMBER * numbers
+        return BYTES_PER_MOVE * self.total + values + _BYTES_PER_NUMBER * numbers
 
 
 def part_of(log: Sequence[object]) -> Part:
@@ -246,13 +277,17 @@ def part_of(log: Sequence[object]) -> Part:
         BadType, BadValue: it is none, or has an event that is not plain.
     """
     log = log if isinstance(log, list) else list(log)
-    try:
-        moves = _moves_in_array(log) or array("q", cast("list[int]", log))
-        part = Part(moves, (len(moves) >> 1,))
-    except (TypeError, OverflowError):
-        part = _mixed(log)
-    _check_pairs(len(part.moves))
-    if len(part.moves) > 2 * blocks.MOST_MOVES or len(part.kinds) > blocks.MOST_EVENTS:
+    many: Any = log[0] if len(log) == 1 else None
+    if _are_moves(many):
+        part = Part(many[1], (len(many[1].nodes),))
+    else:
+        try:
+            moves = array("q", cast("list[int]", log))
+            part = Part(moves, (len(moves) >> 1,))
+            _check_pairs(len(moves))
+        except (TypeError, OverflowError):
+            part = _mixed(log)
+    if part.total > blocks.MOST_MOVES or len(part.kinds) > blocks.MOST_EVENTS:
         raise BadValue(
             f"A turn of {part.turns[0]} moves and {len(part.kinds)} events cannot be recorded; at most "
             f"{blocks.MOST_MOVES} moves and {blocks.MOST_EVENTS} events can."
@@ -260,15 +295,8 @@ def part_of(log: Sequence[object]) -> Part:
     return part
 
 
-def _moves_in_array(log: Log) -> "array[int] | None":
-    """Return the moves of a log that has nothing but those of many agents in an array; else None."""
-    if len(log) != 1 or not _are_moves(log[0]):
-        return None
-    return array("q", log[0][1].tobytes())
-
-
 def _are_moves(entry: Any) -> bool:
-    return type(entry) is tuple and len(entry) == 2 and entry[0] == MOVES and isinstance(entry[1], np.ndarray)
+    return type(entry) is tuple and len(entry) == 2 and entry[0] == MOVES and isinstance(entry[1], Moves)
 
 
 def _mixed(log: Log) -> Part:
@@ -281,7 +309,7 @@ def _mixed(log: Log) -> Part:
             moves.extend(_moves(log[begin:end]))
         begin = end + 1
         if _are_moves(log[end]):
-            moves.frombytes(log[end][1].tobytes())
+            moves.frombytes(log[end][1].pairs.tobytes())
             continue
         after.append(len(moves) // 2)
         kind, one = _checked_event(log[end])
@@ -292,7 +320,9 @@ def _mixed(log: Log) -> Part:
             data.append(packing.to_bytes(one, f"An event of kind {kind}"))
     moves.extend(_moves(log[begin:]))
     found = {kind: Rows.of(kind, each) for kind, each in rows.items() if each}
-    return Part(moves, (len(moves) >> 1,), after, kinds, data, found)
+    many = [entry[1] for entry in log if _are_moves(entry)]
+    are_together = len(many) == 1 and len(many[0].nodes) == len(moves) >> 1
+    return Part(many[0] if are_together else moves, (len(moves) >> 1,), after, kinds, data, found)
 
 
 def _moves(numbers: Log) -> "array[int]":
@@ -350,7 +380,7 @@ class Collected:
         """Add turns."""
         self.parts.append(part)
         self.turns += len(part.turns)
-        self.moves += len(part.moves) >> 1
+        self.moves += part.total
         self.events += len(part.kinds)
         self.values += len(part.data)
         self.size += part.size
@@ -363,16 +393,26 @@ class Collected:
     def body(self) -> bytes:
         """Return the body of the block."""
         parts = self.parts
-        moves = np.frombuffer(b"".join([part.moves for part in parts]), np.int64).reshape(-1, 2)
-        rows, layout = layout_of(moves[:, 0].tobytes())
         columns = [column(np.array(list(chain.from_iterable(part.turns for part in parts)), np.int64))]
         columns += self._columns_of_events()
-        columns[2:2] = [rows, *layout.columns(moves[:, 1])]
+        columns[2:2] = self._columns_of_moves()
         for kind in sorted(FORMS):
             if some := [part.rows[kind] for part in parts if kind in part.rows]:
                 columns += Rows.joined(some).columns(kind)
         data = [one for part in parts for one in part.data]
         return packing.pack_parts(data, columns, blocks.cost_of(*self.counts[1:]))
+
+    def _columns_of_moves(self) -> Iterator[bytes]:
+        """Yield the rows, the first nodes of their tracks, and the other nodes."""
+        parts = [part for part in self.parts if part.total]
+        turns = [part.moves for part in parts if isinstance(part.moves, Moves)]
+        if turns and len(turns) == len(parts) and all(one.movers is turns[0].movers for one in turns):
+            yield from _team_columns(turns)
+            return
+        moves = np.frombuffer(b"".join([part.pairs for part in parts]), np.int64).reshape(-1, 2)
+        rows, layout = layout_of(moves[:, 0].tobytes())
+        yield rows
+        yield from layout.columns(moves[:, 1])
 
     def _columns_of_events(self) -> Iterator[bytes]:
         """Yield the events of each turn; of each event how many moves come before it, its kind, and its size."""
@@ -388,7 +428,7 @@ class Collected:
             kinds += part.kinds
             data = map(len, part.data)
             sizes += [0 if kind in FORMS else next(data) for kind in part.kinds]
-            moves += len(part.moves) >> 1
+            moves += part.total
         for one in numbers:
             array = np.array(one, np.int64)
             yield column(steps(array) if one is after else array)

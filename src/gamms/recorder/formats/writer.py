@@ -213,6 +213,7 @@ class Output:
 
     def __init__(self, stream: BinaryIO) -> None:
         self.end = 0  # of what is settled, in bytes from where the recording begins
+        self.blocks = 0  # that were settled
         self.is_closed = False
         self._length = 0  # of all that is there
         with self._watch():
@@ -240,6 +241,7 @@ class Output:
             else:
                 self._write(self.end, data)
             self._length = self.end = self.end + len(data)
+            self.blocks += 1
             self._show()
 
     def extend(self, data: bytes) -> None:
