@@ -273,6 +273,20 @@ def test_a_table_has_at_most_256_entries(entries, size):
     assert np.array_equal(deflated.ByteReader(written).column(20_000), column)
 
 
+@pytest.mark.parametrize("late", [1, 251, 252])
+def test_a_table_has_integers_that_come_late_as_well(late):
+    column = np.resize(np.arange(5) * 1000, 80_000)
+    column[-late:] = -np.arange(1, late + 1)
+    written = deflated.column(column)
+    assert (written[0] == 9) is (5 + late <= 256)
+    assert np.array_equal(deflated.ByteReader(written).column(80_000), column)
+
+
+def test_a_column_of_narrow_integers_has_the_bytes_of_wide_ones():
+    wide = np.random.default_rng(1).integers(-(2**30), 2**30, 9)
+    assert deflated.column(wide.astype(np.int32)) == deflated.column(wide)
+
+
 def test_a_table_that_was_written_once_says_the_same_for_ever():
     for numbers in ("01 01 01 00 01", "03 03 01", "08 0b"):
         reader = deflated.ByteReader(bytes.fromhex("09 01 02 9f 70 0f 17" + numbers))

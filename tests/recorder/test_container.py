@@ -77,6 +77,18 @@ def test_arrays_and_events_say_what_the_logs_say(game, turns, data):
     assert repr(list(reader.events(start, stop, kinds))) == repr([event for event in events if event[2] in kinds])
 
 
+@pytest.mark.parametrize("has_events", [False, True])
+@pytest.mark.parametrize("most", [5, 2**62])
+def test_moves_of_many_agents_in_arrays_give_the_bytes_of_single_moves(most, has_events):
+    rng = np.random.default_rng(1)
+    some = [codes.Movers(rng.permutation(9000)), codes.Movers(np.arange(3, 40))]
+    turns = [(some[turn > 20], rng.integers(-most, most, len(some[turn > 20].numbers))) for turn in range(30)]
+    event = [(codes.GAME_EVENT, {"name": "found"})] * has_events
+    arrays = [[(codes.MOVES, codes.Moves(movers, nodes)), *event] for movers, nodes in turns]
+    single = [[*codes.Moves(movers, nodes).pairs.tolist(), *event] for movers, nodes in turns]
+    assert written(arrays, turns=7) == written(single, turns=7)
+
+
 def test_the_header_is_read_as_it_was_given():
     header = opened(written([])).header
     assert list(header) == list(HEADER)

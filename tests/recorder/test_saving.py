@@ -130,6 +130,20 @@ def test_another_process_can_read_the_turns_so_far(tmp_path):
     assert seen == list(range(1, 301, 20))
 
 
+def test_turns_behind_a_block_that_has_just_ended_are_saved_the_next_time(tmp_path):
+    path, ctx, seen = tmp_path / "game.ggr", new_game(), []
+    ctx.record.start(path)
+    ctx.record._session._saving.end()  # in the background
+    ctx.record._session._saving._is_over = False
+    for turn in range(70):
+        step(ctx, turn)
+    for _ in range(2):
+        ctx.record._session._saving.save_now(is_last=False)
+        with Reader(path) as reader:
+            seen.append(reader.turns)
+    assert seen == [64, 70]
+
+
 # -- the bytes --------------------------------------------------------------------------------------------------
 
 

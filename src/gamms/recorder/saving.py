@@ -50,7 +50,7 @@ class Saving:
         if self._trouble is not None:
             raise self._trouble
 
-    def save_now(self, *, is_last: bool) -> None:
+    def save_now(self, *, is_last: bool = True) -> None:
         """Write what waits, in any thread."""
         with self.lock:
             if self._trouble is None and not self._is_over:
