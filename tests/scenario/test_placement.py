@@ -114,6 +114,14 @@ def test_flyers_start_above_their_node():
             assert agent.position == (x, y, 30.0)
 
 
+def test_one_agent_of_a_team_flies():
+    kite = {"name": "kite", "node": 6, "type": "aerial", "speed": 5.0, "altitude": 30.0}
+    with played_on(5, 5, {"red": {"agents": [{"name": "anna", "node": 7}, kite]}}).build() as ctx:
+        x, y = ctx.graph.graph.get_node(6)[1:3]
+        assert ctx.agent.get_agent("kite").position == (x, y, 30.0)
+        assert ctx.agent.get_agent("anna").current_node_id == 7
+
+
 def test_agents_by_streets_stand_at_their_junction():
     teams = {
         "red": {"agents": [{"name": "a", "node": "Mannerheimintie & Kaivokatu"}]},

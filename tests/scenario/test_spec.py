@@ -45,6 +45,7 @@ WRONG = [
     ({"teams.blue.from": [{"team": "rd", "at_least": 5}]}, "teams.blue.from.0.team", "Did you mean 'red'?"),
     ({"teams.red.type": "aerial"}, "teams.red.speed", "aerial agent needs it"),
     ({"teams.red.altitude": 5}, "teams.red.altitude", "aerial"),
+    ({"teams.blue.agents.0.type": "aerial"}, "teams.blue.agents.0.speed", "aerial agent needs it"),
     ({"teams.blue.agents.1.name": "anna"}, "teams.blue.agents.1.name", "already an agent named 'anna'"),
     ({"teams.blue.agents.1.name": "red_2"}, "teams.blue.agents.1.name", "in teams.red"),
     ({"teams.blue.agents.1.nod": 3}, "teams.blue.agents.1.nod", "Did you mean 'node'?"),

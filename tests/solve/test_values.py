@@ -80,6 +80,13 @@ def test_matching_pennies_are_drawn_with_the_shares_of_the_equilibrium():
     assert abs(np.mean(gains) - 6.0) < 3 * np.std(gains) / 20**0.5
 
 
+def test_a_policy_is_that_of_the_first_turn_unless_another_is_named():
+    solution = solve(scene("pair", TEAMS, ["solved_games:pennies"], turns=1))
+    assert solution.policy("red") == solution.policy("red", turn=0)
+    with pytest.raises(BadValue, match=r"does not go on .* in turn 1"):
+        solution.policy("red", turn=1)
+
+
 def test_a_discounted_game_without_an_end_has_the_value_of_its_sum():
     scenario = scene("pair", TEAMS, ["solved_games:pennies"])
     solution = solve(scenario, discount=0.9)
