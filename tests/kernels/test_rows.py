@@ -35,6 +35,17 @@ def test_ragged_rows_come_in_the_order_of_their_groups(keys, wanted):
     assert found.tolist() == [row for group in wanted for row, key in enumerate(keys) if key == group]
 
 
+@given(ids=st.lists(st.integers(0, 9), max_size=12), wanted=st.lists(st.integers(-1, 10), max_size=8))
+@LAWS
+def test_a_row_is_the_first_that_has_the_id(ids, wanted):
+    known, asked = np.array(ids, np.int64), np.array(wanted, np.int64)
+    found = kernels.rows_of(known, asked, np.argsort(known, kind="stable"))
+    assert found.tolist() == [ids.index(id) if id in ids else -1 for id in wanted]
+    ascending = sorted(ids)
+    found = kernels.rows_of(np.sort(known), asked)
+    assert found.tolist() == [ascending.index(id) if id in ids else -1 for id in wanted]
+
+
 @given(lengths=st.lists(st.integers(0, 4), min_size=1, max_size=8), data=st.data())
 @LAWS
 def test_chosen_runs_come_one_after_the_other(lengths, data):

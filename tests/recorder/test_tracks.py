@@ -122,14 +122,15 @@ def test_a_recording_without_its_map_has_no_tracks(tmp_path):
     assert not (tmp_path / "game.gpx").exists()
 
 
-def test_an_agent_whose_node_is_gone_is_nowhere(tmp_path):
+@pytest.mark.parametrize("node", [0, 1])  # the first and the last of the map
+def test_an_agent_whose_node_is_gone_is_nowhere(tmp_path, node):
     with gamms.create_context(seed=1, logger_config=QUIET) as ctx:
         ctx.graph.add_nodes(range(2), [385_000, 385_100], [6_672_000, 6_672_000])
         ctx.graph.graph.crs = "EPSG:32635"
-        ctx.agent.create_agent("a", start_node_id=0)
+        ctx.agent.create_agent("a", start_node_id=node)
         ctx.record.start(tmp_path / "game.ggr")
         ctx.game.step()
-        ctx.graph.graph.remove_node(0)
+        ctx.graph.graph.remove_node(node)
         ctx.visual.simulate()
         ctx.record.stop()
     with recorder.open(tmp_path / "game.ggr") as recording:

@@ -7,6 +7,7 @@ from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
+from gamms import kernels
 from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
 from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines, RowArray
 
@@ -117,10 +118,8 @@ class RowIndex:
         rows = ids - self._first
         rows[(rows < 0) | (rows >= self._run)] = -1
         if self._ascending is not None:
-            known = np.asarray(self._ascending)
-            places = np.searchsorted(known, ids)
-            is_there = known[np.minimum(places, len(known) - 1)] == ids
-            rows[is_there] = places[is_there] + self._ascending_row
+            found = kernels.rows_of(np.asarray(self._ascending), ids)
+            rows[found >= 0] = found[found >= 0] + self._ascending_row
         if self._others or self._gone:
             gone = np.fromiter(self._gone, np.int64, len(self._gone))
             unsure = np.flatnonzero((rows < 0) | np.isin(rows, gone))

@@ -22,6 +22,7 @@ from gamms.kernels.csr import (
     group_rows,
     neighborhoods,
     ragged_rows,
+    rows_of,
 )
 from gamms.kernels.draws import (
     as_signed,

@@ -43,6 +43,21 @@ def chosen_runs(offsets: IntArray, chosen: IntArray) -> tuple[IntArray, IntArray
     return np.arange(ends[-1]) + np.repeat(offsets[chosen] - ends[:-1], counts), ends
 
 
+def rows_of(ids: IntArray, wanted: IntArray, order: IntArray | None = None) -> IntArray:
+    """Return the row of each id that is wanted, -1 where there is none.
+
+    Args:
+        ids: (rows,) of equal ones, the first row counts.
+        wanted: ids, of any shape.
+        order: (rows,) the rows by ascending ids; None: the ids ascend.
+    """
+    if not len(ids):
+        return np.full(wanted.shape, -1)
+    places = np.minimum(np.searchsorted(ids, wanted, sorter=order), len(ids) - 1)
+    rows = places if order is None else order[places]
+    return np.where(ids[rows] == wanted, rows, -1)
+
+
 def first_seen(keys: IntArray) -> tuple[IntArray, IntArray]:
     """Number the distinct keys 0, 1, … in the order in which they first appear.
 

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from gamms import kernels
 from gamms.ir.geometry import distances_to, lines_near, nearest_lines
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -81,8 +82,8 @@ def untrue_lengths(roads: RoadNetwork, rows: IntArray, source: RoadNetwork) -> i
     wanted, (keys, firsts) = pairs[: len(ours)], np.unique(pairs[len(ours) :], return_index=True)
     if not len(keys) or not len(ours):
         return 0
-    at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
-    there = keys[at] == wanted
+    at = kernels.rows_of(keys, wanted)
+    there = at >= 0
     true = (source.lengths[source_line] * source_share)[firsts][at]
     expected = np.bincount(line, weights=np.where(there, true, 0.0), minlength=len(rows))
     judged = np.bincount(line, weights=~there, minlength=len(rows)) == 0

@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms import kernels
 from gamms.ir import events as kinds
 from gamms.ir.agents import NUMBERS
 from gamms.ir.applied_to import AgentsState, State
@@ -291,13 +292,9 @@ class DetachedAgents(AgentsState):
             self._order, self._is_counted = own.argsort(kind="stable"), bool((own == np.arange(len(own))).all())
         if self._is_counted and int(numbers.min()) >= 0 and int(numbers.max()) < len(own):
             return numbers  # which are the rows themselves
-        ordered = own[self._order]
-        places = ordered.searchsorted(numbers)
-        places[places == len(ordered)] = 0
-        is_known = ordered[places] == numbers if len(ordered) else np.zeros(len(numbers), np.bool_)
-        if not is_known.all():
-            raise _unknown(int(numbers[~is_known][0]))
-        rows: IntArray = self._order[places]
+        rows = kernels.rows_of(own, numbers, self._order)
+        if (rows < 0).any():
+            raise _unknown(int(numbers[rows < 0][0]))
         return rows
 
     def are_walkers(self, numbers: IntArray) -> bool:

@@ -12,6 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_path, as_range
 from gamms.errors import BadValue, MissingFolder, UnknownType, nearest
 from gamms.folders import whole_file
@@ -135,35 +136,18 @@ class Places:
         """Return (agents, 3) for the columns of a `State`; NaN for z on the ground, and for what is not on the map."""
         if columns is not self._columns:
             self._columns = columns
-            self._nodes, self._edges = _Rows(columns.node_ids), _Rows(columns.edge_ids)
+            self._orders = np.argsort(columns.node_ids, kind="stable"), np.argsort(columns.edge_ids, kind="stable")
         xyz = np.column_stack([np.asarray(agents[axis], np.float64) for axis in "xyz"])
         on_ground = np.flatnonzero(~np.isfinite(xyz[:, 0]))
-        rows = self._nodes.of(np.asarray(agents["node"])[on_ground])
+        rows = kernels.rows_of(columns.node_ids, np.asarray(agents["node"])[on_ground], self._orders[0])
         xyz[on_ground[rows >= 0], :2] = columns.xy[rows[rows >= 0]]
         if "edge" in agents:
             between = np.flatnonzero(~np.isnan(agents["edge_share"]))
-            edges = self._edges.of(np.asarray(agents["edge"])[between])
+            edges = kernels.rows_of(columns.edge_ids, np.asarray(agents["edge"])[between], self._orders[1])
             for row, edge in zip(between[edges >= 0].tolist(), edges[edges >= 0].tolist(), strict=True):
                 line = columns.polylines.get(edge, columns.xy[[columns.sources[edge], columns.targets[edge]]])
                 xyz[row, :2] = point_along(line.ravel().tolist(), agents["edge_share"].item(row))[:2]
         return xyz
-
-
-class _Rows:
-    """Finds the rows of ids."""
-
-    def __init__(self, ids: IntArray) -> None:
-        self._order = np.argsort(ids, kind="stable")
-        self._ids = ids[self._order]
-
-    def of(self, wanted: IntArray) -> IntArray:
-        """Return the row of each id; -1 where there is none."""
-        at = np.searchsorted(self._ids, wanted)
-        is_there = at < len(self._ids)
-        is_there[is_there] = self._ids[at[is_there]] == wanted[is_there]
-        rows = np.full(len(wanted), -1)
-        rows[is_there] = self._order[at[is_there]]
-        return rows
 
 
 # -- formats ------------------------------------------------------------------------------------------------------

@@ -464,8 +464,8 @@ class _NearNodes:
             order = np.lexsort((sums, reached))
             new, first = np.unique(reached[order], return_index=True)
             new_far = sums[order][first]
-            at = np.minimum(np.searchsorted(keys, new), len(keys) - 1)
-            is_known = keys[at] == new
+            at = kernels.rows_of(keys, new)
+            is_known = at >= 0
             is_better = ~is_known | (new_far < far[at])
             far[at[is_known & is_better]] = new_far[is_known & is_better]
             added = ~is_known

@@ -8,6 +8,7 @@ from typing import Annotated, Any, NamedTuple
 
 import numpy as np
 
+from gamms import kernels
 from gamms.arguments import as_choice, as_count, as_int, as_mapping, as_name, as_range
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
@@ -352,10 +353,10 @@ def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> Float
 
     known, lengths = turn.shared("lengths of ways", make)
     ways = starts * nodes + ends
-    at = np.minimum(np.searchsorted(known, ways), max(len(known) - 1, 0))
+    at = kernels.rows_of(known, ways)
     found: FloatArray = lengths[at] if len(known) else np.zeros(ends.shape)
     found[starts == ends] = 0.0
-    straight = np.nonzero((starts != ends) & (known[at] != ways if len(known) else True))
+    straight = np.nonzero((starts != ends) & (at < 0))
     pairs, which = np.unique(ways[straight], return_inverse=True)
     xy = columns.xy.tolist()
     apart = [dist(xy[start], xy[end]) for start, end in zip(*np.divmod(pairs, nodes), strict=True)]

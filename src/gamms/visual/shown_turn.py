@@ -317,12 +317,7 @@ class Motion:
             return np.full((len(steps), 2), -1)
         if columns is not self._columns:
             self._columns, self._sorted = columns, np.argsort(columns.node_ids, kind="stable")
-        if len(columns.node_ids) == 0:
-            return np.full((len(steps), 2), -1)
-        ids = np.array(steps, np.int64)
-        places = np.searchsorted(columns.node_ids, ids, sorter=self._sorted)
-        rows = self._sorted[np.minimum(places, len(self._sorted) - 1)]
-        return np.where(columns.node_ids[rows] == ids, rows, -1)
+        return kernels.rows_of(columns.node_ids, np.array(steps, np.int64), self._sorted)
 
     def _bends(self, ends: IntArray) -> dict[int, FloatArray]:
         """Return the polylines of the first edges between nodes, for the steps (steps, 2) that have one."""

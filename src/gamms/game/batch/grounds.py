@@ -7,6 +7,7 @@ from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 
+from gamms import kernels
 from gamms.game.batch.columns import PlayedGame, Roster, decider_of, joined_rows, some_rows
 from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.movement import Movement, Places
@@ -184,12 +185,9 @@ class ViewOfGrounds(ArrayView):
 def is_other_by_roads(whole: GraphColumns, now: GraphColumns) -> bool:
     """Return whether a map differs from the whole one in nothing but roads that are closed."""
     same_nodes = np.array_equal(whole.node_ids, now.node_ids) and np.array_equal(whole.xy, now.xy)
-    order = np.argsort(whole.edge_ids, kind="stable")
-    known = whole.edge_ids[order]
-    places = np.minimum(np.searchsorted(known, now.edge_ids), max(len(known) - 1, 0))
-    if not same_nodes or (len(now.edge_ids) and not (len(known) and np.array_equal(known[places], now.edge_ids))):
+    rows = kernels.rows_of(whole.edge_ids, now.edge_ids, np.argsort(whole.edge_ids, kind="stable"))
+    if not same_nodes or (rows < 0).any():
         return False
-    rows = order[places] if len(known) else places
     columns = (whole.sources, now.sources), (whole.targets, now.targets), (whole.lengths, now.lengths)
     if whole.node_attributes != now.node_attributes or not all(
         np.array_equal(one[rows], other) for one, other in columns

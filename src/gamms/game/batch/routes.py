@@ -348,9 +348,7 @@ def _has_triangle(streets: Streets) -> BoolArray:
     entries, runs = kernels.chosen_runs(streets.offsets, ends)
     first, second = np.repeat(starts, np.diff(runs)), streets.targets[entries]
     among = np.repeat(ends, np.diff(runs))
-    wanted = first * nodes + second
-    at = np.searchsorted(keys, wanted)
-    is_there = (keys[np.minimum(at, len(keys) - 1)] == wanted) if len(keys) else np.zeros(len(wanted), np.bool_)
+    is_there = kernels.rows_of(keys, first * nodes + second) >= 0
     found = np.zeros(nodes, np.bool_)
     found[first[is_there & (second != among)]] = True
     return found

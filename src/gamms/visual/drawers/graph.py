@@ -25,8 +25,8 @@ def render_values(ctx: IContext, data: dict[str, Any]) -> None:
     values: Values = data["values"]
     columns, order = ctx.graph.columns(), np.argsort(values.places, kind="stable")
     known = columns.node_ids if values.of == "nodes" else columns.edge_ids
-    rows, is_there = _rows(known, values.ids[order])
-    places = values.places[order][is_there]
+    rows = kernels.rows_of(known, values.ids[order], np.argsort(known, kind="stable"))
+    places, rows = values.places[order][rows >= 0], rows[rows >= 0]
     cuts = np.flatnonzero(np.diff(places)) + 1
     draw = _draw_nodes if values.of == "nodes" else _draw_edges
     unit = typical_edge_length(columns)
@@ -53,14 +53,6 @@ def _draw_edges(ctx: IContext, columns: GraphColumns, rows: IntArray, unit: floa
     points, offsets = polylines(columns, rows)
     drawing_of(ctx).render_lines(points, offsets, color, _EDGE * unit, in_world=True)
     drawing_of(ctx).render_lines(points, offsets, color, _EDGE_PX)
-
-
-def _rows(known: IntArray, ids: IntArray) -> tuple[IntArray, "np.ndarray[Any, np.dtype[np.bool_]]"]:
-    """Return the rows of those ids that are known, and which these are."""
-    order = np.argsort(known, kind="stable")
-    places = np.minimum(np.searchsorted(known, ids, sorter=order), max(len(known) - 1, 0))
-    is_there = known[order[places]] == ids if len(known) else np.zeros(len(ids), bool)
-    return order[places[is_there]] if len(known) else np.empty(0, np.int64), is_there
 
 
 render_values.once_a_turn = True  # type: ignore[attr-defined] # values do not glide
