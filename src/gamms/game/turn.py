@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
 _FEWEST_IN_ARRAYS = 32  # agents whose conflicts are resolved in arrays (benchmarks: teams)
+_MOST_COUNTED = 256  # agents that arrays are not asked about where all end on nodes of their own (benchmarks: peers)
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
@@ -517,6 +518,8 @@ class TurnEngine:
         """Stop the agents that the conflict resolver stops."""
         slots = turn.slots
         if isinstance(slots, LazySlots) and not turn.actions:
+            if len(slots) <= _MOST_COUNTED and not self._involved(turn, (turn.starts, turn.ends)):
+                return
             is_stopped = self._stopped_in_arrays(turn)
             if is_stopped is not None:
                 stopped = np.flatnonzero(is_stopped)
@@ -553,18 +556,17 @@ class TurnEngine:
         self, turn: TurnMoves, places: tuple[list[Any], list[Any]], named: Callable[[list[int]], Mapping[str, Move]]
     ) -> list[int]:
         """Return the slots of the agents that the conflict resolver stops, of moves between such places."""
-        whole, conflicts = turn.order.whole, self._settings.conflicts
-        ground = whole.on_ground
-        involved = getattr(conflicts, "involved", None)
-        if involved is None:
-            few = list(range(len(turn.slots))) if ground is None else ground
-        else:
-            few = involved(*map(whole.of_ground, places))
-            few = few if ground is None else [ground[i] for i in few]
+        few = self._involved(turn, places)
         if not few:
             return []
-        names = conflicts.resolve(named(few), self._ctx)  # type: ignore[union-attr] # asked where there is one
+        names = self._settings.conflicts.resolve(named(few), self._ctx)  # type: ignore[union-attr] # there is one
         return [i for i in few if turn.slots[i].name in names]
+
+    def _involved(self, turn: TurnMoves, places: tuple[Any, Any]) -> list[int]:
+        """Return the slots of the agents that may be in the way of others."""
+        whole, involved = turn.order.whole, getattr(self._settings.conflicts, "involved", None)
+        ground = range(len(turn.slots)) if whole.on_ground is None else whole.on_ground
+        return [*ground] if involved is None else [ground[i] for i in involved(*map(whole.of_ground, places))]
 
     def _note_conflict(self, slot: AgentSlot, end: object) -> None:
         self._block(slot, in_conflict(end))

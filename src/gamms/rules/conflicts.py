@@ -171,6 +171,8 @@ class Conflicts:
         # NOTE: whole lists at once and in C: most turns of 1,000 agents cost no more than this.
         least = UNLIMITED if self._limits is None else self._limits.least
         numbers = Counter(ends) if least < len(ends) else Counter()
+        if self.allow_swaps and least and len(numbers) in (0, len(ends)):
+            return []
         full = {node for node, number in numbers.items() if number > least}
         if self.allow_swaps:
             return _in_the_way(full, numbers, starts, ends)
