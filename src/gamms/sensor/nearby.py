@@ -125,8 +125,14 @@ class NearbyAgents:
     def by_name(self, place: Place, radius: float) -> dict[str, int]:
         """Return a fresh dict of the living agents within a radius of a place: name -> what is reported of it."""
         if radius < inf:
-            # NOTE: most looks of most games end here (benchmarks: peers).
-            positions, looks = self._catch_up(), self._looks_at(radius)
+            # NOTE: most looks of most games end here, and most of these are of a moment in which others have looked
+            # (benchmarks: peers).
+            moment, positions = self._phase.moment, self._positions
+            if moment is None or moment is not self._moment or positions is None:
+                positions = self._catch_up()
+            looks = self._looks.get(radius)
+            if looks is None or looks.version != self._version:
+                looks = self._looks_at(radius)
             if looks.is_frequent and type(place) is int:
                 known = looks.by_name or looks.name_all(radius, positions, self.places)
                 if place in known:
@@ -352,7 +358,8 @@ def near_places(
 
     None: an agent is on an edge, or it is too far for arrays. `xy` says where agents are (agents, 2).
     """
-    if positions.travellers or not max(radius, *(float(np.abs(one).max(initial=0.0)) for one in (here, xy))) < _FAR:
+    squares = sum(float(np.vdot(each, each)) for each in ((xy,) if here is xy else (xy, here)))
+    if positions.travellers or not squares + radius * radius < _FAR * _FAR:
         return None
     living = positions.living if positions.inactive else None
     there = kernels.Area(*(xy if living is None else xy[living]).T)
