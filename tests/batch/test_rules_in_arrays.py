@@ -8,7 +8,7 @@ from batch_scenes import plain, scene
 
 import gamms
 from gamms.errors import BadValue, MissingKey, UnknownName
-from gamms.rules import Conflicts, by_priority, last_team
+from gamms.rules import Conflicts, by_priority, discover, last_team
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
 SEEDS = [1, 2, 3, 2**40]
@@ -148,6 +148,14 @@ def test_nodes_are_discovered_as_in_games_that_are_played_alone(given, order, sa
     with scenario.batch(2) as games:
         games.step()
         assert games.observe("red")["facts"]["discovered"]["red"].shape == (2, 4)
+
+
+def test_teams_without_agents_discover_nothing():
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(discover([3], teams=["green"]))
+        with ctx.game.batch(2) as games:
+            games.run()
+            assert [games.result(number).events for number in range(2)] == [[], []]
 
 
 def test_what_sensors_show_that_have_no_array_form_is_discovered_one_by_one():
