@@ -56,6 +56,51 @@ def test_agents_that_come_take_rows_of_their_team(phase, order):
             assert len(games.result(0).agents) > 5
 
 
+def late(state):
+    """Go by who was seen, as one hears of it later."""
+    state["action"] = state["legal"][sum(state["sensor"]["near"][1].values()) % len(state["legal"])]
+
+
+def join(ctx):
+    """Let an agent come that has what the last one of its team has, but perhaps eyes of its own."""
+    name, like = "blue_3", ctx.agent.get_agent("blue_2")
+    if ctx.game.turn == 2 + ctx.seed % 3 and name not in ctx.agent.agents:
+        given = {"strategy": like.strategy, "sensors": dict(like.sensors)}
+        if ctx.seed % 2:
+            eyes = ctx.sensor.create_sensor(f"eyes {ctx.seed}", "AGENT_RANGE", sensor_range=30.0, delay_turns=1)
+            given["sensors"] = [eyes.sensor_id]
+        ctx.agent.create_agent(name, start_node_id=3, team="blue", **given)
+
+
+@pytest.mark.parametrize("chaser", ["gamms.strategies:chase", late])
+@pytest.mark.parametrize("joiner", ["gamms.strategies:chase", "gamms.strategies:random_walk"])
+def test_agents_may_come_where_sensors_report_late(chaser, joiner):
+    sensors = {"near": {"type": "AGENT_ARC", "sensor_range": 25.0, "fov": 5.0, "delay_turns": 2, "detection": 0.8}}
+    red = {"count": 2, "strategy": "gamms.strategies:chase", "sensors": ["near"]}
+    blue = {"count": 3, "strategy": joiner, "sensors": ["near"]}
+    given = {"settings": {"speed_unit": "metres"}, "sensors": sensors, "max_turns": 12}
+    scenario = scene([TAG], teams={"red": red, "blue": blue}, **given)
+    with scenario.build(seed=1, strategies={"red": chaser} if callable(chaser) else None) as ctx:
+        ctx.game.add(join)
+        with ctx.game.batch(6, most_agents={"blue": 4}) as games, ctx.game.fork(0).ctx as alone:
+            assert games.is_in_arrays
+            games.run()
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+            assert len(games.result(0).agents) == 6
+
+
+def test_games_stay_in_arrays_where_others_have_left_them_and_actions_are_given():
+    with made().build(seed=1) as ctx:
+        ctx.game.add(join)
+        with ctx.game.batch(seeds=[3, 2], most_agents={"blue": 4}) as games:
+            while not games.is_over.all():
+                games.step({"blue": games.observe("blue").counts // 2})
+            assert list(games.detached) == [0]
+            assert len(games.result(1).agents) == 6
+
+
 def test_rows_that_are_not_taken_are_not_there_and_those_that_are_act():
     with made().build(seed=1) as ctx:
         ctx.game.add(reinforce)

@@ -22,7 +22,7 @@ from gamms.game.batch.movement import Anywhere, Movement, Moves
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
-from gamms.game.batch.sight import DELAYS, sees_from_edges, turns_with_its_agent, why_not_seen
+from gamms.game.batch.sight import DELAYS, reports_late, sees_from_edges, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings
 from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
@@ -116,7 +116,7 @@ class ArrayEngine:
                 why = "a team that is asked agent by agent"
             if why is not None:
                 return f"agent {named} comes with {why}"
-            if any(getattr(sensor, "delay_turns", 0) for sensor in agent.sensors.values()):
+            if reports_late(agent):
                 return f"agent {named} comes with a sensor that reports late"
             self._kinds[agent.name], roster.agents[roster.names.index(agent.name)] = kind, agent
             self._here.gather()

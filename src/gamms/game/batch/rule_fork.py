@@ -163,6 +163,7 @@ class RuleFork:
         """Have the agents of the start, and these that have come."""
         if came != self.came:
             cast = self._casts[came]
+            self._values.delayed_looks = {}  # those that sensors forget; each game has its own
             self.ctx.agent.storage.restore(cast.agents)
             self.ctx.sensor.storage.restore(cast.sensors, forget=True)
             self._gather(came)

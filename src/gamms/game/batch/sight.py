@@ -145,6 +145,11 @@ def reports_elsewhere(agent: IAgent) -> bool:
     return any(look.errs for look in _all_looks(agent))
 
 
+def reports_late(agent: IAgent) -> bool:
+    """Whether a sensor of an agent reports what it saw in an earlier turn."""
+    return any(look.delay for look in _all_looks(agent))
+
+
 def turns_with_its_agent(agent: IAgent) -> bool:
     """Whether a sensor of an agent has a field of view that turns with it."""
     sensors = getattr(agent, "sensors", {}).values()
