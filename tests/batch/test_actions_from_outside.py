@@ -69,19 +69,28 @@ def test_a_team_that_is_given_no_moves_stays():
         assert [deed["agent"] for deed in deeds] == ["red_0", "red_1", "red_2"]
 
 
+@pytest.mark.parametrize("one_by_one", [False, True])
 @pytest.mark.parametrize(
     ("given", "kind", "message"),
     [
+        (None, BadType, "its actions are None"),
+        ([[0, 0, 0], [0]], BadType, r"numbers of legal nodes, not \[\[0, 0, 0\], \[0\]\]"),
         ({"move": 1}, UnknownName, "'move'"),
         ({"deeds": {"jump": True}}, UnknownName, "jump"),
         ({"deeds": {"scan": True}}, BadValue, "'node' of the deed 'scan'"),
+        ({"deeds": {"scan": (True, {"nodes": 1})}}, UnknownName, "'nodes'"),
+        ({"deeds": {"scan": (True, {"node": -2})}}, BadValue, "there is no node number -2"),
+        ({"deeds": {"scan": (True, {"node": 1.0})}}, BadType, "nodes by their numbers, not 1.0"),
         ({"deeds": {"rest": np.zeros((2, 2), bool)}}, BadValue, r"booleans \(2, 3\)"),
         ({"messages": {"radio": True}}, BadType, r"\(where, body\)"),
         ({"messages": {"phone": (True, 1)}}, UnknownName, "phone"),
+        ({"messages": {"radio": (True, 1, "nobody")}}, UnknownName, "nobody"),
+        ({"messages": {"radio": (True, 1, np.array([0, 1, 6]))}}, BadValue, "agents from 0 to 5"),
+        ({"messages": {"radio": (True, 1j)}}, BadType, "plain value"),
     ],
 )
-def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind, message):
-    with given_scene().batch(2) as games:
+def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind, message, one_by_one):
+    with given_scene().batch(2, one_by_one=one_by_one) as games:
         with pytest.raises(kind, match=message):
             games.step({"red": given})
         assert games.turn.tolist() == [0, 0]

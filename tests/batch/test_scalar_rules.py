@@ -396,6 +396,35 @@ def test_games_that_have_left_the_arrays_take_actions_and_are_observed_reset_and
             assert games.is_over.all()
 
 
+def build_walls(ctx):
+    """Build walls in some games."""
+    if ctx.game.turn == 2 and ctx.seed % 2:
+        for x in (5.0, 15.0, 25.0, 35.0):
+            ctx.graph.add_obstacles(np.array([[(x, y, z) for z in (9.0, 0.0) for y in (-5.0, 55.0)]]))
+
+
+def call(state):
+    """Walk by how many are heard."""
+    state["action"] = state["legal"][len(state["inbox"]) % len(state["legal"])]
+    state["outbox"].append({"channel": "radio", "to": None, "body": 1})
+
+
+@pytest.mark.parametrize("is_of_scenario", [False, True])
+def test_what_changes_the_map_of_one_game_does_not_change_that_of_others(is_of_scenario):
+    given = {"max_turns": 8, "channels": {"radio": {"line_of_sight": True}}, "allow": [__name__]}
+    scenario = scene([{"rule": f"{__name__}:build_walls"}], **given)
+    with scenario.build(seed=1, strategies={"red": call}) as ctx:
+        made = scenario.batch(4, strategies={"red": call}) if is_of_scenario else ctx.game.batch(4)
+        with made as games, ctx.game.fork(0).ctx as alone:
+            while not games.is_over.all():
+                games.step()
+            assert sorted(games.detached) == [1, 3]
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                expected = scenario.play(seed=seed, strategies={"red": call}) if is_of_scenario else alone.game.run()
+                assert plain(games.result(number)) == plain(expected)
+
+
 def test_errors_of_rules_name_the_rule_the_game_and_the_turn():
     def fall(ctx):
         if ctx.game.turn == 3 and ctx.seed == 6:

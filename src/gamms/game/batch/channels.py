@@ -110,7 +110,7 @@ class Radio(GameLog[list[_Sent]]):
                 raise BadValue(f"Channel {channel!r} is not for team {shown(self._roster.teams[number])}.")
         receivers: list[Any] = [to] * len(at)
         if isinstance(to, np.ndarray):
-            receivers = [self._roster.names[number] for number in np.broadcast_to(to, where.shape)[at, which]]
+            receivers = self._named(to, where.shape)[at, which].tolist()
         elif to is not None and not receivers_of(_as_key(to), self.teams):
             raise UnknownName("agent or team", to, [*self.teams, *self._roster.teams])
         bodies = body[at, which].tolist() if isinstance(body, np.ndarray) else [body] * len(at)
@@ -142,6 +142,16 @@ class Radio(GameLog[list[_Sent]]):
         for one in sent:
             last = int((one.arrival - one.turns[:, None]).max(initial=0))
             self._under_way.append((last, one))
+
+    def _named(self, to: np.ndarray[Any, Any], shape: tuple[int, ...]) -> np.ndarray[Any, Any]:
+        """Return the names of receivers, (games, agents), that are given by their numbers."""
+        names = np.array(self._roster.names, object)
+        if to.dtype.kind not in "iu" or to.shape not in (shape, shape[1:], ()) or ((to < 0) | (to >= len(names))).any():
+            raise BadValue(
+                f"Receivers of messages are numbers of agents from 0 to {len(names) - 1}, an array {shape}, not "
+                f"{shown(to)}."
+            )
+        return np.broadcast_to(names[to], shape)
 
     def end_turn(self) -> None:
         """Forget what has arrived everywhere."""

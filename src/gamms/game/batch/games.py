@@ -20,7 +20,7 @@ from gamms.game.batch.one_by_one import OneByOneEngine
 from gamms.game.batch.scalar_rules import called_one_by_one
 from gamms.game.batch.scalar_strategies import FEWEST, why_slower
 from gamms.game.batch.state import Columns
-from gamms.game.batch.view import ArrayView, refuse_no_actions
+from gamms.game.batch.view import ArrayView, as_actions, refuse_no_actions
 from gamms.game.hidden_state import refusing_changes
 from gamms.game.result import Result
 from gamms.ir.graph import FloatArray, IntArray
@@ -123,8 +123,10 @@ class Batch:
         self.close()
 
     def close(self) -> None:
-        """End the context of the batch."""
+        """End the contexts of the batch."""
         self._source.game.ctx.terminate()
+        if self._apart is not None:
+            self._apart.close()
 
     # -- playing ------------------------------------------------------------------------------------------------
 
@@ -171,7 +173,9 @@ class Batch:
         if not isinstance(self._engine, ArrayEngine) or not self._engine.state.apart:
             return
         if self._apart is None:
-            self._apart = OneByOneEngine(self._source.game, self._roster, self.seeds)
+            # in a context of its own, for what rules change of the map there is not so in the arrays
+            game = self._source.game.fork(0) if self._source.build is None else self._source.build(self.seeds[0]).game
+            self._apart = OneByOneEngine(game, Roster.of(game.agents, self._roster.reserved), self.seeds)
         apart, state, log = self._apart, self._engine.state, self._log or []
         turns = apart.turns().tolist()
         for number in [number for number in state.apart if apart.over(number) is None]:
@@ -196,7 +200,7 @@ class Batch:
         if given.moves is None:
             moves = self._put(np.zeros(shape, np.int64))
         else:
-            moves = np.asarray(given.moves) if library is None else library.own(given.moves, f"Actions of {by}")
+            moves = as_actions(given.moves, by) if library is None else library.own(given.moves, f"Actions of {by}")
         refuse_no_actions(moves, shape, by, xp)
         return given._replace(moves=xp.asarray(moves, copy=True) if is_kept else moves)
 
@@ -258,12 +262,10 @@ class Batch:
             seeds: of each of them; None: those that they have.
 
         Raises:
-            BadType, BadValue: a number is not that of a game, or there is not one seed for each.
+            BadType, BadValue: a number is not that of a game or is there twice, or there is not one seed or boolean for
+                each.
         """
-        games = np.arange(len(self)) if which is None else np.asarray(which)
-        if games.dtype == np.bool_:
-            games = np.flatnonzero(games)
-        numbers = [self._as_game(game) for game in games.tolist()]
+        numbers = self._numbers_of(which)
         if not numbers:
             return
         given = [self.seeds[game] for game in numbers] if seeds is None else as_seeds(len(numbers), 0, seeds)
@@ -272,7 +274,7 @@ class Batch:
             of_all[game] = seed
         self.seeds = tuple(of_all)
         if isinstance(self._engine, ArrayEngine):
-            self._engine.start(games, given, self._starts(given))
+            self._engine.start(np.array(numbers), given, self._starts(given))
             if self._apart is not None:
                 for game, seed in changed.items():
                     self._apart.start(game, seed)
@@ -281,7 +283,7 @@ class Batch:
                 self._engine.start(game, seed)
         if len(changed) == len(self):
             self._log, self._was_given = None if self._log is None else [], False
-        self._begun[games] = len(self._log or ())
+        self._begun[numbers] = len(self._log or ())
 
     def columns(self) -> Columns:
         """Return what the next turns of all games follow from besides turn, scores and seeds, for `load`.
@@ -477,6 +479,18 @@ class Batch:
         if not 0 <= game < len(self):
             raise BadValue(f"There is no game {game}: the batch has {len(self)}, numbered from 0.")
         return game
+
+    def _numbers_of(self, which: object) -> list[int]:
+        """Return the numbers of games, which are given as such, or by booleans; None: of all."""
+        games = np.arange(len(self)) if which is None else np.asarray(which)
+        if games.ndim != 1 or (games.dtype == np.bool_ and len(games) != len(self)):
+            raise BadValue(f"which has numbers of games, or {len(self)} booleans, one for each, not {shown(which)}.")
+        if games.dtype == np.bool_:
+            games = np.flatnonzero(games)
+        numbers = [self._as_game(game) for game in games.tolist()]
+        if len({*numbers}) < len(numbers):
+            raise BadValue(f"Each game is begun again once, not as {shown(which)} says.")
+        return numbers
 
     def _starts(self, seeds: Sequence[int]) -> IntArray:
         """Return the ids of the nodes where agents begin, (games, agents), in the order of their names."""

@@ -8,7 +8,9 @@ import numpy as np
 
 from gamms.arguments import as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.view import ArrayView
 from gamms.game.deeds import field_of
 from gamms.game.settings import Plan
@@ -49,6 +51,13 @@ class Given(NamedTuple):
         for channel, (where, body, to) in self.messages.items():
             view.send(channel, where, body, to)
 
+    def check(self, view: ArrayView, mask: BoolArray, deeds: DeclaredDeeds, radio: Radio) -> None:
+        """Refuse what `act` refuses, of the agents in a mask, by what the game declares."""
+        for deed, (where, fields) in self.deeds.items():
+            deeds.checked(deed, fields, where & mask, view.agents, view.node, 0)
+        for channel, (where, body, to) in self.messages.items():
+            radio.checked(channel, where & mask, view.games, view.agents, to, body, 0)
+
 
 def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callable[[Any], Any]) -> Given:
     """Return the actions of a team as they were given to `Batch.step`.
@@ -59,6 +68,8 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
         shape: games and agents.
         own: returns an array of NumPy for one that was given.
     """
+    if value is None:
+        raise BadType(f"team {shown(team)}: its actions are None: leave out a team that plays its own strategies.")
     if not isinstance(value, Mapping):
         return Given(value, {}, {})
     for key in value:

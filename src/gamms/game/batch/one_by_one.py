@@ -2,18 +2,22 @@
 
 from collections.abc import Hashable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from gamms.errors import BadValue
+from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.deeds import DeclaredDeeds
 from gamms.game.batch.given import Acting, Given
 from gamms.game.batch.movement import Anywhere, Noted, Places
 from gamms.game.batch.sight import noted_sensors
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import movement_of
 from gamms.game.batch.view import ArrayView
+from gamms.game.deeds import checked_value
 from gamms.game.hidden_state import HiddenState
 from gamms.game.result import Result
 from gamms.game.snapshots import Snapshot
@@ -48,6 +52,10 @@ class OneByOneEngine:
         functions += [plan.function for plan in game.plans.values()]
         self._hidden = [HiddenState(one) for one in {id(one): one for one in functions if one is not None}.values()]
 
+    def close(self) -> None:
+        """End the context."""
+        self._game.ctx.terminate()
+
     @property
     def is_over(self) -> BoolArray:
         """Which games have ended, (games,)."""
@@ -65,8 +73,23 @@ class OneByOneEngine:
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over."""
+        self._check(given)
         for number in np.flatnonzero(~self.is_over).tolist():
             self.step_game(number, given)
+
+    def _check(self, given: Mapping[Hashable, Given]) -> None:
+        """Refuse deeds and messages that the game does not declare, before any is played."""
+        acting = {team: one for team, one in given.items() if one.deeds or one.messages}
+        if not acting:
+            return
+        settings, streets, games = self._game.settings(), self._observed.streets, len(self.seeds)
+        deeds = DeclaredDeeds(
+            settings["deeds"], partial(checked_value, ctx=self._game.ctx), self._roster, streets, games
+        )
+        radio = Radio(settings["channels"], self._roster, games)
+        for team, one in acting.items():
+            view = self.view(self._roster.members(team))
+            one.check(view, view.mask & ~self.is_over[:, None], deeds, radio)
 
     def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of a game."""

@@ -489,7 +489,7 @@ class ArrayView(Mapping[str, Any]):
         Raises:
             BadType, BadValue: they are no integers, too many or too few, or one is not the number of a legal node.
         """
-        actions = np.asarray(given)
+        actions = as_actions(given, by)
         refuse_no_actions(actions, self.node.shape, by, np)
         chosen = np.where(self.mask, actions, self.movement.idle)
         leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
@@ -524,6 +524,18 @@ class ArrayView(Mapping[str, Any]):
 
     def _sensors(self) -> "Sensors":
         return Sensors(self)
+
+
+def as_actions(given: object, by: str) -> Any:
+    """Return actions that `by` has given as an array.
+
+    Raises:
+        BadType: they are lists of several lengths.
+    """
+    try:
+        return np.asarray(given)
+    except ValueError:
+        raise BadType(f"{by}: actions are the numbers of legal nodes, not {shown(given)}.") from None
 
 
 def refuse_no_actions(given: Tensor, shape: tuple[int, ...], by: str, xp: ModuleType) -> None:
