@@ -11,7 +11,8 @@ import pytest
 from batch_scenes import plain, scene
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from test_laws import LAWS, TEAMS, conflicts, maps, nodes, open_game, orders, rules
+from random_games import games
+from test_laws import LAWS
 from test_strategies import MADE, hunted
 
 import gamms
@@ -73,31 +74,20 @@ def installed():
 
 @settings(LAWS, max_examples=12)
 @given(
-    streets=maps(),
-    places=st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=2, max_size=9),
-    rules=rules,
-    conflicts=st.one_of(st.none(), conflicts),
+    drawn=games(),
     seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),
     restart=st.tuples(st.integers(0, 9), st.integers(0, 2)),
-    early=st.sets(st.integers(0, 9), max_size=2),
-    order=st.one_of(st.none(), orders),
     place=st.sampled_from(installed()),
 )
-def test_a_batch_of_any_library_is_that_of_numpy(
-    streets, places, rules, conflicts, seeds, restart, early, order, place
-):
-    agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(places)}
+def test_a_batch_of_any_library_is_that_of_numpy(drawn, seeds, restart, place):
     results = []
     for chosen in ({}, place.options):
-        with (
-            open_game(streets, agents, rules, conflicts, early, order) as ctx,
-            ctx.game.batch(seeds=seeds, **chosen) as games,
-        ):
+        with drawn.open() as ctx, ctx.game.batch(seeds=seeds, most_agents=drawn.reserved, **chosen) as played:
             for _ in range(restart[0]):
-                games.step()
-            games.reset([restart[1] % len(seeds)])
-            games.run()
-            results.append([plain(games.result(number)) for number in range(len(seeds))])
+                played.step()
+            played.reset([restart[1] % len(seeds)])
+            played.run()
+            results.append([plain(played.result(number)) for number in range(len(seeds))])
     assert results[0] == results[1]
 
 

@@ -1,0 +1,276 @@
+"""What agents do in random games, and what is called there game by game."""
+
+import re
+import zlib
+from itertools import accumulate
+
+import numpy as np
+
+import gamms
+from gamms.strategies import (
+    assign,
+    chase,
+    first,
+    flee,
+    follow_path,
+    goto,
+    guard,
+    intercept,
+    mix,
+    patrol,
+    random_walk,
+    random_waypoints,
+    sweep,
+)
+from gamms.typing.sensor_engine import SensorType
+
+CHANNELS = ("radio", "mesh", "whisper")
+NODES = [17, 5, 32, 20, 8, 35, 23, 100_007, 0, 2, 41, 11, 3, 29]  # ids that are no rows, in no order
+
+DEEDS = {"scan": {"node": "node"}, "mark": {"whom": "agent?", "size": "number", "how": ["near", "far"]}, "rest": {}}
+
+
+def busy(state):
+    """Walk at random, and do several things."""
+    legal, draw, do = state["legal"], state["draw"], {}
+    node = legal[draw.below(len(legal))]
+    if draw.random() < 0.5:
+        do["scan"] = {"node": node}
+    if draw.random() < 0.4:
+        do["mark"] = {"size": draw.random(), "how": "near"} | ({"whom": "a0"} if state["name"] < "b" else {})
+    if draw.random() < 0.3:
+        do["rest"] = None
+    state["action"] = {"node_id": node, "do": do} if do else node
+
+
+def busy_in_arrays(view):
+    actions = view.draw.below(view.counts)
+    view.do("scan", view.draw.random() < 0.5, node=view.movement.nodes(view.choices, actions))
+    marks = view.only(view.draw.random() < 0.4)
+    is_early = np.array([name < "b" for name in view["name"]])
+    view.do("mark", marks.mask, size=marks.draw.random(), how="near", whom=np.where(is_early, 0, -1))
+    view.do("rest", view.draw.random() < 0.3)
+    return actions
+
+
+busy.array_form = busy_in_arrays
+
+
+def curious(state):
+    """Do what follows from all that the agent sees, knows and remembers, and from why its last action was not done."""
+    attentive(state, state["blocked"])
+
+
+# What games leave arrays for: an agent that is asked comes, or one whose sensor draws for several or reports late;
+# one asks why a rule in arrays has refused its move, or gives its way where it decides at arrivals.
+LEAVE = re.compile("comes with (the s|a s|the plan of)|why a rule has refused a move|gives the nodes of its way")
+ONE_BY_ONE = re.compile("turns with its agent|draws for several|draws at a fixed place for several")
+
+
+def attentive(state, *more):
+    """Do what follows from all that the agent sees, knows and remembers."""
+    legal, memory, shared = state["legal"], state["memory"], state.get("team_memory", {})
+    sights = {name: (str(kind), [*data.items()]) for name, (kind, data) in state["sensor"].items() if kind in SHOWN}
+    sights |= {name: (str(kind), data) for name, (kind, data) in state["sensor"].items() if kind not in SHOWN}
+    facts = {name: repr(value) for name, value in state["facts"].items() if name in ("land", "flags")}
+    known = [sights, facts, [*memory.items()], sorted(shared.items()), state["name"], state["team"], state["turn"]]
+    known += [state.get(key) for key in ("inbox", "edge", "offset_m", "xy")]
+    lot = zlib.crc32(repr([*known, legal, state["curr_pos"], *more, state["draw"].below(3)]).encode())
+    memory[state["turn"]] = lot % 97
+    if lot % 3 == 0:
+        shared[state["name"]] = shared.get(state["name"], 0) + 1
+    state["action"] = legal[lot % len(legal)] if lot % 11 else lot % 50
+    if "edge" in state and lot % 7 == 0:
+        state["action"] = None
+    elif lot % 13 < 4:
+        state["action"] = stroll(state["curr_pos"], lot)
+    if lot % 5 == 0:
+        messages = [
+            {"channel": CHANNELS[lot % 2], "to": [None, "red", "a0"][lot % 3], "body": [lot % 9]}
+            for _ in range(lot % 4)
+        ]
+        state.get("outbox", []).extend(messages)
+    if "deeds" in state and lot % 2:
+        do = {"scan": {"node": legal[-1]}, "rest": None} if lot % 4 == 1 else {"mark": {"size": lot % 5, "how": "far"}}
+        state["action"] = {"node_id": state["action"], "do": do}
+
+
+def stroll(node, lot):
+    """Return a list of nodes, most of which follow each other, that may wait, turn back, or lead nowhere."""
+    number, steps = NODES.index(node), [0, 1, -1, 6, -6, 7, -7, 1]
+    numbers = accumulate([steps[lot // 8**i % 8] for i in range(lot % 5)], initial=number)
+    return [NODES[number % 14] for number in numbers][lot % 2 :]
+
+
+def agreed(states):
+    """Let each agent of a team do what it would do by itself, but for the first."""
+    for state in states.values():
+        attentive(state)
+    first = next(iter(states.values()))
+    first["action"] = first["legal"][0]
+
+
+SHOWN = (SensorType.AGENT, SensorType.AGENT_RANGE)
+
+
+def strike(ctx):
+    """Let agents that are marked go back, or out if they are marked much; end the game if several rest."""
+    for deed in ctx.game.performed("mark"):
+        ctx.game.emit("marked", agent=deed.agent, at=deed.at)
+        if "whom" in deed.values:
+            (ctx.game.eliminate if deed.values["size"] > 0.7 else ctx.game.respawn)(deed.values["whom"])
+    if ctx.game.turn == 4 and len(ctx.game.performed("rest")) > 2:
+        ctx.game.end("rest")
+
+
+def strike_in_arrays(turn):
+    done = turn.performed("mark")
+    others, is_out = done.values["whom"], done.values["size"] > 0.7
+    for number in range(max(np.bincount(done.at), default=0)):  # the marks of a game one after the other
+        rank = np.arange(len(done.at)) - np.searchsorted(done.at, done.at)
+        those = rank == number
+        turn.emit("marked", done.at[those], agents={"agent": done.agents[those]}, nodes={"at": done.nodes[those]})
+        out, back = those & (others >= 0) & is_out, those & (others >= 0) & ~is_out
+        turn.eliminate(done.at[out], others[out])
+        turn.respawn(done.at[back], others[back])
+    resting = np.bincount(turn.performed("rest").at, minlength=len(turn.games))
+    ended = np.flatnonzero((turn.turn == 4) & (resting > 2))
+    turn.end(ended, "rest", [None] * len(ended))
+
+
+strike.array_form = strike_in_arrays
+
+
+def look(ctx):
+    """Note all that a rule sees of agents and how they move."""
+    game, seen = ctx.game, []
+    for agent, track in zip(game.agents, game.tracks(game.agents), strict=True):
+        place = [
+            agent.current_node_id,
+            agent.prev_node_id,
+            agent.edge,
+            agent.offset_m,
+            *agent.xy,
+            game.start_node(agent),
+        ]
+        seen.append([agent.name, place, list(track.path), list(track.times), [list(leg) for leg in track.legs]])
+    moves = [[name, move.start, move.end, list(move.path)] for name, move in game.moves.items()]
+    done = [[deed.agent, deed.kind, deed.at, dict(deed.values)] for deed in game.performed()]
+    game.emit("seen", agents=seen, moves=moves, deeds=done)
+
+
+def push(ctx):
+    """Put agents elsewhere, out of the game, or back where they are, by lots."""
+    draw = ctx.stream("push", ctx.game.turn)
+    for agent in ctx.game.agents:
+        lot = draw.random()
+        if lot < 0.04:
+            ctx.game.eliminate(agent)
+        elif lot < 0.2:
+            ctx.game.respawn(agent)
+        elif lot < 0.3:
+            agent.current_node_id = NODES[int(draw.integers(14))] if lot < 0.25 else agent.current_node_id
+
+
+def recruit(ctx):
+    """Let agents come, others in games of other seeds, and move those that have come."""
+    named, turn = "bzy"[ctx.seed % 2 :], ctx.game.turn
+    for name in named:
+        if f"{name}9" not in ctx.agent.agents and (turn + ord(name)) % 4 == ctx.seed % 3:
+            like = ctx.agent.get_agent(min(ctx.agent.agents))
+            last = [one for one in ctx.agent.create_iter() if one.team == like.team and one.name[1:] != "9"][-1]
+            given = {"team": like.team, "strategy": last.strategy, "speed": like.speed, "sensors": dict(last.sensors)}
+            given |= {"start_node_id": NODES[(turn + ctx.seed) % 14], "rank": turn}
+            given = {key: value for key, value in given.items() if value is not None}
+            ctx.agent.create_agent(f"{name}9", **given)
+            break
+    ctx.game.scores["ranks"] = sum(getattr(agent, "rank", 0) for agent in ctx.game.agents)
+
+
+def refuse(ctx):
+    """Refuse moves and deeds by lots."""
+    draw = ctx.stream("refuse", ctx.game.turn)
+    for name in ctx.game.moves:
+        lot = draw.random()
+        if lot < 0.2:
+            ctx.game.refuse(name, "a lot", None if lot < 0.1 or not ctx.game.deeds else "scan")
+
+
+def refuses(_):
+    """Do nothing but what the check does."""
+
+
+refuses.check = refuse
+
+
+def purge(ctx):
+    """Let a team lose all its agents."""
+    if ctx.game.turn == 1:
+        for agent in ctx.game.agents:
+            if agent.team == "red":
+                ctx.game.eliminate(agent)
+
+
+def collect_toll(ctx):
+    """Have teams pay at some nodes, and remember how often."""
+    paid = ctx.game.data.setdefault("toll", {})
+    for agent in ctx.game.agents:
+        if agent.current_node_id % 3 == 0:
+            paid[agent.name] = paid.get(agent.name, 0) + 1
+            ctx.game.emit("toll", agent=agent.name, times=paid[agent.name])
+
+
+@gamms.array_rule(of=collect_toll)
+def collect_toll_in_arrays(turn):
+    paid = turn.keep("toll", lambda games: {"times": np.zeros((games, len(turn.roster.names)), np.int64)})["times"]
+    at, agents = np.nonzero(turn.alive & (turn.streets.columns.node_ids[turn.node] % 3 == 0))
+    paid[turn.games[at], agents] += 1
+    turn.emit("toll", at, agents={"agent": agents}, values={"times": paid[turn.games[at], agents]})
+
+
+class FirstOnly:
+    """A conflict resolver: of those that come to the same node, only the one that is last by name may move there."""
+
+    def resolve(self, moves, ctx):
+        last = {move.end: name for name, move in moves.items()}
+        return {name for name, move in moves.items() if last[move.end] != name} if ctx.game.turn % 3 else set()
+
+
+TAKEN = {
+    "game": lambda ctx: [ctx.game.turn, dict(ctx.game.scores), len(ctx.game.events), ctx.game.over is None],
+    "agent": lambda agent: [agent.current_node_id, agent.prev_node_id, agent.edge, agent.offset_m, agent.alive],
+}
+CALLED = {"look": look, "push": push, "recruit": recruit, "refuses": refuses, "purge": purge, "toll": collect_toll}
+
+
+def caller(ctx):
+    """Make a strategy that walks at random, tells where it is, and goes by what it hears."""
+    names = sorted(name for name, channel in ctx.game.channels.items() if channel.teams is None)
+
+    @gamms.array_strategy
+    def call(view):
+        actions = view.draw.below(view.counts)
+        for name in names:
+            heard, count = view.heard(name), np.zeros(view.node.shape, np.int64)
+            np.add.at(count, (heard.at, heard.hearers), np.array(heard.bodies, np.int64) + heard.turns)
+            view.send(name, (view.turn[:, None] + actions) % 2 == 0, view["curr_pos"])
+            actions = (actions + count) % view.counts
+        return actions
+
+    return call(ctx)
+
+
+PACED = {
+    "goto": lambda ctx: goto(ctx, 17),
+    "patrol": lambda ctx: patrol(ctx, [5, 32, 20]),
+    "waypoints": lambda ctx: random_waypoints(ctx, pause=1),
+    "chase": chase,
+    "assign": lambda ctx: assign(ctx, patience=1),
+    "intercept": intercept,
+    "cut off": lambda ctx: intercept(ctx, [8, 35]),
+    "sweep": lambda ctx: sweep(ctx, repeat=True),
+    "sweep by sight": lambda ctx: sweep(ctx, by_sight=True, repeat=True),
+    "flee": flee,
+    "guard": lambda ctx: guard(ctx, 23, 1.9),
+    "mix": lambda ctx: mix(0.5, random_walk, first(chase(ctx, None), follow_path(ctx, [8, 35], repeat=True))),
+}
