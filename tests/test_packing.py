@@ -65,6 +65,33 @@ def test_arrays_of_any_layout_come_back(array):
     assert np.array_equal(there_and_back(array), array)
 
 
+def test_a_dict_of_large_items_gives_the_same_bytes_whether_or_not_some_of_it_was_packed_before():
+    names, places = [f"red_{i}" for i in range(9000)], np.arange(9000.0)
+    some, packer = {"names": names, "at": places, "turn": 1, "more": {"a": [names[:3]]}}, packing.DictPacker()
+    before = packer.pack(some, "It", ("names", "turn"))
+    changed = some | {"at": places + 1, "turn": 2}
+    after = packer.pack(changed, "It", ("names", "turn", "gone"))
+    for one, body in ((some, before), (changed, after)):
+        assert packing.DictPacker().pack(one, "It") == body
+        data, allowance = packing.unpack_parts(body, 1 << 20)[0], Allowance(1 << 20, "It")
+        found = packing.unpack(body, packing.Decoder(allowance))
+        assert (list(found), found["names"], found["more"]) == (list(one), names, one["more"])
+        assert np.array_equal(found["at"], one["at"])
+        assert packing.cost_of(data) == allowance.total - allowance.left <= packing.PER_BYTE * len(body)
+
+
+def test_a_dict_of_large_items_that_are_all_alike_is_padded_to_what_readers_believe():
+    body = packing.DictPacker().pack({"a": [None] * 10**6, "b": [[]] * 10**5}, "It")
+    assert packing.cost_of(packing.unpack_parts(body, 1 << 24)[0]) <= packing.PER_BYTE * len(body)
+
+
+def test_a_dict_without_large_items_has_the_bytes_of_any_other_value():
+    value = {"a": [1, 2], "b": None}
+    assert packing.DictPacker().pack(value, "It") == packing.pack(value, "It")
+    with pytest.raises(BadValue, match="more than 32 containers"):
+        packing.DictPacker().pack({"a": nested(32)}, "It")
+
+
 class Kind(enum.IntEnum):
     BASIC = 3
 

@@ -12,7 +12,7 @@ from weakref import WeakSet
 import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
-from gamms.agent.snapshots import AgentsSnapshot, copied_attributes, teams_in
+from gamms.agent.snapshots import AgentsSnapshot, attributes_of, copied_attributes, details_of, teams_in
 from gamms.agent.teams import AgentsByName, Members, Team, column_of, each_of, is_attribute, make_member
 from gamms.arguments import as_function_of, as_ids, as_mapping, as_member, as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
@@ -419,16 +419,12 @@ class AgentStorage(Guarded):
 
     def details(self) -> list[tuple[dict[str, ISensor], dict[str, Any], Any]]:
         """Return the sensors, attributes and strategy of each agent, which are not to be written to."""
-        stored = self._engine._stored()
-        alike: dict[int, Any] = {
-            key: ({}, {}, one.strategy) for key, one in teams_in(stored).items() if not one.columns
-        }
-        return [
-            alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
-            if type(one) is Members
-            else (one._sensor_list, one.__dict__, one.strategy)
-            for name, one in stored.items()
-        ]
+        return details_of(self._engine._stored())
+
+    def attributes(self) -> dict[int, dict[str, Any]]:
+        """Return the attributes of agents that have some, by their rows; not to be written to."""
+        agents = self._engine._agents
+        return attributes_of(agents.stored_items() if isinstance(agents, AgentsByName) else agents.items())
 
     def made(self) -> list[BaseAgent]:
         """Return the agents that were made: all but those of teams that no program has asked for."""

@@ -1,6 +1,6 @@
 """What snapshots of a game hold of its agents."""
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -91,3 +91,24 @@ def copied_attributes(attributes: dict[str, Any]) -> dict[str, Any]:
         except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
             values[name] = value
     return values
+
+
+def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, Any], Any]]:
+    """Return the sensors, attributes and strategy of each agent, which are not to be written to."""
+    alike: dict[int, Any] = {key: ({}, {}, one.strategy) for key, one in teams_in(stored).items() if not one.columns}
+    return [
+        alike.get(id(one)) or ({}, one.attributes(name), one.strategy)
+        if type(one) is Members
+        else (one._sensor_list, one.__dict__, one.strategy)
+        for name, one in stored.items()
+    ]
+
+
+def attributes_of(items: Iterable[tuple[str, Any]]) -> dict[int, dict[str, Any]]:
+    """Return the attributes of agents that have some, by their rows; not to be written to."""
+    found = (
+        (row, one.attributes(name) if type(one) is Members else one.__dict__)
+        for row, (name, one) in enumerate(items)
+        if type(one) is not Members or one.columns
+    )
+    return {row: attributes for row, attributes in found if attributes}

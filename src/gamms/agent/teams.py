@@ -1,6 +1,6 @@
 """Teams of many agents that are created, read and set together, as arrays; each agent is made when it is asked for."""
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, ItemsView, Iterator, Mapping
 from functools import cached_property
 from typing import Any, cast
 
@@ -101,9 +101,13 @@ class AgentsByName(dict[str, BaseAgent]):
         """Return a dict of the agents."""
         return dict(self.items())
 
+    def stored_items(self) -> ItemsView[str, Any]:
+        """Return names, each with the agent, or the `Members` that it is one of."""
+        return super().items()
+
     def stored(self) -> dict[str, Any]:
         """Return name -> the agent, or the `Members` that it is one of."""
-        return dict(super().items())
+        return dict(self.stored_items())
 
     def _made(self, name: str, members: Members) -> BaseAgent:
         agent = self._make(name, members)

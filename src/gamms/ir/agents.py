@@ -1,6 +1,6 @@
 """Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
 
-from collections.abc import Callable, Hashable, Iterator, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from typing import Any, NamedTuple, Protocol
@@ -155,18 +155,17 @@ class AgentBlock:
             None  # the revision of the graph in which the nodes of the other flyers were found
         )
 
-    def arrays(self) -> dict[str, Any]:
-        """Return copies of all columns, those in `ARRAYS` as arrays, where NaN stands for None."""
+    def arrays(self, names: Iterable[str]) -> dict[str, Any]:
+        """Return copies of columns, those in `ARRAYS` as arrays, where NaN stands for None."""
         columns: dict[str, Any] = {}
-        for name in BY_ROW:
+        for name in names:
             column = getattr(self, name)
             if name not in ARRAYS:
                 columns[name] = list(column)
                 continue
             kind, shape = ARRAYS[name]
             if shape and isinstance(column, list):
-                none, is_empty = (np.nan,) * shape[0], column.count(None) == len(column)
-                column = np.broadcast_to(none, (len(column), *shape)) if is_empty else [one or none for one in column]
+                column = [one or (np.nan,) * shape[0] for one in column]
             columns[name] = np.array(column, kind).reshape(-1, *shape)
         return columns
 

@@ -6,9 +6,10 @@ packed bytes. docs/recording-format.md describes all of it byte by byte.
 """
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from functools import reduce
 from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,13 @@ Array = npt.NDArray[Any]
 """An array of any numbers."""
 
 _LARGE = 1 << 23  # bytes; more are deflated with less effort
-_NOTHING = b"\0\3\0"  # no bytes, as `packed` returns them
+_END = b"\3\0"  # of a stream that has whole bytes
+_NOTHING = b"\0" + _END  # no bytes, as `packed` returns them
 
 _TABLE = 9  # instead of how many bytes the integers of a column need: it has a table
 _MOST_ENTRIES, _MOST_IN_BYTE = 256, 8  # of a table; numbers of them in a byte
 _MOST_COUNTED = 1 << 21  # of larger integers no table is made
-_LARGE_COLUMN = 1 << 15  # bytes, as far back as deflate looks: from here on it pays to ask how a column is packed best
+LARGE_COLUMN = 1 << 15  # bytes, as far back as deflate looks: from here on it pays to ask how a column is packed best
 
 # -- packed bytes -----------------------------------------------------------------------------------------------
 
@@ -52,23 +54,41 @@ def packed(data: bytes) -> bytes:
 
 def packed_columns(columns: Sequence[bytes]) -> bytes:
     """Return columns as packed bytes: small ones deflated together, each large one in the way that suits it."""
-    groups = groupby(enumerate(columns), lambda one: one[0] if len(one[1]) >= _LARGE_COLUMN else -1)
+    groups = groupby(enumerate(columns), lambda one: one[0] if len(one[1]) >= LARGE_COLUMN else -1)
     *others, last = (b"".join(column for _, column in some) for _, some in groups)
     size = varint(sum(map(len, columns)))
     return b"".join((size, *(_deflated(one, zlib.Z_SYNC_FLUSH) for one in others), _deflated(last, zlib.Z_FINISH)))
 
 
+def deflated(data: bytes) -> bytes:
+    """Return bytes deflated, for `joined`."""
+    return _deflated(data, zlib.Z_SYNC_FLUSH)
+
+
+def joined(size: int, parts: Iterable[bytes], are_deflated: Iterable[bool]) -> bytes:
+    """Return parts as packed bytes.
+
+    Args:
+        size: of all of them, in bytes.
+        parts: as they are, or as `deflated` returns them.
+        are_deflated: which of them are.
+    """
+    groups = groupby(zip(are_deflated, parts, strict=True), itemgetter(0))
+    streams = ((is_done, b"".join(part for _, part in some)) for is_done, some in groups)
+    return b"".join((varint(size), *(one if is_done else deflated(one) for is_done, one in streams), _END))
+
+
 def _deflated(columns: bytes, flush: int) -> bytes:
     """Return columns of differences deflated; their stream ends for good, or with a whole byte, and goes on."""
     # NOTE: where no patterns are found it takes a fifth of the time to look for none (benchmarks: teams).
-    is_plain = len(columns) >= _LARGE_COLUMN and _sampled(columns, zlib.Z_RLE) <= 1.01 * _sampled(columns)
+    is_plain = len(columns) >= LARGE_COLUMN and _sampled(columns, zlib.Z_RLE) <= 1.01 * _sampled(columns)
     return _deflate(columns, zlib.Z_RLE if is_plain else zlib.Z_FILTERED, flush)
 
 
 def _sampled(column: bytes, strategy: int = zlib.Z_FILTERED) -> int:
     """Return how many bytes the last quarter of the first 32 KiB takes, deflated after those before it."""
-    begin = min(len(column), _LARGE_COLUMN) * 3 // 4
-    return len(_deflate(column[begin:_LARGE_COLUMN], strategy, before=column[:begin]))
+    begin = min(len(column), LARGE_COLUMN) * 3 // 4
+    return len(_deflate(column[begin:LARGE_COLUMN], strategy, before=column[:begin]))
 
 
 def _deflate(data: bytes, strategy: int, flush: int = zlib.Z_FINISH, before: bytes = b"") -> bytes:
@@ -183,7 +203,7 @@ def column(numbers: IntArray) -> bytes:
     low, high = int(numbers.min()), int(numbers.max())
     largest = max(2 * high, -2 * low - 1)  # by zigzag
     count = max(1, (largest.bit_length() + 7) // 8)
-    if count > 1 and count * len(numbers) >= _LARGE_COLUMN and largest < _MOST_COUNTED:
+    if count > 1 and count * len(numbers) >= LARGE_COLUMN and largest < _MOST_COUNTED:
         found = _numbered(numbers, low, high)
         if found is not None:
             return _by_table(*found)
@@ -201,14 +221,14 @@ def _numbered(numbers: IntArray, low: int, high: int) -> tuple[IntArray, Array] 
     What the first of them are is what nearly all are; where others occur all are numbered again.
     """
     number_of = np.empty(high - low + 1, np.uint8)
-    found: IntArray = np.unique(numbers[:_LARGE_COLUMN])
+    found: IntArray = np.unique(numbers[:LARGE_COLUMN])
     chosen = np.empty(len(numbers), np.uint8)
     while len(found) <= _MOST_ENTRIES:
         number_of.fill(_MOST_ENTRIES - 1)
         number_of[found - low] = np.arange(len(found))
         # NOTE: some at a time, for `take` makes wide indices of them (benchmarks: teams, recorded).
-        for begin in range(0, len(numbers), _LARGE_COLUMN):
-            some = slice(begin, begin + _LARGE_COLUMN)
+        for begin in range(0, len(numbers), LARGE_COLUMN):
+            some = slice(begin, begin + LARGE_COLUMN)
             number_of.take(numbers[some] - low, out=chosen[some], mode="clip")
         known, found = found, np.union1d(found, numbers[chosen == _MOST_ENTRIES - 1])
         if len(found) == len(known):
@@ -225,8 +245,8 @@ def _by_table(found: IntArray, chosen: Array) -> bytes:
 def _grouped(numbers: Array, base: int) -> bytes:
     """Return how many numbers below a base are in each byte, and the bytes: several, unless deflate saves less then."""
     each = next(each for each in range(_MOST_IN_BYTE, 0, -1) if base**each <= 256)
-    if each > 1 and len(numbers) >= _LARGE_COLUMN:
-        sample = numbers[:_LARGE_COLUMN]
+    if each > 1 and len(numbers) >= LARGE_COLUMN:
+        sample = numbers[:LARGE_COLUMN]
         if _sampled(_groups(sample, base, each)) <= 1.05 * _sampled(sample.tobytes()):
             return bytes([each]) + _groups(numbers, base, each)
     return b"\1" + numbers.tobytes()

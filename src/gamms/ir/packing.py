@@ -5,15 +5,15 @@ library decodes one level at a time: depth, memory and keys are checked before a
 The same value gives the same bytes. docs/recording-format.md describes all of it byte by byte.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import cache
 from math import prod
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir.deflated import Array, packed, packed_columns, steps, unpacked
+from gamms.ir.deflated import LARGE_COLUMN, Array, deflated, joined, packed, packed_columns, steps, unpacked
 from gamms.limits import PER_BYTE, Allowance, Keys
 from gamms.plain import MOST_DIMENSIONS, Plain
 from gamms.text import reason, shown
@@ -39,7 +39,8 @@ _NAMES = {dtype: name for name, dtype in DTYPES.items()}  # NOTE: NumPy takes 8 
 _TUPLE, _LIST, _DICT, _SET, _FROZENSET, _BYTES, _INT, _TEXT, _ARRAY = range(9)  # codes of extensions
 _PLAIN_CODES = frozenset({_BYTES, _INT, _TEXT})  # what is in no container
 _EXTENSION_HEADS = bytes((*range(0xC7, 0xCA), *range(0xD4, 0xD9)))
-_ONE = b"\x91"  # the head of an array with one item, which a value is in
+_ONE, _TWO = b"\x91", b"\x92"  # the head of an array with one item, which a value is in; with two
+_LONG_EXTENSION = b"\xc9"  # the head of an extension whose size has four bytes
 _SCALARS = frozenset({type(None), bool, int, float, str})
 
 # Bytes of memory, copies that are made of a state included.
@@ -71,6 +72,58 @@ def unpack(body: bytes, decoder: "Decoder", *, is_new: bool = True) -> Plain:
         BadFile: it is damaged, or the file has too much of it.
     """
     return decoder.value(unpack_parts(body, decoder.most_bytes)[0], is_new=is_new)
+
+
+class _Item(NamedTuple):
+    """An item of a dict: its key and value as bytes, which are deflated where they are many."""
+
+    value: Plain
+    size: int  # before that
+    cost: int  # of what is in it, in bytes of memory
+    data: bytes
+
+    @property
+    def is_large(self) -> bool:
+        """Whether it is deflated, apart from other items."""
+        return self.size >= LARGE_COLUMN
+
+
+class DictPacker:
+    """Packs dicts of large items, each deflated in the way that suits it; those that stay the same only once."""
+
+    def __init__(self) -> None:
+        self._known: dict[str, _Item] = {}
+
+    def pack(self, value: dict[str, Plain], where: str, lasting: Collection[str] = ()) -> bytes:
+        """Return a dict as packed bytes, the same for the same dict; `unpack` returns it.
+
+        Args:
+            value: the dict.
+            where: what it is, for the message.
+            lasting: keys whose values are as they were in the dict before if they are the same objects.
+
+        Raises:
+            BadType, BadValue: something in it is not plain.
+        """
+        known = {key: item for key in lasting if (item := self._known.get(key)) and item.value is value.get(key)}
+        items = {key: known.get(key) or self._item(key, one, where) for key, one in value.items()}
+        self._known = {key: item for key, item in items.items() if item.is_large}
+        if not self._known:
+            return pack(value, where)
+        count = 2 * len(items)
+        head = _encoder().encode([None] * count)[:-count]
+        inner = len(head) + sum(item.size for item in items.values())
+        front = b"".join((_ONE, _LONG_EXTENSION, inner.to_bytes(4, "big"), bytes([_DICT]), head))
+        parts = [front, *(item.data for item in items.values())]
+        are_deflated = [False, *(item.is_large for item in items.values())]
+        size = len(front) - len(head) + inner
+        cost = _OF_BYTE * size + _OF_CONTAINER + _OF_ITEM * count + inner
+        return padded(joined(size, parts, are_deflated), cost + sum(item.cost for item in items.values()))
+
+    def _item(self, key: str, value: Plain, where: str) -> _Item:
+        data = b"".join(to_bytes(one, where, MOST_DEPTH - 1)[1:] for one in (key, value))
+        cost, size = _cost_within(_TWO + data), len(data)
+        return _Item(value, size, cost, deflated(data) if size >= LARGE_COLUMN else data)
 
 
 def pack_parts(values: Sequence[bytes], columns: Sequence[bytes] = (), cost: int = 0) -> bytes:
@@ -140,19 +193,20 @@ def array_of(data: bytes, dtype: "np.dtype[Any]") -> Array:
 # -- plain values to bytes --------------------------------------------------------------------------------------
 
 
-def to_bytes(value: Plain, where: str) -> bytes:
+def to_bytes(value: Plain, where: str, depth: int = MOST_DEPTH) -> bytes:
     """Return a plain value as bytes, the same bytes for the same value.
 
     Args:
         value: what is written.
         where: what it is, for the message.
+        depth: how many containers may be in each other.
 
     Raises:
         BadType: something in it is not plain.
         BadValue: it is too deep.
     """
     try:
-        return _encoder().encode([_written(value, MOST_DEPTH)])
+        return _encoder().encode([_written(value, depth)])
     except TypeError as error:
         raise BadType(
             f"{where} cannot be recorded: {reason(error)}. Only None, bool, int, float, str, bytes, list, tuple, set, "
@@ -267,6 +321,8 @@ def cost_of(data: bytes) -> int:
 def _cost_within(data: bytes) -> int:
     """Return what is charged for the containers among the items of a MessagePack array, and for what is in them."""
     # NOTE: arrays of numbers are most of what agents sense; to open them took ten times as long (benchmarks).
+    if len(data.translate(None, _EXTENSION_HEADS)) == len(data):
+        return 0  # NOTE: a hundredth of the time for the names of a large team (benchmarks: teams, recorded)
     extension, cost = _extension(), 0
     for item in _flat().decode(data):
         if type(item) is extension and item.code not in _PLAIN_CODES:

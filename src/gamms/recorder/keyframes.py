@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
+from functools import lru_cache
 from itertools import chain
 from math import isnan
 from typing import Any, NamedTuple
@@ -40,27 +41,61 @@ _MOST_AGENTS = 1 << 24  # that one recording may number
 # -- to be written ------------------------------------------------------------------------------------------------
 
 
-def captured(ctx: HostContext) -> Keyframe:
-    """Return the state of a context that is being recorded, as a keyframe holds it."""
-    rows, details = ctx.agent.block, ctx.agent.storage.details()
+def captured(ctx: HostContext, members: Columns | None = None) -> Keyframe:
+    """Return the state of a context that is being recorded, as a keyframe holds it.
+
+    Args:
+        ctx: the context.
+        members: what `members_of` returned, if none of it has changed; the keyframe has the same objects then.
+    """
+    rows, described = ctx.agent.block, ctx.sensor.storage.described()
     rows.locate()
-    arrays = rows.arrays()
+    count = len(rows.names)
+    # NOTE: columns with nothing in them are one array, which is written once (benchmarks: teams, recorded).
+    is_empty = {name: getattr(rows, name).count(None) == count for name in _PLACES}
+    arrays = rows.arrays(("node", "previous", *(name for name in _PLACES if not is_empty[name]), *NUMBERS))
     columns: Columns = {
-        **{name: arrays[name] for name in ("names", "kind", "node", "previous", *_PLACES, *NUMBERS)},
+        **(members or members_of(ctx, described)),
+        **{name: _nothing(count, *BLOCK_ARRAYS[name][1]) if is_empty[name] else arrays[name] for name in _PLACES},
+        **{name: arrays[name] for name in ("node", "previous", *NUMBERS)},
+        **(progress_columns(rows.progress) if any(rows.progress) else {}),
+    }
+    attributes = {row: plain_subset(one) for row, one in ctx.agent.storage.attributes().items()}
+    state = ctx.game.internals.state
+    return _in_order(columns, len(rows.journal.names), grouped(described), attributes, state, ctx.rng_state())
+
+
+def members_of(ctx: HostContext, described: list[dict[str, Any]]) -> Columns:
+    """Return the columns that change only if agents, their teams, sensors or strategies do, or plans.
+
+    Args:
+        ctx: the context.
+        described: its sensors.
+    """
+    rows, details = ctx.agent.block, ctx.agent.storage.details()
+    arrays = rows.arrays(("names", "kind", "alive"))
+    sensors = [sensors and {name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details]
+    return {
+        "names": arrays["names"],
         "numbers": np.array(rows.journal.ids[: len(details)], np.int64),
+        "kind": arrays["kind"],
         "alive": arrays["alive"].astype(np.int64),
-        **progress_columns(rows.progress),
         "teams": to_plain(list(rows.teams)),
         "speed": to_plain(list(rows.speed)),
-        "sensors": [sensors and {name: one.sensor_id for name, one in sensors.items()} for sensors, _, _ in details],
-        "attributes": [attributes and plain_subset(attributes) for _, attributes, _ in details],
+        "carried": _carried(sensors, grouped(described)),
         "strategies": _names_of(deciders(ctx, details)),
     }
-    described = ctx.sensor.storage.described()
-    return packed(columns, len(rows.journal.names), described, ctx.game.internals.state, ctx.rng_state())
 
 
 _PLACES = ("heading", "position", "previous_position", "quat")
+LASTING = (*_PLACES, "names", "numbers", "kind", "alive", "teams", "speed", "carried", "strategies")
+"""Items of a keyframe that are as they were in an earlier one if they are the same object."""
+
+
+@lru_cache(maxsize=4)
+def _nothing(count: int, width: int) -> FloatArray:
+    """Return a read-only column in which no agent has anything."""
+    return np.broadcast_to(np.float64(np.nan), (count, width))
 
 
 def packed(
@@ -77,22 +112,32 @@ def packed(
         game: what the game has come to.
         rng_state: of the context's own random stream.
     """
-    groups, came = grouped(sensors), columns["previous"] - columns["node"]
+    groups = grouped(sensors)
+    attributes = {row: values for row, values in enumerate(columns["attributes"]) if values}
+    copies = {name: columns[name].copy() for name in (*ARRAYS, *LISTS) if name in columns}
+    return _in_order(
+        {**copies, "carried": _carried(columns["sensors"], groups)}, following, groups, attributes, game, rng_state
+    )
+
+
+def _in_order(
+    columns: Columns, following: int, groups: list[dict[str, Any]], attributes: Plain, game: GameState, rng_state: Plain
+) -> Keyframe:
+    """Return a keyframe of these parts."""
+    came = columns["previous"] - columns["node"]
     return {
-        "names": list(columns["names"]),
-        "numbers": columns["numbers"].copy(),
+        "names": columns["names"],
+        "numbers": columns["numbers"],
         "next": following,
-        **{name: columns[name].copy() for name in ("kind", "node")},
+        **{name: columns[name] for name in ("kind", "node")},
         "came": (came << 1) ^ (came >> 63),  # 0, -1, 1, -2 as 0, 1, 2, 3
-        **{name: columns[name].copy() for name in (*_PLACES, "alive")},
-        **{name: columns[name].copy() for name in _needed(columns)},
-        **{name: columns[name].copy() for name, (_, value) in NUMBERS.items() if (columns[name] != value).any()},
-        "teams": list(columns["teams"]),
-        "speed": list(columns["speed"]),
-        "carried": _carried(columns["sensors"], groups),
+        **{name: columns[name] for name in (*_PLACES, "alive")},
+        **{name: columns[name] for name in _needed(columns)},
+        **{name: columns[name] for name, (_, value) in NUMBERS.items() if (columns[name] != value).any()},
+        **{name: columns[name] for name in ("teams", "speed", "carried")},
         "sensor_kinds": groups,
-        "attributes": {row: values for row, values in enumerate(columns["attributes"]) if values},
-        "strategies": list(columns["strategies"]),
+        "attributes": attributes,
+        "strategies": columns["strategies"],
         **{
             name: field.captured(getattr(game, name))
             for name, field in GAME_FIELDS.items()
@@ -231,6 +276,8 @@ def progress_event(progress: list[Progress | None]) -> Columns:
 
 def _needed(columns: Columns) -> tuple[str, ...]:
     """Return the columns that say how far along edges agents are, as far as one of them is."""
+    if "edge_motion" not in columns:
+        return ()
     if columns["edge_motion"].any():
         return ON_EDGES
     return ON_EDGES[:3] if columns["edge_share"].any() else ()

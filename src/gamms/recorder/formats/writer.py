@@ -9,7 +9,7 @@ long anything took.
 import os
 import time
 from array import array
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from typing import Any, BinaryIO
 
@@ -69,6 +69,7 @@ class Writer:
         self._turns, self._seconds, self._size, self._clock = turns, seconds, size, clock
         self._key = blocks.head_of(head[: blocks.HEAD_SIZE]).crc
         self._file = stream if isinstance(stream, Output) else Output(stream)
+        self._packer = packing.DictPacker()
         self._values = 0  # before the open block
         self._open = chunks.Collected(first)
         self._file.append(blocks.MAGIC + head)
@@ -139,15 +140,19 @@ class Writer:
         is_large = size >= self._size and (turns >= _FEWEST_TURNS or size >= _MOST_SIZES * self._size)
         return turns >= self._turns or is_large
 
-    def keyframe(self, state: dict[str, Plain]) -> None:
+    def keyframe(self, state: dict[str, Plain], *, lasting: Collection[str] = ()) -> None:
         """Write down the whole state after the turns that were added so far.
+
+        Args:
+            state: plain values and NumPy arrays.
+            lasting: keys whose values have not changed since the last keyframe if they are the same objects.
 
         Raises:
             BadType, BadValue: it is not plain; nothing was written then.
             RecordingError: see `add_turn`.
         """
         self._file.check()
-        body = packing.pack(_is_dict(state, "keyframe"), "A keyframe")
+        body = self._packer.pack(_is_dict(state, "keyframe"), "A keyframe", lasting)
         self.end_block()
         self._put(blocks.KEYFRAME, body, blocks.Counts(self.turns))
 
