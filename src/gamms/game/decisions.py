@@ -276,7 +276,10 @@ class Decisions:
                 ends[i] = action
             else:
                 self.take(i, state)
-            mine = state["team_memory"] if "team_memory" in state else None  # noqa: SIM401 - a call in each agent-step
+            try:
+                mine = state["team_memory"]
+            except KeyError:  # it has removed it
+                mine = None
             if mine or (are_shared and template["team"] in shared):
                 self.note(i, mine)
 

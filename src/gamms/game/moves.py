@@ -131,9 +131,8 @@ class TurnMoves:
         All moves lead along one edge, or none.
         """
         ours, there = self.order.of_side(a).pick, self.order.of_side(b).pick(self.ends)
-        if not set(ours(self.ends)).isdisjoint(there):
-            return True
-        return crossing and not set(ours(self.starts)).isdisjoint(there)
+        nodes = {*ours(self.ends), *ours(self.starts)} if crossing else set(ours(self.ends))
+        return not nodes.isdisjoint(there)
 
     def are_single_steps(self, block: AgentBlock, a: Hashable, b: Hashable) -> bool:
         """Whether all living agents went along one edge or none, and are there; where some fly, those of two sides."""

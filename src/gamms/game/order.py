@@ -1,5 +1,6 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
+from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property
 from itertools import chain, compress, pairwise
@@ -188,16 +189,18 @@ class TurnOrder:
             self.selection = Selection(slots.rows if isinstance(slots, LazySlots) else [slot.row for slot in slots])
         self._of_team: dict[Hashable, Selection] = {}
         self._moved: RowArray | None = None  # (agents,) how often each has moved, where there are many
-        self._turns, self._stayed = 0, list[int]()  # else how many turns there were, and in how many each has stayed
+        self._turns, self._stayed = 0, list[int]()  # else how many turns there were, and who has stayed in one
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
         self.restart_counts()
 
     def of_side(self, side: Hashable | Callable[[IAgent], object]) -> Selection:
         """Return the slots of the agents of a team, or of those for which a function says so."""
         known = self._of_team.get(side)
-        if known is None and isinstance(self.slots, LazySlots) and not callable(side):
+        if known is not None:
+            return known
+        if isinstance(self.slots, LazySlots) and not callable(side):
             known = self._of_team[side] = Selection([i for i, team in enumerate(self.slots.teams) if team == side])
-        elif known is None:
+        else:
             known = Selection([i for i, slot in enumerate(self.slots) if plays_for(slot.agent, side)])
             if not callable(side):
                 self._of_team[side] = known
@@ -245,8 +248,9 @@ class TurnOrder:
         if self._moved is None:
             # NOTE: in C, and those that stay, who are fewer, because every turn does this (benchmarks: turns).
             self._turns += 1
-            for i in compress(self.whole.members, map(eq, starts, ends)):
-                self._stayed[i] += 1
+            self._stayed += compress(self.whole.members, map(eq, starts, ends))
+            if len(self._stayed) > 16 * len(self.slots):  # so that the list stays short
+                self.update_counts()
         else:
             self._moved += np.asarray(starts) != np.asarray(ends)
             if not self.block.flyers:
@@ -259,8 +263,9 @@ class TurnOrder:
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
         if self._moved is None:
-            for slot, stayed in zip(self.slots, self._stayed, strict=True):
-                slot.counts["moves"] += self._turns - stayed
+            stayed = Counter(self._stayed)
+            for i, slot in enumerate(self.slots):
+                slot.counts["moves"] += self._turns - stayed[i]
         else:
             self._add_to_counts("moves", self._moved)
             self.update_blocked()
@@ -279,7 +284,7 @@ class TurnOrder:
         """Count moves from here."""
         are_few, agents = not isinstance(self.slots, LazySlots), len(self.slots)
         self._moved = None if are_few else np.zeros(agents, np.int32)
-        self._turns, self._stayed = 0, [0] * agents if are_few else []
+        self._turns, self._stayed = 0, []
         self._blocked = np.zeros(0 if are_few else agents, np.int32)
 
 

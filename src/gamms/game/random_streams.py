@@ -47,14 +47,14 @@ class DrawTable:
 
     # NOTE: 50 ns for each number; one by one they take 850 ns (benchmarks: turns).
 
-    __slots__ = ("_begin", "_block", "_names", "clock", "row", "seed", "turn")
+    __slots__ = ("_begin", "_names", "_of_names", "_rows", "clock", "row", "seed", "turn")
 
     def __init__(self, seed: int, clock: GameState | _Moment) -> None:
         self.seed, self.clock = seed, clock
         self.turn, self.row = -1, list[int]()
         self._names: list[str] = []
-        self._begin = 0  # the first turn of the block
-        self._block: BitArray = np.zeros((0, 0), np.uint64)  # (turns, agents)
+        self._begin, self._rows = 0, list[list[int]]()  # the first turn of the block, and the draws of each
+        self._of_names = 0  # how many agents those are of
 
     def add(self, name: str) -> int:
         """Add an agent; returns its place in the rows of later turns."""
@@ -63,17 +63,17 @@ class DrawTable:
 
     def begin_turn(self, turn: int) -> None:
         """Set `row` to the first draws in a turn."""
-        at, names = turn - self._begin, self._names
-        if not names:
-            self.turn = turn
-            return
-        if not (0 <= at < len(self._block) and self._block.shape[1] == len(names)):
-            turns = max(1, min(_MOST_TURNS_AHEAD, _DRAWN_AHEAD // len(names)))
+        at, count = turn - self._begin, len(self._names)
+        if count and not (0 <= at < len(self._rows) and self._of_names == count):
+            turns = max(1, min(_MOST_TURNS_AHEAD, _DRAWN_AHEAD // count))
             purpose = np.array([kernels.purpose_key(self.seed, "agent")], np.uint64)
-            first = kernels.first_key_rows(purpose, kernels.name_keys(names))
+            first = kernels.first_key_rows(purpose, kernels.name_keys(self._names))
             keys = kernels.later_key_rows(first, np.arange(turn, turn + turns)[:, None])
-            self._begin, self._block, at = turn, kernels.bits_at_rows(keys, 0), 0
-        self.turn, self.row = turn, self._block[at].tolist()
+            self._begin, self._of_names, at = turn, count, 0
+            self._rows = kernels.bits_at_rows(keys, 0).tolist()
+        self.turn = turn
+        if count:
+            self.row = self._rows[at]
 
 
 class Draws:
@@ -88,11 +88,12 @@ class Draws:
         name: of the agent.
     """
 
-    __slots__ = ("_clock", "_count", "_key", "_name", "_place", "_table", "_turn")
+    __slots__ = ("_clock", "_count", "_key", "_keyed_turn", "_name", "_place", "_table", "_turn")
 
     def __init__(self, table: DrawTable, name: str) -> None:
         self._table, self._clock, self._name = table, table.clock, name
-        self._turn, self._key, self._count = -1, 0, 0
+        self._turn, self._count = -1, 0
+        self._keyed_turn, self._key = -1, 0  # the key of a turn
         self._place = _NO_PLACE  # in the rows of the table, once it has drawn
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -120,7 +121,6 @@ class Draws:
         """Go on from a mark of this turn."""
         self._turn = -1 if mark is None else self._clock.turn
         self._count = mark or 0
-        self._key = 0
 
     def bits(self) -> int:
         """Return 64 random bits."""
@@ -128,19 +128,20 @@ class Draws:
         if turn == self._turn:
             count = self._count
             self._count = count + 1
-            return kernels.bits_at(self._key or self._new_key(), count)
-        self._turn, self._key, self._count = turn, 0, 1
+            return kernels.bits_at(self._key_of(turn), count)
+        self._turn, self._count = turn, 1
         if table.turn != turn:
             table.begin_turn(turn)
         if self._place < len(table.row):
             return table.row[self._place]
         if self._place == _NO_PLACE:
             self._place = table.add(self._name)
-        return kernels.bits_at(self._new_key(), 0)
+        return kernels.bits_at(self._key_of(turn), 0)
 
-    def _new_key(self) -> int:
-        first = kernels.first_key(kernels.purpose_key(self._table.seed, "agent"), kernels.name_key(self._name))
-        self._key = kernels.later_key(first, self._turn)
+    def _key_of(self, turn: int) -> int:
+        if self._keyed_turn != turn:
+            first = kernels.first_key(kernels.purpose_key(self._table.seed, "agent"), kernels.name_key(self._name))
+            self._keyed_turn, self._key = turn, kernels.later_key(first, turn)
         return self._key
 
     def random(self) -> float:
@@ -157,9 +158,14 @@ class Draws:
             raise BadValue(f"state['draw'].below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
         # NOTE: `bits` for the first draw of a turn, and `kernels.below`, in line (benchmarks: 5 against 5 by reset).
         turn, table = self._clock.turn, self._table
-        if turn != self._turn and turn == table.turn and self._place < len(table.row):
-            self._turn, self._key, self._count = turn, 0, 1
-            return (table.row[self._place] >> 32) * n >> 32
+        if self._turn != turn == table.turn:
+            try:
+                bits = table.row[self._place]
+            except IndexError:  # it has not drawn in an earlier turn
+                pass
+            else:
+                self._turn, self._count = turn, 1
+                return (bits >> 32) * n >> 32
         return (self.bits() >> 32) * n >> 32
 
     def choice(self, options: Sequence[T]) -> T:

@@ -381,7 +381,11 @@ class RuleSet:
         while rules:
             for named in rules:
                 if named.phase == phase and (self.rules is seen or named in self.rules):
-                    self._call(named, named.rule, phase, state)
+                    try:
+                        named.rule(self._ctx)
+                    except Exception as error:
+                        _add_place(error, named, phase, state)
+                        raise
                     was_called = True
                     if phase == "before" and state.over is not None:
                         return True
@@ -395,15 +399,12 @@ class RuleSet:
         """Let the rules that have a `check` refuse moves and deeds; return whether there are such rules."""
         checks = [(named, check) for named in self.rules if (check := getattr(named.rule, "check", None)) is not None]
         for named, check in checks:
-            self._call(named, check, "check", state)
+            try:
+                check(self._ctx)
+            except Exception as error:
+                _add_place(error, named, "check", state)
+                raise
         return bool(checks)
-
-    def _call(self, named: NamedRule, function: Rule, phase: str, state: GameState) -> None:
-        try:
-            function(self._ctx)
-        except Exception as error:
-            error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.")
-            raise
 
     def warn_of_unknown_teams(self) -> None:
         """Warn about the teams that rules name and no agent plays for, once for each new rule."""
@@ -421,6 +422,10 @@ class RuleSet:
             artists: Any = getattr(self._ctx.visual, "artists", None)
             propose = self._ctx.visual.add_artist if artists is None else artists.propose
             propose(artist, {"drawer": drawer, "layer": getattr(drawer, "layer", 12)})
+
+
+def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState) -> None:
+    error.add_note(f"In the rule {named.name!r} (phase {phase!r}), in turn {state.turn}.")
 
 
 def _rank_of(named: NamedRule) -> int:

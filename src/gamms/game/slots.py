@@ -232,12 +232,17 @@ def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:
 
 
 @cache
-def _layout(_keys: tuple[str, ...]) -> type:
-    """Return the class whose instances have these keys, which states share; others get another class.
+def _layout(keys: tuple[str, ...]) -> dict[str, Any]:
+    """Return a dict of these keys, whose copies share one table of them; of other keys it is another one.
 
-    In one class for all, the keys of later kinds of games would find no place in its table.
+    It is of a class of its own: in one for all, the keys of later kinds of games would find no place in its table.
     """
-    return type("_Layout", (), {})
+    instance: Any = type("_Layout", (), {})()
+    for key in (*keys, "action"):
+        setattr(instance, key, None)
+    del instance.action
+    layout: dict[str, Any] = instance.__dict__
+    return layout
 
 
 def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
@@ -246,11 +251,8 @@ def _with_shared_keys(template: dict[str, Any]) -> dict[str, Any]:
     Python has such dicts for the attributes of instances (PEP 412); without them states would be twice as large, and
     those of 1,000 agents would not stay in the cache (benchmarks: turns).
     """
-    instance: Any = _layout(tuple(template))()
-    for key in (*template, "action"):
-        setattr(instance, key, template.get(key))
-    del instance.action
-    shared: dict[str, Any] = instance.__dict__
+    shared = _layout(tuple(template)).copy()
+    shared.update(template)
     return shared
 
 

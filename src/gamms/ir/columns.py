@@ -66,11 +66,11 @@ class Selection:
 
     def of(self, column: Sequence[Any]) -> Any:
         """Return what the column holds in these rows: a list, or a view of an array."""
-        return _listed(self.pick(column)) if type(column) is list else np.asarray(column).take(self.array).data
+        return [*self.pick(column)] if type(column) is list else np.asarray(column).take(self.array).data
 
     def column(self, values: Sequence[Any]) -> list[Any]:
         """Return the column that holds these values in these rows, which are all there are."""
-        return _listed(self._inverse(values))
+        return [*self._inverse(values)]
 
     def write(self, column: list[Any], values: Sequence[Any]) -> None:
         """Set the column in these rows."""
@@ -108,7 +108,3 @@ def _picker(places: list[int]) -> Callable[[Sequence[Any]], Iterable[Any]]:
     if places == list(range(len(places))):
         return itemgetter(slice(len(places)))
     return itemgetter(*places) if len(places) > 1 else lambda values: [values[i] for i in places]
-
-
-def _listed(picked: Iterable[Any]) -> list[Any]:
-    return picked if type(picked) is list else [*picked]

@@ -119,10 +119,11 @@ class Motion:
         """End a turn, so many of the game: note where agents are; its moves are looked up before they are shown."""
         # NOTE: games without pictures pay for this in every turn (benchmarks: the loop).
         self._is_current = False
-        if self._last is not None and number < self._last[2]:
-            self.forget()
         agents, last, past = self._ctx.agent, self._last, self._past
         positions, version = agents.positions, agents.structure_version
+        if last is not None and number < last[2]:  # the game was reset
+            self.forget()
+            last = None
         if last is None:
             last, self._structure = (list(positions.names), positions.previous_places, number), None
         names = last[0] if version is not None and version == self._structure else list(positions.names)
