@@ -252,7 +252,8 @@ def caller(ctx):
         actions = view.draw.below(view.counts)
         for name in names:
             heard, count = view.heard(name), np.zeros(view.node.shape, np.int64)
-            np.add.at(count, (heard.at, heard.hearers), np.array(heard.bodies, np.int64) + heard.turns)
+            bodies = [body if isinstance(body, int) else len(body) for body in heard.bodies]
+            np.add.at(count, (heard.at, heard.hearers), np.array(bodies, np.int64) + heard.turns)
             view.send(name, (view.turn[:, None] + actions) % 2 == 0, view["curr_pos"])
             actions = (actions + count) % view.counts
         return actions
