@@ -38,6 +38,8 @@ def world(case, make):
     ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
     ctx.agent.create_agent("blue_hunter", start_node_id=12, team="blue", strategy=gamms.strategies.random_walk)
     make(ctx, "red", case["nodes"], {"fuel": case["fuel"]} if case["fuel"] else {})
+    for i, speed in enumerate(case["speed"] or ()):
+        ctx.agent.get_agent(f"red_{i}").speed = speed
     if case["late"]:
         ctx.agent.create_agent("red_late", start_node_id=3, team="red", strategy=gamms.strategies.random_walk)
     if case["plan"] is not None:
@@ -69,6 +71,7 @@ CASES = st.integers(2, 12).flatmap(
             "seed": st.integers(0, 5),
             "nodes": st.lists(st.integers(0, 24), min_size=count, max_size=count),
             "fuel": st.none() | st.lists(st.sampled_from([1, 2.5, True, "full"]), min_size=count, max_size=count),
+            "speed": st.none() | st.lists(st.none() | st.integers(1, 3), min_size=count, max_size=count),
             "late": st.booleans(),
             "plan": st.none() | st.sampled_from(list(PLANS)),
             "conflicts": st.booleans(),
@@ -116,8 +119,8 @@ def test_a_game_with_a_team_is_that_of_the_same_agents_one_by_one(case):
 
 
 def test_a_recording_of_a_team_is_that_of_its_replay(tmp_path):
-    case = {"seed": 2, "nodes": [3] * 12, "fuel": None, "late": True, "plan": "numbers", "conflicts": True, "tag": None}
-    with world(case | {"order": True}, as_team) as ctx:
+    case = {"seed": 2, "nodes": [3] * 12, "fuel": None, "speed": None, "late": True, "plan": "numbers"}
+    with world(case | {"conflicts": True, "tag": None, "order": True}, as_team) as ctx:
         ctx.record.start(tmp_path / "game.ggr")
         ctx.game.run(5)
         ctx.record.stop()

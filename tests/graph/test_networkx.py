@@ -4,6 +4,7 @@ import math
 from types import SimpleNamespace
 
 import networkx as nx
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -66,6 +67,13 @@ def test_given_edge_ids_are_kept_and_missing_ones_are_free_ones(graph):
     graph.attach_networkx_graph(nx.DiGraph([(1, 2, {"id": 70}), (2, 3, {}), (3, 1, {"id": -5}), (1, 3, {})]))
     ends = {id: tuple(graph.get_edge(id)[1:3]) for id in graph.get_edges()}
     assert ends == {50: (0, 0), 70: (1, 2), 71: (1, 3), 72: (2, 3), -5: (3, 1)}
+
+
+def test_numpy_s_integers_are_ids_as_those_of_python(any_ctx):
+    G = nx.relabel_nodes(nx.path_graph(3, nx.DiGraph), {i: np.int64(1000 * i) for i in range(3)})
+    graph = any_ctx.graph.attach_networkx_graph(G)
+    assert set(graph.get_nodes()) == {0, 1000, 2000}
+    assert any_ctx.graph.networkx_labels() == {}
 
 
 def test_labels_that_are_no_integers_are_mapped(any_ctx):

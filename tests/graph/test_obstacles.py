@@ -54,6 +54,16 @@ corners = st.tuples(*[st.integers(-9, 9)] * 3)
 )
 @settings(max_examples=40, deadline=None, derandomize=True)
 def test_nearness_equals_brute_force(faces, d, x, y):
+    check_nearness(faces, d, x, y)
+
+
+def test_nearness_among_many_faces_equals_brute_force():
+    faces = [((x, y, 3), (x + 1, y, 3), (x, y, 0), (x + 1, y, 0)) for x in range(20) for y in range(20)]
+    for d, x, y in ((0, 5, 5), (2, 7.5, 9.5), (3, 19, 0), (30, 10, 10), (1, 40, 5)):
+        check_nearness(faces, d, x, y)
+
+
+def check_nearness(faces, d, x, y):
     obstacles = Obstacles()
     for id, face in enumerate(faces):
         obstacles.add(checked_face(id, *face, 0))

@@ -78,6 +78,12 @@ def test_isochrones_hold_what_networkx_reaches_within_each_limit(edges, limits, 
     assert [ids.tolist() for ids in found] == [sorted(id for id in far if far[id] <= limit) for limit in limits]
 
 
+def test_a_node_that_is_not_there_has_no_distance_to_a_target_asked_for_before(town):
+    assert town.graph.distance(0, 19) == 700.0
+    with pytest.raises(UnknownName, match="99"):
+        town.graph.distance(99, 19)
+
+
 def test_isochrones_refuse_a_negative_limit(town):
     assert town.routes.isochrones(0, [100.0])[0].tolist() == [0, 1, 5]
     with pytest.raises(BadValue, match="limit"):

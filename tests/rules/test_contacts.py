@@ -138,6 +138,19 @@ def test_the_order_of_two_pairs_does_not_depend_on_who_else_is_there(road):
     assert order() == order(aa=("red", 3), y=("blue", 3)) != sorted(order())
 
 
+@pytest.mark.parametrize("teams", [("red", "blue"), ("blue", "red")])
+def test_on_the_move_the_shorter_way_counts_whichever_direction_it_leads(teams):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}, game={"speed_unit": "metres"}) as ctx:
+        ctx.graph.add_nodes(range(3), [0.0, 100.0, 200.0], [0.0] * 3)
+        ctx.graph.add_edges(range(2), [0, 1], [1, 2], lengths=[100.0, 100.0])  # one-way
+        for team, node in zip(teams, (0, 1), strict=True):
+            ctx.agent.create_agent(team, start_node_id=node, team=team, speed=10.0, strategy=gamms.strategies.stay)
+        ctx.agent.get_agent(teams[1]).register_strategy(lambda state: state.update(action=2))
+        ctx.game.step()
+        assert pairs(ctx, metres=90) == {}
+        assert pairs(ctx, metres=105) == {("red", "blue"): 100.0}
+
+
 @pytest.mark.parametrize("given", [{"hops": -1}, {"metres": float("nan")}, {"hops": 1, "euclid": 2.0}])
 def test_impossible_distances_are_refused(road, given):
     with pytest.raises(ValueError, match=r"negative|finite|Give one distance"):

@@ -72,6 +72,7 @@ def test_an_endless_view_has_no_outline():
 def test_straight_down_the_footprint_is_a_disc_of_the_radius_that_the_height_gives(x, y, z, fov):
     outline = fov_geometry.footprint((x, y, z), (0.0, 0.0, -2.0), inf, fov)
     np.testing.assert_allclose(np.hypot(*(outline - (x, y)).T), z * tan(fov / 2), rtol=1e-6)
+    np.testing.assert_allclose(outline.mean(axis=0), (x, y), atol=1e-3 * z * tan(fov / 2))  # corners on all sides
 
 
 @given(heights, openings, st.floats(1.01, 10.0))

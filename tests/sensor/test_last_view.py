@@ -7,6 +7,7 @@ import pytest
 from gamms.errors import UnknownName
 from gamms.sensor import SensorType, fov_geometry
 
+DOWN = (0.5**0.5, 0.0, 0.5**0.5, 0.0)
 DRAWN = [SensorType.NEIGHBOR, *(SensorType[name] for name in ("MAP", "RANGE", "ARC", "AGENT", "AGENT_RANGE"))]
 
 
@@ -70,6 +71,21 @@ def test_a_sensor_of_agents_shows_their_nodes_and_its_disc(ctx):
     eye.sense(0)
     assert eye.last_view().agents.tolist() == [[1, 0]]
     assert eye.last_view().outline.tolist() == fov_geometry.disc(0, 0, 2.0).tolist()
+
+
+def test_from_the_air_agents_are_seen_in_the_shadow_of_the_cone(ctx):
+    ctx.agent.create_agent("anna", start_node_id=0)
+    open_eye, among_walls = (
+        ctx.sensor.create_sensor(name, name, at=(0.0, 0.0, 2.0), quat=DOWN, sensor_range=9.0, fov=pi / 2)
+        for name in ("AERIAL_AGENT", "OCCLUDED_AERIAL_AGENT")
+    )
+    for eye in (open_eye, among_walls):
+        eye.sense()
+        assert eye.last_view().agents.tolist() == [[0, 0]]
+    low, high = open_eye.last_view().outline.min(axis=0), open_eye.last_view().outline.max(axis=0)
+    assert (low < -1.9).all()
+    assert (high > 1.9).all()
+    assert len(among_walls.last_view().outline) == 0  # what walls leave of it is no polygon
 
 
 def test_a_view_without_bounds_has_no_outline(ctx):

@@ -80,7 +80,7 @@ def test_the_wheel_stops_before_the_smallest_streets_are_lost(ctx, person):
 
 
 def test_dragging_moves_the_picture_with_the_hand(ctx, person):
-    person.drag((100, 100), (130, 80))
+    person.drag((100, 120), (130, 100))
     ctx.visual.update()
     assert camera(ctx) == pytest.approx((-3.0, -2.0, 32.0))
 
