@@ -9,6 +9,7 @@ from functools import cache
 
 import pytest
 from hypothesis import is_hypothesis_test, settings
+from hypothesis.internal.conjecture import providers
 
 import gamms
 
@@ -19,6 +20,8 @@ gc.disable()  # until all tests are collected
 
 settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=20)  # none is about time, or luck
 settings.load_profile("gamms")
+if hasattr(providers, "is_local_module_file"):  # else examples follow from all constants in all modules loaded so far
+    providers.is_local_module_file = lambda path: False
 
 
 def pytest_collection_modifyitems(items):
