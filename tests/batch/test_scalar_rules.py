@@ -102,7 +102,7 @@ def check(ctx, seeds, *, restart=None):
         return games.detached
 
 
-@settings(LAWS, max_examples=12)
+@settings(LAWS, max_examples=8)
 @given(
     rules=ruled,
     first=st.lists(st.sampled_from([TAG, OUT, BACK, PAID, FLAGS]), max_size=2, unique_by=str),

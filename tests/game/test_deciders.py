@@ -2,7 +2,6 @@
 
 import asyncio
 import copy
-import gc
 import io
 import signal
 import threading
@@ -468,14 +467,14 @@ def test_an_error_in_a_strategy_that_is_awaited_ends_the_turn(ctx):
     assert (ended, ctx.game.turn) == (["a"], 0)
 
 
-def test_nothing_is_left_waiting_if_another_strategy_raises(ctx):
+def test_nothing_is_left_waiting_if_another_strategy_raises(ctx, collect):
     team(ctx, "a", strategy=later(0.0))
     team(ctx, "b", strategy=lambda state: 1 / 0)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(ZeroDivisionError):
             ctx.game.step()
-        gc.collect()
+        collect()
 
 
 def test_no_agent_may_change_anything_while_several_are_awaited(ctx):
@@ -567,7 +566,7 @@ def test_what_strategies_open_in_the_loop_lasts_from_turn_to_turn(ctx):
     assert loops[0].is_closed()
 
 
-def test_a_game_that_is_forgotten_closes_its_loop(grid):
+def test_a_game_that_is_forgotten_closes_its_loop(grid, collect):
     loops = []
 
     async def strategy(state):
@@ -581,7 +580,7 @@ def test_a_game_that_is_forgotten_closes_its_loop(grid):
     copied.game.step()
     assert loops[0] is not loops[1]
     del ctx, copied
-    gc.collect()
+    collect()
     assert [loop.is_closed() for loop in loops] == [True, True]
 
 
@@ -644,7 +643,7 @@ def test_a_strategy_may_play_ahead_in_a_copy_with_strategies_that_are_awaited(gr
     assert (nodes(ctx), nodes(ahead["copy"])) == ({"a": 6}, {"a": 6})
 
 
-def test_the_paper_s_loop_and_strategies_made_of_strategies_say_that_they_do_not_await(ctx):
+def test_the_paper_s_loop_and_strategies_made_of_strategies_say_that_they_do_not_await(ctx, collect):
     (agent,) = team(ctx, "a", strategy=later(0.0))
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -652,7 +651,7 @@ def test_the_paper_s_loop_and_strategies_made_of_strategies_say_that_they_do_not
             agent.step()
         with pytest.raises(BadType, match="must not be an async def"):
             gamms.strategies.first(later(0.0), wander)
-        gc.collect()
+        collect()
 
 
 # -- laws -----------------------------------------------------------------------------------------------------------

@@ -1,6 +1,5 @@
 """A fork goes on from where the game is, with other random numbers, and leaves the game alone."""
 
-import gc
 import threading
 from functools import partial
 
@@ -167,13 +166,13 @@ def test_a_fork_keeps_the_map_when_the_game_ends(grid):
     fork.terminate()
 
 
-def test_a_game_changes_its_own_map_in_place_once_its_forks_are_gone(grid):
+def test_a_game_changes_its_own_map_in_place_once_its_forks_are_gone(grid, collect):
     with grid() as ctx:
         fork = ctx.game.fork(1)
         nodes = ctx.graph.graph._store.nodes
         assert fork.ctx.graph.graph._store.nodes is nodes
         del fork
-        gc.collect()
+        collect()
         ctx.graph.graph.remove_edge(3)
         assert ctx.graph.graph._store.nodes is nodes
 

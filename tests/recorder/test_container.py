@@ -1,6 +1,5 @@
 """What is written is read: logs, header, keyframes; by turn, as arrays, by kind of event; the same bytes each time."""
 
-import gc
 import io
 import random
 
@@ -121,13 +120,13 @@ def test_turns_are_read_in_any_order_from_a_few_blocks_in_memory():
     assert len(reader._kept) <= 4
 
 
-def test_a_path_is_opened_and_closed(tmp_path):
+def test_a_path_is_opened_and_closed(tmp_path, collect):
     path = tmp_path / "game.ggr"
     path.write_bytes(written(walk(2, 3)))
     for source in (path, str(path)):
         with Reader(source) as reader:
             assert reader.log(2) == walk(2, 3)[2]
-    gc.collect()  # a file left open would warn now
+    collect()  # a file left open would warn now
     with pytest.raises(FileNotFoundError):
         Reader(tmp_path / "none.ggr")
 
