@@ -119,6 +119,37 @@ def test_arrays_are_asked_where_agents_are_many_and_names_where_a_subclass_resol
     assert asked == [43]
 
 
+@pytest.mark.parametrize("allow_swaps", [True, False])
+def test_many_agents_made_one_by_one_are_decided_in_arrays_while_the_map_stays(allow_swaps):
+    asked = set()
+
+    def at_random_by_name(contest, ctx):
+        asked.add(ctx.game.turn)
+        return at_random()(contest, ctx)
+
+    def either(contest, ctx):
+        return at_random_by_name(contest, ctx)
+
+    either.array_form = at_random().array_form
+
+    def crowd(resolve):
+        ctx = gamms.create_context(seed=3, logger_config={"level": "CRITICAL"})
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(20, 20))
+        for i in range(300):
+            ctx.agent.create_agent(f"a_{i}", start_node_id=i, strategy=hesitate)
+        ctx.game.conflicts = Conflicts(1, allow_swaps=allow_swaps, resolve=resolve)
+        return ctx
+
+    with crowd(either) as ctx, crowd(by_name(at_random)) as plain:
+        for turn in range(6):
+            if turn == 3:
+                for one in (ctx, plain):
+                    one.graph.graph.remove_edge(0)
+            assert seen(ctx) == seen(plain)
+        assert dict(ctx.game.counts) == dict(plain.game.counts)
+    assert asked == {0, 3}
+
+
 WAYS = {
     "all agents on all nodes": {"_PLACES_AS_THEY_ARE": 10**9},
     "all agents, by a table of nodes": {"_PLACES_AS_THEY_ARE": 0, "_FEW_INVOLVED": 10**9},

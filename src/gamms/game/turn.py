@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
 _FEWEST_IN_ARRAYS = 32  # agents whose conflicts are resolved in arrays (benchmarks: teams)
-_MOST_COUNTED = 256  # agents that arrays are not asked about where all end on nodes of their own (benchmarks: peers)
+_MOST_COUNTED = 256  # agents whose ends are counted before arrays are asked (benchmarks: peers)
 Observer = Callable[[list[Any], list[dict[str, Any]]], None]  # called with the agents and their states
 
 
@@ -71,6 +71,7 @@ class TurnEngine:
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
         self.refusals: Refusals | None = None
         self._shared: dict[Any, Any] = {}  # what array forms of conflict resolvers have worked out for the graph
+        self._resolved_at: int | None = None  # the revision of the graph when conflicts were resolved last
         self._inboxes = Inboxes(ctx, state)
         self._outgoing: list[Outgoing] = []  # of this turn
         self._known_channels: list[Channel] = []  # of which it was checked whom they name
@@ -432,7 +433,7 @@ class TurnEngine:
         before, after = places = arrivals.places(here, actions)
         losers = [i for i in self._losers(turn, places, partial(arrivals.moves, places)) if before[i] != after[i]]
         for i in losers:
-            self._note_conflict(turn.slots[i], after[i])
+            self._block(turn.slots[i], in_conflict(after[i]))
             after[i] = before[i]
         arrivals.take(after)
         return set(losers)
@@ -516,31 +517,34 @@ class TurnEngine:
 
     def _resolve(self, turn: TurnMoves) -> None:
         """Stop the agents that the conflict resolver stops."""
-        slots = turn.slots
-        if isinstance(slots, LazySlots) and not turn.actions:
-            if len(slots) <= _MOST_COUNTED and not self._involved(turn, (turn.starts, turn.ends)):
-                return
-            is_stopped = self._stopped_in_arrays(turn)
-            if is_stopped is not None:
-                stopped = np.flatnonzero(is_stopped)
-                self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends).take(stopped))
-                turn.stop_each(stopped)
-                for slot in slots.made_of(is_stopped):
-                    slot.show_blocked()
-                return
-        places = turn.places()
-        for i in self._losers(turn, places, turn.named):
+        slots, places = turn.slots, turn.places()
+        is_lazy = isinstance(slots, LazySlots)
+        if is_lazy and len(slots) <= _MOST_COUNTED and not self._involved(turn, places):
+            return
+        is_stopped = self._stopped_in_arrays(turn, _FEWEST_IN_ARRAYS if is_lazy else _MOST_COUNTED + 1)
+        if is_stopped is not None and isinstance(slots, LazySlots):
+            stopped = np.flatnonzero(is_stopped)
+            self._state.blocked.add_conflicts(turn.order.names, stopped, np.asarray(turn.ends).take(stopped))
+            turn.stop_each(stopped)
+            for slot in slots.made_of(is_stopped):
+                slot.show_blocked()
+            return
+        losers = self._losers(turn, places, turn.named) if is_stopped is None else np.flatnonzero(is_stopped).tolist()
+        for i in losers:
             end = places[1][i]
             if turn.stop(i):
-                self._note_conflict(slots[i], end)
+                self._block(slots[i], in_conflict(end))
 
-    def _stopped_in_arrays(self, turn: TurnMoves) -> BoolArray | None:
+    def _stopped_in_arrays(self, turn: TurnMoves, fewest: int) -> BoolArray | None:
         """Return which agents, by slot, the array form of the conflict resolver stops.
 
-        None: it has none, or agents are few, fly, or are on nodes that are no longer on the map.
+        None: it has none, agents are fewer, fly or do more than go to a node, or the map is not that of the last turn.
         """
-        form = getattr(self._settings.conflicts, "array_form", None)
-        if form is None or len(turn.slots) < _FEWEST_IN_ARRAYS or turn.order.whole.on_ground is not None:
+        form, graph = getattr(self._settings.conflicts, "array_form", None), self._ctx.graph.graph
+        if form is None or turn.actions or len(turn.slots) < fewest or turn.order.whole.on_ground is not None:
+            return None
+        revision, self._resolved_at = self._resolved_at, graph.revision
+        if not isinstance(turn.slots, LazySlots) and (revision is None or revision != graph.revision):
             return None
         streets = self._legality.streets
         if self._shared.get("streets") is not streets:
@@ -567,9 +571,6 @@ class TurnEngine:
         whole, involved = turn.order.whole, getattr(self._settings.conflicts, "involved", None)
         ground = range(len(turn.slots)) if whole.on_ground is None else whole.on_ground
         return [*ground] if involved is None else [ground[i] for i in involved(*map(whole.of_ground, places))]
-
-    def _note_conflict(self, slot: AgentSlot, end: object) -> None:
-        self._block(slot, in_conflict(end))
 
     def _apply(self, turn: TurnMoves, part: Part) -> None:
         """Write the moves of a part into the columns of the agents."""
