@@ -220,20 +220,22 @@ def _numbered(numbers: IntArray, low: int, high: int) -> tuple[IntArray, Array] 
 
     What the first of them are is what nearly all are; where others occur all are numbered again.
     """
-    number_of = np.empty(high - low + 1, np.uint8)
-    found: IntArray = np.unique(numbers[:LARGE_COLUMN])
-    chosen = np.empty(len(numbers), np.uint8)
-    while len(found) <= _MOST_ENTRIES:
+    occurs, number_of = np.zeros(high - low + 1, np.bool_), np.empty(high - low + 1, np.uint8)
+    chosen, news = np.empty(len(numbers), np.uint8), numbers[:LARGE_COLUMN]
+    while len(news):
+        occurs[news - low] = True
+        found = np.flatnonzero(occurs)
+        if len(found) > _MOST_ENTRIES:
+            return None
         number_of.fill(_MOST_ENTRIES - 1)
-        number_of[found - low] = np.arange(len(found))
+        number_of[found] = np.arange(len(found))
         # NOTE: some at a time, for `take` makes wide indices of them (benchmarks: teams, recorded).
         for begin in range(0, len(numbers), LARGE_COLUMN):
             some = slice(begin, begin + LARGE_COLUMN)
             number_of.take(numbers[some] - low, out=chosen[some], mode="clip")
-        known, found = found, np.union1d(found, numbers[chosen == _MOST_ENTRIES - 1])
-        if len(found) == len(known):
-            return found, chosen
-    return None
+        last = numbers[chosen == _MOST_ENTRIES - 1]
+        news = last[~occurs[last - low]]
+    return found + low, chosen
 
 
 def _by_table(found: IntArray, chosen: Array) -> bytes:

@@ -35,7 +35,7 @@ from gamms.text import reason, shown
 Log = list[Plain]
 """The log of one turn: ints two by two, and tuples, among them those that hold the moves of many agents."""
 
-_AGENTS_AT_ONCE = 1 << 12
+_AGENTS_AT_ONCE = 1 << 13
 BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
 
 
@@ -109,22 +109,27 @@ def layout_of(numbers: bytes) -> tuple[bytes, Layout]:
 
 
 @lru_cache(maxsize=2)
-def team_of(movers: Movers, turns: int) -> tuple[bytes, IntArray]:
-    """Return the column of rows of a block in which each of some agents moves once in each turn, and their order."""
+def team_of(movers: Movers, turns: int) -> tuple[bytes, IntArray | None]:
+    """Return the column of rows of a block in which each of some agents moves once in each turn.
+
+    With it, the order of the agents by their numbers; None: they have it.
+    """
     rows, _ = layout_of.__wrapped__(np.tile(movers.numbers, turns).tobytes())
-    return rows, _by_number(movers.numbers)
+    is_ordered = bool((movers.numbers[1:] > movers.numbers[:-1]).all())
+    return rows, None if is_ordered else _by_number(movers.numbers)
 
 
 def _team_columns(turns: Sequence[Moves]) -> Iterator[bytes]:
     """Yield the columns of the moves of a block in which the same agents move in each turn, as `Layout` gives them."""
     rows, order = team_of(turns[0].movers, len(turns))
+    nodes = [one.nodes if order is None else one.nodes[order] for one in turns]
     yield rows
-    yield column(steps(turns[0].nodes[order].astype(np.int64)))
-    others = np.empty((len(order), len(turns) - 1), np.result_type(*(one.nodes for one in turns)))
+    yield column(steps(nodes[0].astype(np.int64)))
+    others = np.empty((len(nodes[0]), len(nodes) - 1), np.result_type(*nodes))
     # NOTE: some agents at a time, whose nodes the cache holds, take half the time (benchmarks: teams, recorded).
-    for begin in range(0, len(order), _AGENTS_AT_ONCE):
-        some = order[begin : begin + _AGENTS_AT_ONCE]
-        others[begin : begin + len(some)] = np.diff([one.nodes[some] for one in turns], axis=0).T
+    for begin in range(0, len(others), _AGENTS_AT_ONCE):
+        some = slice(begin, begin + _AGENTS_AT_ONCE)
+        others[some] = np.diff([one[some] for one in nodes], axis=0).T
     yield column(others.reshape(-1))
 
 
