@@ -168,7 +168,7 @@ class Radio(GameLog[list[_Sent]]):
                 continue
             at = number[sent.at]
             arrives = (sent.outcome == HEARD) | (sent.outcome == OVERHEARD)
-            arrives &= (sent.arrival == np.where(at >= 0, turns[at] + 1, -1)[:, None]) & (at >= 0)[:, None]
+            arrives &= (sent.arrival == turns[at][:, None] + 1) & (at >= 0)[:, None]
             rows, columns = np.nonzero(arrives[:, agents] & asked[at])
             overheard = sent.outcome[rows, agents[columns]] == OVERHEARD
             bodies = [sent.bodies[row] for row in rows.tolist()]
