@@ -166,3 +166,15 @@ def test_tables_have_no_more_than_was_asked_of_them(grid_of_streets):
     assert table.nbytes == small
     table.distances(nodes, np.zeros(len(nodes), np.int64))
     assert table.nbytes > small
+
+
+def test_long_ways_that_are_known_stay_known_where_others_ask_from_farther_away():
+    nodes = [(x, 0) for x in range(7)] + [(x, 1) for x in range(6, -1, -1)]
+    with gamms.create_context(logger_config={"level": "CRITICAL"}) as ctx:
+        ctx.graph.graph.add_nodes(range(14), *zip(*nodes, strict=True))
+        ctx.graph.graph.add_edges(range(14), range(14), [*range(1, 14), 0])  # one way around
+        ctx.agent.create_agent("a", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
+        with ctx.game.batch(1) as games:
+            routes = games.observe("red").routes()
+            assert routes.distances(np.array([1]), np.array([0])).tolist() == [13]
+            assert routes.distances(np.array([1, 6]), np.array([0, 0])).tolist() == [13, 8]

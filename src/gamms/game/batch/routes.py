@@ -229,9 +229,12 @@ class RouteTable:
         return True
 
     def _fill_distances(self, starts: IntArray, ends: IntArray, *, with_hops: bool) -> bool:
-        missing = np.flatnonzero(self._lack(starts, ends, with_hops=with_hops))
-        if not len(missing):
+        lack = self._lack(starts, ends, with_hops=with_hops)
+        if not lack.any():
             return True
+        is_new = np.zeros(len(self._level), np.bool_)  # by target: a table that is computed again loses what it had
+        is_new[ends[lack]] = True
+        missing = np.flatnonzero(is_new[ends])
         xy, (starts, ends) = self._streets.columns.xy, (starts[missing], ends[missing])
         straight = np.hypot(*(xy[starts] - xy[ends]).T)
         is_far = straight > self._span[ends]
