@@ -17,6 +17,8 @@ from random_players import (
     busy,
     caller,
     curious,
+    go_on,
+    rash,
     strike,
 )
 
@@ -186,7 +188,7 @@ motions = st.one_of(
     st.just({"legal": "any", "strategies": ["chase", "flee", "guard", "assign", "intercept", "cut off", "sweep"]}),
     st.fixed_dictionaries(
         {
-            "speed_unit": st.just("metres"),
+            "speed_unit": st.sampled_from(["metres", "metres", "metres_per_second"]),
             "weight": st.sampled_from(["length", "slow"]),
             "decide": st.sampled_from(["turn", "arrival"]),
             "speeds": st.lists(st.sampled_from([None, 0.3, 0.5, 1.0, 1.9, 3]), min_size=1, max_size=3),
@@ -264,6 +266,7 @@ class Drawn:
     heights: list | None = None
     walls: list = ()
     reserved: dict | None = None
+    default_action: object = None  # where strategies may raise
 
     @property
     def moves_before(self):
@@ -289,6 +292,8 @@ class Drawn:
             ctx.game.collect(f"{per} {every}", TAKEN[per], every, per)
         ctx.game.conflicts, ctx.game.order = self.conflicts, self.order
         ctx.game.team_memory = self.shared
+        if self.default_action is not None:
+            ctx.game.on_error, ctx.game.default_action = "stay", self.default_action
         if "p" in self.asked:
             ctx.game.command(ctx.agent.get_agent(min(self.agents)).team, agreed)
         return ctx
@@ -310,7 +315,7 @@ class Drawn:
         made = [random_walk if self.deeds is None else busy, *(PACED[one](ctx) for one in motion.get("strategies", ()))]
         made += [caller(ctx)] if self.motion is None else []
         if name[0] in self.asked:
-            made = [curious if "w" in self.asked else attentive]
+            made = [rash if self.default_action is not None else curious if "w" in self.asked else attentive]
         sees = []
         for kind in self.eyes[number % len(self.eyes)]:
             given = KINDS[kind]
@@ -344,6 +349,7 @@ def games(draw):
     """A random game."""
     several = draw(st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=1, max_size=11))
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(several)}
+    default_action = draw(st.sampled_from([None, None, "stay", 5, go_on]))
     motion, conflicts_now = draw(motions), draw(st.one_of(st.none(), conflicts, st.just(FirstOnly())))
     if motion is not None and motion.get("decide") == "arrival":
         conflicts_now = conflicts_now if isinstance(conflicts_now, Conflicts) and conflicts_now.allow_swaps else None
@@ -378,4 +384,5 @@ def games(draw):
         ),
         walls=draw(st.one_of(st.just([]), walls)),
         reserved={agents[min(agents)][0]: ["b9", "y9", "z9"]},
+        default_action=default_action,
     )

@@ -61,9 +61,21 @@ def curious(state):
     attentive(state, state["blocked"])
 
 
+def go_on(state):
+    """Return the last legal node."""
+    return state["legal"][-1]
+
+
+def rash(state):
+    """Do what follows from all that the agent sees, and raise an error sometimes."""
+    attentive(state, "raises")
+
+
 # What games leave arrays for: an agent that is asked comes, or one whose sensor draws for several or reports late;
 # one asks why a rule in arrays has refused its move, or gives its way where it decides at arrivals.
-LEAVE = re.compile("comes with (the s|a s|the plan of)|why a rule has refused a move|gives the nodes of its way")
+LEAVE = re.compile(
+    "comes with (the s|a s|a team that is asked|the plan of)|why a rule has refused a move|gives the nodes of its way"
+)
 ONE_BY_ONE = re.compile("turns with its agent|draws for several|draws at a fixed place for several")
 
 
@@ -84,6 +96,8 @@ def attentive(state, *more):
         state["action"] = None
     elif lot % 13 < 4:
         state["action"] = stroll(state["curr_pos"], lot)
+    if lot % 17 == 0 and more == ("raises",):
+        raise ValueError("a lot")
     if lot % 5 == 0:
         messages = [
             {"channel": CHANNELS[lot % 2], "to": [None, "red", "a0"][lot % 3], "body": [lot % 9]}
