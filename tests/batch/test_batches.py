@@ -329,15 +329,16 @@ def test_a_billion_games_are_refused_before_their_seeds_are_made():
         scene().batch(10**9)
 
 
+@pytest.mark.parametrize("one_by_one", [False, True])
 @pytest.mark.parametrize("play", ["run", "step"])
-def test_a_strategy_that_remembers_outside_of_its_game_is_refused(play):
+def test_a_strategy_that_remembers_outside_of_its_game_is_refused(play, one_by_one):
     calls = []
 
     def count(state):
         calls.append(1)
         state["action"] = state["legal"][len(calls) % len(state["legal"])]
 
-    games = scene().batch(2, strategies={"red": count})
+    games = scene().batch(2, strategies={"red": count}, one_by_one=one_by_one)
     with games, pytest.raises(BadValue, match=r"closure variable 'calls' of count\(\) changed .* state\['memory'\]"):
         getattr(games, play)()
 
