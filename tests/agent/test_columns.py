@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.ir.agents import AgentBlock
+from gamms.ir.agents import BY_ROW, AgentBlock
 from gamms.ir.columns import Selection
 from gamms.ir.journal import CLOSED
 from gamms.ir.positions import Positions
@@ -247,8 +247,8 @@ def test_columns_that_are_arrays_come_out_as_lists_do(verbs, kept):
     assert positions[0].flyer_xyz.tolist() == positions[1].flyer_xyz.tolist()
     for block in (lists, arrays):
         block.keep(kept)
-    for name, column in lists.arrays().items():
-        np.testing.assert_array_equal(column, arrays.arrays()[name])
+    for name, column in lists.arrays(BY_ROW).items():
+        np.testing.assert_array_equal(column, arrays.arrays(BY_ROW)[name])
 
 
 @given(verbs=st.lists(VERBS | st.just(("keep", [5, 0, 2, 1, 4, 3])) | st.just(("look",)), max_size=12))
