@@ -18,6 +18,7 @@ from importlib.util import find_spec
 from inspect import Parameter
 from itertools import islice
 from pathlib import Path, PureWindowsPath
+from threading import Lock
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -43,6 +44,7 @@ _ARGUMENTS = {"strategy": ("state",), "plan": ("states", "arrays"), "rule": ("ct
 _FEW = 8  # names that an error lists
 _NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 _BYTES_PER_LETTER = 1 << 10  # that a file of Python takes as a syntax tree: "f();f();…" takes 720
+_PARSING = Lock()  # Python 3.11 raises a SystemError where another thread parses at the same time
 _REFUSED = frozenset({"__main__", "gamms", *sys.stdlib_module_names})
 _stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> when its files were written, and how long
 
@@ -346,7 +348,8 @@ def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
     with at(path):
         refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"reading {file}")
     try:
-        tree = ast.parse(file.read_bytes(), str(file))
+        with _PARSING:
+            tree = ast.parse(file.read_bytes(), str(file))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ScenarioError(path, f"{file} is not Python: {error}.") from None
     own: set[str] = set()
