@@ -1,9 +1,11 @@
 """Values and texts of any origin in a form that is safe to read: bounded, and without control characters."""
 
+import ast
 import re
 from collections.abc import Callable
 from functools import partial, update_wrapper, wraps
 from reprlib import Repr
+from threading import Lock
 from types import FunctionType
 from typing import Any, ParamSpec, TypeVar, cast
 
@@ -11,6 +13,7 @@ P = ParamSpec("P")
 F = TypeVar("F", bound=Callable[..., Any])
 
 _LONG = 200  # bits
+_PARSING = Lock()  # Python 3.11 raises a SystemError where two threads parse at the same time
 _MOST = 1000  # characters of what an error says
 _CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks of lines, tags, halves of pairs
     "[\x00-\x09\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
@@ -35,6 +38,16 @@ _bounded.maxstring = _bounded.maxlong = _bounded.maxother = 80
 def shown(value: object) -> str:
     """Return the `repr` of a value, shortened to what a message can hold; it never raises."""
     return printable(_bounded.repr(value)).replace("\n", " ")
+
+
+def syntax_tree(text: str | bytes, file: str = "<text>", mode: str = "exec") -> Any:
+    """Return what `ast.parse` makes of Python, in one thread at a time.
+
+    Raises:
+        SyntaxError, ValueError, RecursionError, MemoryError: it is not Python, or too much of it.
+    """
+    with _PARSING:
+        return ast.parse(text, file, mode)
 
 
 class Called(partial[Any]):

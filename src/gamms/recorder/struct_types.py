@@ -21,7 +21,7 @@ import numpy as np
 
 from gamms.errors import BadType
 from gamms.recorder.errors import RecordingError
-from gamms.text import shown
+from gamms.text import shown, syntax_tree
 
 _SCALARS: dict[str, type] = {
     "int": int,
@@ -153,7 +153,7 @@ def parse(text: object) -> FieldType:
     why, plain = "", _CLASS.sub(r" \1 ", text).strip()
     if _LETTERS.fullmatch(plain) and not _EMPTY_END.search(plain):
         try:
-            return _type(ast.parse(plain, mode="eval").body, 1)
+            return _type(syntax_tree(plain, mode="eval").body, 1)
         except (SyntaxError, RecursionError, MemoryError):
             pass
         except ValueError as error:

@@ -18,7 +18,6 @@ from importlib.util import find_spec
 from inspect import Parameter
 from itertools import islice
 from pathlib import Path, PureWindowsPath
-from threading import Lock
 from types import FunctionType, ModuleType
 from typing import Any, NamedTuple
 
@@ -28,7 +27,7 @@ from gamms.errors import BadType, BadValue, nearest
 from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario.documents import ScenarioError, at, copied, joined
-from gamms.text import shown
+from gamms.text import shown, syntax_tree
 from gamms.typing.game import PRIVATE_MODULES
 
 OFFERED = (
@@ -44,7 +43,6 @@ _ARGUMENTS = {"strategy": ("state",), "plan": ("states", "arrays"), "rule": ("ct
 _FEW = 8  # names that an error lists
 _NAMED = (Parameter.POSITIONAL_OR_KEYWORD, Parameter.KEYWORD_ONLY)
 _BYTES_PER_LETTER = 1 << 10  # that a file of Python takes as a syntax tree: "f();f();…" takes 720
-_PARSING = Lock()  # Python 3.11 raises a SystemError where another thread parses at the same time
 _REFUSED = frozenset({"__main__", "gamms", *sys.stdlib_module_names})
 _stamps: dict[str, dict[Path, tuple[int, int]]] = {}  # private package -> when its files were written, and how long
 
@@ -348,8 +346,7 @@ def _names_in(file: Path, path: str) -> tuple[set[str], set[str]]:
     with at(path):
         refuse_above(file.stat().st_size * _BYTES_PER_LETTER, f"reading {file}")
     try:
-        with _PARSING:
-            tree = ast.parse(file.read_bytes(), str(file))
+        tree = syntax_tree(file.read_bytes(), str(file))
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         raise ScenarioError(path, f"{file} is not Python: {error}.") from None
     own: set[str] = set()
