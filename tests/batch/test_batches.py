@@ -213,6 +213,8 @@ def test_a_batch_needs_games_that_can_end_and_a_number_of_them():
         scene().batch()
     with pytest.raises(BadValue, match="num_games"):
         scene().batch(3, seeds=[1, 2])
+    with pytest.raises(BadValue, match="seed=7 and seeds: give one"):
+        scene().batch(seed=7, seeds=[1, 2])
     with scene(max_turns=None).batch(2) as games, pytest.raises(BadValue, match="could end"):
         games.run()
 

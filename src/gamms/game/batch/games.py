@@ -532,6 +532,8 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
             raise BadValue("batch needs the number of games, or seeds=.")
         first = as_int(seed, "seed")
         return range(first, first + as_count(num_games, "num_games"))
+    if as_int(seed, "seed"):
+        raise BadValue(f"batch got seed={shown(seed)} and seeds: give one of both.")
     given = tuple(as_int(one, "Each of seeds") for one in as_items(seeds, "seeds", "integers"))
     if not given or (num_games is not None and as_count(num_games, "num_games") != len(given)):
         raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
