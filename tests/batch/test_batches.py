@@ -464,6 +464,25 @@ def test_games_go_on_from_any_rows_of_columns():
         assert (games.columns()["node"][rows] == others.columns()["node"]).all()
 
 
+def test_moments_that_are_not_of_such_games_are_not_loaded():
+    with scene().batch(2) as games:
+        games.step()
+        columns, before = games.columns(), games.observe("red")["curr_pos"].tolist()
+        elsewhere = {**columns, "node": columns["node"][:, ::-1]}
+        for wrong, message in (
+            (({"node": columns["node"]}, 1), "'start' has the shape None"),
+            (({**columns, "fuel": columns["node"]}, 1), "'fuel' has the shape"),
+            (({**columns, "node": columns["node"][:1]}, 1), "'node' has the shape"),
+            ((elsewhere, -1), "turn"),
+            ((elsewhere, 1.5), "turn"),
+            ((elsewhere, 1, {"red": np.zeros(3)}), "Scores of 'red'"),
+        ):
+            with pytest.raises((BadType, BadValue), match=message):
+                games.load(*wrong)
+        assert games.observe("red")["curr_pos"].tolist() == before
+        assert games.turn.tolist() == [1, 1]
+
+
 def test_games_that_are_played_one_by_one_have_no_columns():
     with scene().batch(2, one_by_one=True) as games, pytest.raises(BadValue, match="one_by_one"):
         games.columns()

@@ -308,9 +308,12 @@ class Batch:
             scores: key -> (games,) numbers; None: none.
 
         Raises:
-            BadValue: the games are not played in NumPy's arrays.
+            BadType, BadValue: the games are not played in NumPy's arrays, or these are no moments of such games.
         """
-        self._arrays("load").state.load(columns, turn, scores or {})
+        for key, points in (scores or {}).items():
+            if np.shape(points) not in {(), (len(self),)}:
+                raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
+        self._arrays("load").state.load(columns, as_count(turn, "turn", least=0), scores or {})
 
     def _arrays(self, what: str) -> ArrayEngine:
         if not isinstance(self._engine, ArrayEngine) or self.library is not None or self.slow is not None:

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.errors import BadValue
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -16,6 +17,7 @@ from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
+from gamms.text import shown
 
 STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind of event -> the agent that it stops
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
@@ -288,20 +290,28 @@ class GameArrays:
         That is where agents are and what rules and strategies remember, and not the turn, scores, seeds and logs, deeds
         and messages, and how agents moved in the last turn.
         """
+        return {name: one.copy() for name, one in self._remembered().items()}
+
+    def _remembered(self) -> Columns:
         found: Columns = {"node": self.node, "start": self.start, "alive": self.alive, "is_there": self.is_there}
         found |= {name: getattr(self.movement, name) for name in self.movement.remembers}
         found |= {(key, name): one for key, those in self.kept.items() for name, one in those.items()}
         if any("stops" in those for those in self.kept.values()):  # a rule compares them with what they were
             found["stops"] = self.stops
-        return {name: one.copy() for name, one in found.items()}
+        return found
 
     def load(self, columns: Columns, turn: int, scores: Mapping[Hashable, FloatArray | float]) -> None:
         """Put all games where others were, by their `columns`, without events and errors."""
+        mine = self._remembered()
+        shapes, given = ({name: np.shape(one) for name, one in those.items()} for those in (mine, columns))
+        wrong = [name for name in shapes | given if given.get(name) != shapes.get(name)]
+        if wrong:
+            raise BadValue(
+                f"columns are those of as many such games, after a turn of these: {shown(wrong[0])} has the shape "
+                f"{given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: it is not there."
+            )
         for name, values in columns.items():
-            if isinstance(name, tuple):
-                self.kept[name[0]][name[1]][:] = values
-            else:
-                getattr(self.movement if name in self.movement.remembers else self, str(name))[:] = values
+            mine[name][:] = values
         self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False
         self.over = [None] * len(self)
         for errors in filter(None, self.errors):
