@@ -464,6 +464,13 @@ def test_games_go_on_from_any_rows_of_columns():
         assert (games.columns()["node"][rows] == others.columns()["node"]).all()
 
 
+def test_flights_of_a_team_on_the_ground_are_refused():
+    with scene().batch(2) as games:
+        with pytest.raises(BadValue, match="team 'red' was given flights, and none of its agents flies"):
+            games.step({"red": {"flights": np.zeros((2, 3, 3))}})
+        assert games.turn.tolist() == [0, 0]
+
+
 def test_moments_that_are_not_of_such_games_are_not_loaded():
     with scene().batch(2) as games:
         games.step()

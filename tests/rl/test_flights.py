@@ -112,6 +112,13 @@ def test_games_at_once_are_the_same_as_alone(deeds):
         assert {deed["deed"] for deed in done[0]} == {"drop", "mark"}
 
 
+def test_a_team_on_the_ground_learns_beside_one_that_flies():
+    env = rl.parallel_env(scene(cars=1))
+    env.reset(seed=1)
+    *_, infos = env.step({name: env.action_space(name).sample() * 0 for name in env.agents})
+    assert set(infos) == {"blue_0", "red_car_0", "red_drone_0", "red_drone_1"}
+
+
 def test_one_agent_that_flies_does_as_in_its_team():
     game = scene(drones=1)
     team, one = rl.parallel_env(game, team="red", seed=2), rl.single_agent_env(game, agent="red_drone_0", seed=2)

@@ -385,8 +385,9 @@ class Learners:
             for team, choices, view in zip(self.teams, self._by_team(done), self._now, strict=True):
                 given[team]["deeds"] = self.deeds.given(choices, on_host(view))
         if flown is not None:
-            for team, flights in zip(self.teams, self._by_team(flown), strict=True):
-                given[team]["flights"] = flights
+            for team, columns, flights in zip(self.teams, self._columns, self._by_team(flown), strict=True):
+                if self.flies[columns].any():
+                    given[team]["flights"] = flights
         return given
 
     def _on_host(self, array: Array) -> Any:

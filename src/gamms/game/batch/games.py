@@ -28,6 +28,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
 from gamms.text import shown
+from gamms.typing import AgentType
 
 T = TypeVar("T")
 MostAgents = int | Mapping[Any, int | Sequence[str]]
@@ -196,6 +197,10 @@ class Batch:
             return np.array(array) if is_kept and isinstance(array, np.ndarray) else array
 
         given, by = as_given(value, team, shape, own), f"team {shown(team)}"
+        if given.flights is not None:
+            members = [self._roster.agents[number] for number in self._roster.members(team).tolist()]
+            if not any(agent.type is AgentType.AERIAL for agent in members):
+                raise BadValue(f"{by} was given flights, and none of its agents flies.")
         xp: Any = np if library is None else library.xp
         if given.moves is None:
             moves = self._put(np.zeros(shape, np.int64))
