@@ -290,9 +290,9 @@ def test_a_class_has_at_most_three_levels():
 
 PUBLIC = {"_replace", "_asdict", "_fields", "_make"}  # of every NamedTuple
 ALLOWED = {
-    "os._exit",
-    "numpy_random._bit_generator",
-}  # the first is public, whatever its name; the second: decision 0063
+    "os._exit",  # public, whatever its name
+    "numpy_random._bit_generator",  # decision 0063
+}
 
 
 def test_no_package_uses_underscore_names_of_another():

@@ -105,6 +105,10 @@ class DictPacker:
         Raises:
             BadType, BadValue: something in it is not plain.
         """
+        if not self._known:
+            whole = to_bytes(value, where)
+            if len(whole) < LARGE_COLUMN:
+                return pack_parts([whole])
         known = {key: item for key in lasting if (item := self._known.get(key)) and item.value is value.get(key)}
         items = {key: known.get(key) or self._item(key, one, where) for key, one in value.items()}
         self._known = {key: item for key, item in items.items() if item.is_large}

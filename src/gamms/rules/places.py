@@ -304,7 +304,7 @@ class _Views:
         self._roster, self._streets = turn.roster, turn.streets
         self._ids, self._xy = turn.streets.ids(hidden), turn.streets.columns.xy[hidden]
         self._number = np.full((len(turn.roster.names), len(turn.streets.counts)), -1)
-        self._seen = np.zeros((1, len(hidden)), np.bool_)  # the first of nobody
+        self._seen = np.zeros((1, len(hidden)), np.bool_)  # one row at least, for -1 is looked up, too
 
     def seen(self, node: IntArray, looks: BoolArray) -> BoolArray:
         """Return which nodes agents that look have in view, (games, agents, nodes)."""

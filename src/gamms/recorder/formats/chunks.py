@@ -114,7 +114,7 @@ def team_of(movers: Movers, turns: int) -> tuple[bytes, IntArray | None]:
 
     With it, the order of the agents by their numbers; None: they have it.
     """
-    rows, _ = layout_of.__wrapped__(np.tile(movers.numbers, turns).tobytes())
+    rows = column(steps(np.tile(movers.numbers, turns)))
     is_ordered = bool((movers.numbers[1:] > movers.numbers[:-1]).all())
     return rows, None if is_ordered else _by_number(movers.numbers)
 
