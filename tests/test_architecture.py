@@ -226,6 +226,16 @@ def test_the_source_stays_small():
     assert len(MODULES) <= 430, f"{len(MODULES)} files: merge those that are always read together"
 
 
+def test_a_span_of_time_is_written_once():
+    """Constants of the same name and as many seconds are one: import it."""
+    places = {}
+    for path in MODULES:
+        for line in tree_of(path).body:
+            if isinstance(line, ast.Assign) and ast.unparse(line.targets[0]).endswith("_S"):
+                places.setdefault(ast.unparse(line), []).append(shown(path))
+    assert {constant: files for constant, files in places.items() if len(files) > 1} == {}
+
+
 def test_a_context_has_a_type():
     untyped = [
         f"{shown(path)}:{arg.lineno}"

@@ -20,7 +20,7 @@ from gamms.errors import BadValue, GammsError
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_SIGNALS_S = 0.5  # how often signals are looked for that came just before a wait, which Python then sleeps through
+SIGNALS_S = 0.5  # how often signals are looked for that came just before a wait, which Python then sleeps through
 _LOOK_S = 1.0  # how often a process that says nothing is looked at
 _IN_WORKER = "GAMMS_WORKER"
 _SCRIPT = """import signal
@@ -39,7 +39,7 @@ def cores() -> int:
 
 def first_done(futures: Collection[Future[T]]) -> set[Future[T]]:
     """Wait until at least one of these is done, or Ctrl-C is pressed; return those that are done."""
-    while not (done := wait_for(futures, _SIGNALS_S, FIRST_COMPLETED).done):
+    while not (done := wait_for(futures, SIGNALS_S, FIRST_COMPLETED).done):
         pass
     return done
 

@@ -14,7 +14,6 @@ from gamms.deciding import AWAITED, DecidePhase
 from gamms.errors import GammsError
 
 _GRACE_S = 1.0  # that a coroutine has to end once it was cancelled
-_LOOK_S = 0.5  # how often signals are looked for that came just before a wait began, which Python then sleeps through
 
 
 class Outcome(NamedTuple):
@@ -88,11 +87,13 @@ async def _collected(
 
 async def _ended(tasks: "list[asyncio.Task[Any]]", deadline_s: float | None, until: str) -> None:
     """Wait for tasks as `asyncio.wait` does, but wake up now and then, to hear Ctrl-C."""
+    from gamms.workers import SIGNALS_S
+
     now = asyncio.get_running_loop().time
     ends = math.inf if deadline_s is None else now() + deadline_s
     waiting, are_enough = set(tasks), False
     while waiting and not are_enough and (left := ends - now()) > 0.0:
-        ended, waiting = await asyncio.wait(waiting, timeout=min(left, _LOOK_S), return_when=until)
+        ended, waiting = await asyncio.wait(waiting, timeout=min(left, SIGNALS_S), return_when=until)
         are_enough = until == asyncio.FIRST_EXCEPTION and any(not one.cancelled() and one.exception() for one in ended)
 
 

@@ -26,6 +26,7 @@ from gamms.limits import max_memory
 from gamms.osm.settings import setting
 from gamms.progress import Show
 from gamms.text import shown
+from gamms.workers import SIGNALS_S
 
 _CONNECT_S = 10.0  # a server that is there accepts a connection at once
 _SEARCH_S = 30.0  # Nominatim answers at once, unlike Overpass
@@ -39,7 +40,6 @@ _MOST_PAUSES = 60
 _LOCAL_PAUSE_S = 0.1  # a server on this computer needs no politeness
 _MEMORY_PER_BYTE = 8  # that the values of an answer in JSON take
 _CHUNK = 4096
-_LOOK_S = 0.5  # how often signals are looked for that came just before a wait began, which Python then sleeps through
 _LATER = "Try again later; what was downloaded before works with offline=True."
 _ONE_AT_A_TIME = RLock()  # threads take turns at the servers
 
@@ -217,7 +217,7 @@ def _request(method: str, url: str, patience_s: float, show: Show, **options: di
     thread.start()
     ends = time.monotonic() + _ANSWER_FACTOR * patience_s + min(_CONNECT_S, patience_s)
     while thread.is_alive() and (left := ends - time.monotonic()) > 0.0:
-        thread.join(min(left, _LOOK_S))
+        thread.join(min(left, SIGNALS_S))
     if not outcome:
         raise _timeout_error(url, patience_s)
     if isinstance(outcome[0], Exception):

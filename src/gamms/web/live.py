@@ -33,10 +33,11 @@ from gamms.web.pages import live_page
 from gamms.web.playing import Players
 from gamms.web.server import Connection, Json, Page, Server, Site
 from gamms.web.streams import Streams, news
+from gamms.workers import SIGNALS_S
 
 Handler = Callable[[Connection, Json], None]
 _CLOSE_S = 10.0
-_LOOK_S = 0.5  # between two looks whether a file has changed, and at signals
+_FILES_S = 0.5  # between two looks whether a file has changed
 _FASTEST = 1000.0  # turns a second
 _MOST_NUMBERS = 60
 _MOST_STEPS = 20  # turns that were asked for one by one, and not played yet
@@ -113,10 +114,10 @@ class Pace:
                 if self._steps:
                     self._steps -= 1
                     break
-                rest = _LOOK_S if self.is_paused else self._next_at - monotonic()
+                rest = SIGNALS_S if self.is_paused else self._next_at - monotonic()
                 if rest <= 0.0:
                     break
-                self._changed.wait(min(rest, _LOOK_S))
+                self._changed.wait(min(rest, SIGNALS_S))
             self._next_at = monotonic() + (0.0 if self.speed is None else 1.0 / self.speed)
 
     def pause(self, *, is_paused: bool) -> None:
@@ -270,7 +271,7 @@ class Live:
         """
         ends = None if timeout is None else monotonic() + timeout
         while not (self._is_over.is_set() or self._is_closed.is_set()):
-            rest = _LOOK_S if ends is None else min(ends - monotonic(), _LOOK_S)
+            rest = SIGNALS_S if ends is None else min(ends - monotonic(), SIGNALS_S)
             if rest <= 0.0:
                 break
             self._is_over.wait(rest)
@@ -281,7 +282,7 @@ class Live:
     def stay_open(self) -> None:
         """Serve on until `close` or Ctrl-C."""
         with suppress(KeyboardInterrupt):
-            while not self._is_closed.wait(_LOOK_S):
+            while not self._is_closed.wait(SIGNALS_S):
                 pass
 
     def close(self) -> None:
@@ -329,7 +330,7 @@ class Live:
         begun = threading.Event()
         self._thread = threading.Thread(target=self._play_on, args=(begun,), name="gamms game", daemon=True)
         self._thread.start()
-        while not begun.wait(_LOOK_S):  # a signal that came just before a wait is heard after it
+        while not begun.wait(SIGNALS_S):
             pass
         if self._error is not None:
             raise self._error
@@ -348,7 +349,7 @@ class Live:
         """Begin again whenever a file in the folder of the scenario has changed, and can be read."""
         folder = Path() if self.scenario is None or self.scenario.folder is None else self.scenario.folder
         known = _stamps(folder)
-        while not self._is_closed.wait(_LOOK_S):
+        while not self._is_closed.wait(_FILES_S):
             stamps = _stamps(folder)
             if stamps == known:
                 continue

@@ -21,8 +21,8 @@ from gamms.scenario.edits import Change, Edit, edited
 from gamms.web.links import Grant, Links, Refused
 from gamms.web.places import assembled, opened, options_of, packed_map, starts_of
 from gamms.web.server import Call, Json, Page, Server, Site
+from gamms.workers import SIGNALS_S
 
-_LOOK_S = 0.5
 _MOST_CHANGES = 10
 _MOST_NODES = 10_000
 
@@ -76,7 +76,7 @@ class PlaceEditor:
     def stay_open(self) -> None:
         """Serve on until `close` or Ctrl-C."""
         with suppress(KeyboardInterrupt):
-            while not self._closed.wait(_LOOK_S):
+            while not self._closed.wait(SIGNALS_S):
                 pass
 
     def close(self) -> None:

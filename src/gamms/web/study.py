@@ -39,10 +39,10 @@ from gamms.web.pages import live_page
 from gamms.web.participants import Group, Line, Participant, Participants, add_lines, read_lines
 from gamms.web.people import People, human
 from gamms.web.server import Connection, Json, Page, Server, Site
+from gamms.workers import SIGNALS_S
 
 _CODE = re.compile(r"[A-Za-z0-9._-]{1,64}")
 _MOST_AT_ONCE = 50  # games
-_LOOK_S = 0.5
 Row = Line
 
 
@@ -256,13 +256,13 @@ class Study:
                     return True
             if ends is not None and monotonic() >= ends:
                 break
-            self._closed.wait(_LOOK_S if ends is None else min(_LOOK_S, max(ends - monotonic(), 0.0), 0.05))
+            self._closed.wait(SIGNALS_S if ends is None else min(max(ends - monotonic(), 0.0), 0.05))
         return False
 
     def stay_open(self) -> None:
         """Serve until `close` or Ctrl-C."""
         with suppress(KeyboardInterrupt):
-            while not self._closed.wait(_LOOK_S):
+            while not self._closed.wait(SIGNALS_S):
                 pass
 
     def close(self) -> None:
