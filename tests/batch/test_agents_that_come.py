@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from batch_scenes import plain, scene
 
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue, TooLarge, UnknownName
 from gamms.rules import last_team
 from gamms.scenario import Scenario
 
@@ -180,6 +180,7 @@ def test_sensors_of_agents_that_come_are_those_that_rules_have_made():
         ({"green": 2}, UnknownName, "green"),
         ({"blue": ["red_0"]}, BadValue, "red_0"),
         ({"blue": ["x", "x"]}, BadValue, "'x'"),
+        ({"blue": 10**12}, TooLarge, r"most_agents\['blue'\]=1000000000000 would take"),
     ],
 )
 def test_rows_that_cannot_be_reserved_are_refused(most, error, message):

@@ -7,6 +7,7 @@ import pytest
 from batch_scenes import plain, scene
 
 import gamms
+from gamms import recorder
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
 from gamms.scenario import Scenario
 
@@ -480,6 +481,10 @@ def test_moments_that_are_not_of_such_games_are_not_loaded():
             (({"node": columns["node"]}, 1), "'start' has the shape None"),
             (({**columns, "fuel": columns["node"]}, 1), "'fuel' has the shape"),
             (({**columns, "node": columns["node"][:1]}, 1), "'node' has the shape"),
+            (({**columns, "node": columns["node"] + 10**6}, 1), "'node' has rows of nodes, from 0 to"),
+            (({**columns, "start": columns["start"] * 0 - 1}, 1), "'start' has rows of nodes, from 0 to"),
+            (({**columns, "node": columns["node"] + 0.5}, 1), "'node' is of int64, not of float64"),
+            (({**columns, "alive": columns["alive"] + 1}, 1), "'alive' is of bool, not of int64"),
             ((elsewhere, -1), "turn"),
             ((elsewhere, 1.5), "turn"),
             ((elsewhere, 1, {"red": np.zeros(3)}), "Scores of 'red'"),
@@ -488,6 +493,30 @@ def test_moments_that_are_not_of_such_games_are_not_loaded():
                 games.load(*wrong)
         assert games.observe("red")["curr_pos"].tolist() == before
         assert games.turn.tolist() == [1, 1]
+
+
+@pytest.mark.parametrize("record", [False, True])
+def test_a_loaded_game_is_recorded_once_it_has_begun_again(tmp_path, record):
+    with scene().batch(2, seed=1, record=record) as games:
+        games.step()
+        games.load(games.columns(), 1)
+        games.step()
+        with pytest.raises(BadValue, match="Game 0 was loaded, so it cannot be played from its start"):
+            games.record(0, tmp_path / "loaded.ggr")
+        assert not (tmp_path / "loaded.ggr").exists()
+        games.reset([0])
+        games.step()
+        games.record(0, tmp_path / "begun.ggr")
+        with recorder.open(tmp_path / "begun.ggr") as recording:
+            assert len(recording) == 1
+
+
+def test_seeds_of_a_reset_are_as_many_as_its_games():
+    with scene().batch(3, seed=1) as games:
+        for seeds in ([5], []):
+            with pytest.raises(BadValue, match=r"reset got \d seeds for 2 games|seeds is empty"):
+                games.reset([0, 1], seeds=seeds)
+        assert games.seeds == (1, 2, 3)
 
 
 def test_games_that_are_played_one_by_one_have_no_columns():

@@ -102,7 +102,7 @@ class Batch:
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
         is_kept = as_bool(record, "record") or (scalar and not self._is_one_by_one)
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
-        self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when each game began
+        self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
         self._steps = 0
         self._is_said = False  # whether it was logged what slows it down
         self._was_given = False  # whether actions came from outside and were not kept
@@ -180,7 +180,7 @@ class Batch:
         apart, state, log = self._apart, self._engine.state, self._log or []
         turns = apart.turns().tolist()
         for number in [number for number in state.apart if apart.over(number) is None]:
-            for given in log[int(self._begun[number]) + turns[number] :]:
+            for given in log[self._entry_of(number) + turns[number] :]:
                 if apart.over(number) is None:
                     apart.step_game(number, self._on_host(given))
             if to_the_end and apart.over(number) is None:
@@ -273,7 +273,9 @@ class Batch:
         numbers = self._numbers_of(which)
         if not numbers:
             return
-        given = [self.seeds[game] for game in numbers] if seeds is None else as_seeds(len(numbers), 0, seeds)
+        given = [self.seeds[game] for game in numbers] if seeds is None else as_seeds(None, 0, seeds)
+        if len(given) != len(numbers):
+            raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
         changed, of_all = dict(zip(numbers, given, strict=True)), [*self.seeds]
         for game, seed in changed.items():
             of_all[game] = seed
@@ -319,6 +321,7 @@ class Batch:
             if np.shape(points) not in {(), (len(self),)}:
                 raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
         self._arrays("load").state.load(columns, as_count(turn, "turn", least=0), scores or {})
+        self._begun[:] = -1
 
     def _arrays(self, what: str) -> ArrayEngine:
         if not isinstance(self._engine, ArrayEngine) or self.library is not None or self.slow is not None:
@@ -417,23 +420,30 @@ class Batch:
         The game is played once more, with the actions that were given to `step`; a file is replaced.
 
         Raises:
-            BadValue: actions were given to `step`, and the batch was not made with `record=True`; or the batch is not
-                of a scenario.
+            BadValue: actions were given to `step`, and the batch was not made with `record=True`; the game was loaded
+                and not begun again since; or the batch is not of a scenario.
         """
         number, file = self._as_game(game), as_path(path, "path")
         if self._source.build is None:
             raise BadValue("Only a batch of a scenario can be recorded: scenario.batch(…), not ctx.game.batch(…).")
         if self._was_given:
             raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
-        turns = int(self._engine.turns()[number])
+        turns, first = int(self._engine.turns()[number]), self._entry_of(number)
         with self._source.build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
             acting = Acting(ctx.game, self._roster)
             for turn in range(turns):
-                given = {} if self._log is None else self._log[self._begun[number] + turn]
+                given = {} if self._log is None else self._log[first + turn]
                 acting.take(self._on_host(given), number)
                 ctx.game.step()
             acting.end()
+
+    def _entry_of(self, game: int) -> int:
+        """Return which entry of the log is that of the first turn of a game."""
+        first = int(self._begun[game])
+        if first < 0:
+            raise BadValue(f"Game {game} was loaded, so it cannot be played from its start: begin it with reset first.")
+        return first
 
     def context(self, game: int) -> Any:
         """Return the context that has a game as it is now, to look at it, until another game is played.
@@ -522,6 +532,7 @@ def _reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
             number = as_count(most, f"most_agents[{team!r}]")
             if number < there:
                 raise BadValue(f"most_agents[{team!r}] is {number}, and team {shown(team)} has {there} agents.")
+            refuse_above(number * _BYTES_PER_AGENT, f"A batch with most_agents[{team!r}]={number}")
             free = (name for i in count() if (name := f"{team}_{i}") not in roster.names)
             names = list(islice(free, number - there))
         taken = [name for name in names if name in (*roster.names, *chain.from_iterable(found.values()))]
@@ -543,6 +554,8 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     if as_int(seed, "seed"):
         raise BadValue(f"batch got seed={shown(seed)} and seeds: give one of both.")
     given = tuple(as_int(one, "Each of seeds") for one in as_items(seeds, "seeds", "integers"))
-    if not given or (num_games is not None and as_count(num_games, "num_games") != len(given)):
+    if not given:
+        raise BadValue("seeds is empty: a batch has at least one game.")
+    if num_games is not None and as_count(num_games, "num_games") != len(given):
         raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
     return given

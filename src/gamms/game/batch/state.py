@@ -311,6 +311,14 @@ class GameArrays:
                 f"{given.get(wrong[0])}, not {shapes.get(wrong[0])}; None: it is not there."
             )
         for name, values in columns.items():
+            if not np.can_cast(np.asarray(values).dtype, mine[name].dtype, "same_kind"):
+                raise BadValue(f"The column {name!r} is of {mine[name].dtype}, not of {np.asarray(values).dtype}.")
+        last = len(self.streets.columns.node_ids) - 1
+        for name in ("node", "start"):
+            rows = np.asarray(columns[name])
+            if rows.min(initial=0) < 0 or rows.max(initial=0) > last:
+                raise BadValue(f"The column {name!r} has rows of nodes, from 0 to {last}, not {shown(rows)}.")
+        for name, values in columns.items():
             mine[name][:] = values
         self.turn[:], self.is_going[:], self.blocked[:] = turn, True, False
         self.over = [None] * len(self)
