@@ -185,9 +185,14 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
         admin.read(lambda client: client.told)
         known = {one["path"]: one for one in admin.told[0]["numbers"]}
         assert known["teams.red.count"]["value"] == 2
-        for wrong in ({"teams.red.count": 10**9}, {"teams.red.count": "7"}, {"map.grid.width": 3}, [], {"seed": 5}):
+        count = "teams.red.count"
+        for wrong in (
+            *({"type": "restart", "numbers": {count: number}} for number in (10**9, 10**400, -1, True, "7")),
+            *({"type": "restart", "numbers": numbers} for numbers in ({"map.grid.width": 3}, [], {"seed": 5})),
+            *({"type": "speed", "speed": speed} for speed in (10**400, 0, 1001, True, "7")),
+        ):
             admin.told.clear()
-            admin.say(type="restart", numbers=wrong)
+            admin.say(**wrong)
             admin.read(lambda client: any(one["type"] == "refused" for one in client.told))
         assert live.wait(0.0) is first
         admin.say(type="restart", seed=9, numbers={"teams.red.count": 3, "max_turns": 12})

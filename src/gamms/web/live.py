@@ -13,7 +13,6 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import partial
 from html import escape
-from math import isfinite
 from pathlib import Path
 from time import monotonic
 from types import TracebackType
@@ -39,6 +38,7 @@ Handler = Callable[[Connection, Json], None]
 _CLOSE_S = 10.0
 _FILES_S = 0.5  # between two looks whether a file has changed
 _FASTEST = 1000.0  # turns a second
+_LARGEST = 1e300  # of numbers: JSON and YAML have integers beyond all floats
 _MOST_NUMBERS = 60
 _MOST_STEPS = 20  # turns that were asked for one by one, and not played yet
 _WATCHED = {".py", ".yaml", ".yml", ".json", ".toml"}
@@ -559,7 +559,7 @@ def _with_numbers(scenario: Scenario, chosen: object) -> Scenario:
 
 
 def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) < _LARGEST
 
 
 def _is_flag(value: object) -> bool:
