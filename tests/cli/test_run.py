@@ -2,6 +2,7 @@
 
 import csv
 import json
+import os
 import re
 
 import av
@@ -63,8 +64,10 @@ def test_it_prints_the_result_and_saves_it(folder):
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_many_seeds_are_the_games_of_each_seed(folder, jobs):
+    (folder / "players.py").write_text(f"import os\n{PLAY}    open(f'played-in-{{os.getpid()}}', 'a').close()\n")
     done = run("--seeds", "0:5", "--jobs", jobs, "--out", "many")
     assert done.exit_code == 0, done.stderr
+    assert (folder / f"played-in-{os.getpid()}").exists() == (jobs == 1)  # the others play in processes of their own
     game = scenario.load("game.yaml")
     expected = [game.play(seed=seed) for seed in range(5)]
     assert [Result.load(f"many/result_{seed}.json") for seed in range(5)] == expected

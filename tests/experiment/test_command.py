@@ -72,8 +72,13 @@ def test_a_file_is_played_and_its_summary_printed(folder):
 
 
 def test_processes_give_the_same_files(folder):
-    run("hunts.yaml", "--workers", 0, "--out", "here")
+    (folder / "players.py").write_text(
+        "import os\n\ndef stay(state):\n    open(f'played-in-{os.getpid()}', 'a').close()\n"
+    )
     run("hunts.yaml", "--workers", 1, "--out", "there")
+    assert not (folder / f"played-in-{os.getpid()}").exists()
+    run("hunts.yaml", "--workers", 0, "--out", "here")
+    assert (folder / f"played-in-{os.getpid()}").exists()
     assert (folder / "here" / "rows.jsonl").read_bytes() == (folder / "there" / "rows.jsonl").read_bytes()
 
 

@@ -75,6 +75,12 @@ def test_a_film_has_the_turns_that_were_asked_for(game, tmp_path):
     assert len(film_of(tmp_path / "game.mp4")) == 6 + 30  # the last one is held for a second
 
 
+def test_without_options_the_command_makes_what_the_function_makes(game, tmp_path):
+    run(game, tmp_path / "command.svg")
+    rendering.render(game, tmp_path / "function.svg")
+    assert (tmp_path / "command.svg").read_bytes() == (tmp_path / "function.svg").read_bytes()
+
+
 @pytest.mark.parametrize(("turns", "shown"), [("", 10), (":4", 4), ("2:6", 6), ("0", 0), ("7", 7), (":", 10)])
 def test_a_picture_shows_the_last_of_the_turns(game, tmp_path, turns, shown):
     out = tmp_path / "game.svg"

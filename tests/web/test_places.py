@@ -209,6 +209,15 @@ def test_a_page_may_change_places_and_nothing_else(hunt):
         {"keys": ["rules", 0, "with", "nodes"], "value": [{"function": "mine:nodes"}]},
         {"keys": ["map", "file"], "value": "/etc/passwd"},
         {"keys": ["teams", "red", "near"], "value": "mine"},
+        *(
+            {"keys": ["rules", 0, "with", "nodes"], "value": [node]}
+            for node in (
+                {"node_at": 8},
+                {"node_at": [X, Y], "more": 1},
+                {"node_at": {"lat": 60, "lon": 24, "more": 1}},
+                True,
+            )
+        ),
     ]
     with web.PlaceEditor(hunt) as editor:
         for change in wrong:
@@ -219,9 +228,20 @@ def test_a_page_may_change_places_and_nothing_else(hunt):
         assert (status, "teams.red" in words) == (400, True)
         status, shown = called(editor, "/preview", {"changes": [near]})
         assert "+    near: [385060.0, 6672060.0]" in shown["difference"]
+        nodes = {"keys": ["rules", 0, "with", "nodes"], "value": [7, {"node_at": [X + 40, Y + 20]}]}
+        _, words = called(editor, "/preview", {"changes": [nodes]})
+        assert "[7, {node_at: [385040.0, 6672020.0]}]" in words["difference"]
         hunt.write_text(SCENARIO + "# meanwhile\n")
         assert called(editor, "/save", {"changes": [near], "id": shown["id"]})[0] == 400
         assert hunt.read_text() == SCENARIO + "# meanwhile\n"
+
+
+@pytest.mark.parametrize("name", ["roads.geojson", "roads.json"])
+def test_the_map_of_a_page_may_be_geojson(tmp_path, name):
+    roads = {"type": "LineString", "coordinates": [[24.9, 60.2], [24.91, 60.2]]}
+    (tmp_path / name).write_text(json.dumps(roads))
+    [options] = re.findall(r'id="options">([^<]*)<', web.map_page(tmp_path / name).decode())
+    assert json.loads(options)["map"] == {"file": name}
 
 
 def test_names_of_streets_execute_nothing(chromium, folder):
