@@ -96,6 +96,33 @@ def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind
         assert games.turn.tolist() == [0, 0]
 
 
+def opening(ctx):
+    ctx.game.emit("opened")
+
+
+@pytest.mark.parametrize("one_by_one", [False, True])
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ([[0, 0, 0], [0, 9, 0]], "action 9 of agent 'red_1' in game 1, turn 0"),
+        ({"deeds": {"scan": (True, {"node": -2})}}, "there is no node number -2"),
+    ],
+)
+def test_no_rule_is_called_before_actions_are_checked(wrong, message, one_by_one):
+    with given_scene().build(seed=1) as ctx:
+        ctx.game.add(opening, phase="before")
+        ctx.game.time_budget = 60.0 if one_by_one else None  # which arrays cannot have
+        with ctx.game.batch(2, seed=1) as games:
+            assert games.is_in_arrays is not one_by_one
+            with pytest.raises(BadValue, match=message):
+                games.step({"red": wrong})
+            assert [games.result(number).events for number in range(2)] == [[], []]
+            assert games.turn.tolist() == [0, 0]
+            games.step({"red": np.zeros((2, 3), np.int64)})
+            assert [[event["kind"] for event in games.result(number).events] for number in range(2)] == [["opened"]] * 2
+            assert games.turn.tolist() == [1, 1]
+
+
 def test_agents_that_are_given_nothing_any_more_follow_their_strategies():
     teams = {name: {"count": 2, "strategy": "gamms.strategies:random_walk"} for name in ("red", "blue")}
     scenario = scene(teams=teams)

@@ -255,6 +255,8 @@ class ArrayEngine:
     def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over."""
         state = self.state
+        if given and (self._here.rules["before"] or len(self._grounds) > 1):
+            self._check(given)
         for number in range(len(self._here.rules["before"])):  # a game that one of them ends is over for the others
             for ground, games in self._by_ground(self._playing()):
                 with self._on(ground):
@@ -272,11 +274,21 @@ class ArrayEngine:
         if state.radio is not None:
             state.radio.end_turn()
 
+    def _check(self, given: Mapping[Hashable, Given]) -> None:
+        """Refuse what cannot be done in one of the games, before rules are called and others are played."""
+        for ground, games in self._by_ground(self._playing()):
+            with self._on(ground):
+                asking = Asking(self.state, ground, given, at_arrivals=self._arriving is not None)
+                asking.check(ArrayTurn(self.state, games), self._resting(games))
+
+    def _resting(self, games: IntArray) -> BoolArray | None:
+        """Return which agents are not on their way where they decide at arrivals, (games, agents); else None."""
+        return None if self._arriving is None else ~self._arriving.is_going(games)
+
     def _play_turn(self, turn: ArrayTurn, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of games on one ground, whose rules of the phase "before" were applied."""
         state, asking = self.state, Asking(self.state, self._here, given, at_arrivals=self._arriving is not None)
-        resting = None if self._arriving is None else ~self._arriving.is_going(turn.games)
-        actions, is_given = asking.given(turn, resting)
+        actions, is_given = asking.given(turn, self._resting(turn.games))
         for number, members in enumerate(self._parts):
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some

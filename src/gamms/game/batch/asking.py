@@ -54,6 +54,11 @@ class Asking:
             is_given[agents] = True
         return actions, is_given
 
+    def check(self, turn: ArrayTurn, asked: BoolArray | None) -> None:
+        """Refuse what was given and cannot be done as the games are now; nothing changes."""
+        self.given(turn, asked)
+        self._given_acts(turn)
+
     def moves(self, turn: ArrayTurn, actions: IntArray) -> Moves:
         """Return where the actions of those that were asked lead, of all agents of the games."""
         movement, routes, self._routes = self._state.movement, self._routes, []
@@ -74,9 +79,9 @@ class Asking:
             is_decided: (agents,) which are not asked, because their actions are given or because others move.
             asked: (games, agents) which agents move.
         """
-        self._state.shared[DELAYS].note(turn.games, asked)
         if self._acts is None and self._given:
             self._acts = self._given_acts(turn)
+        self._state.shared[DELAYS].note(turn.games, asked)
         acts, scalar, num_sent = self._acts, self._here.asked, len(self.outboxes)
         if scalar is not None and acts is not None:
             for at in range(len(turn.games)):

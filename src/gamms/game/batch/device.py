@@ -28,7 +28,7 @@ from gamms.game.settings import NamedRule
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels import as_signed
-from gamms.text import as_code
+from gamms.text import as_code, shown
 from gamms.typing import AgentType
 
 TRIGGER = "array_trigger"
@@ -243,9 +243,12 @@ class DeviceEngine(ArrayEngine):
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over."""
-        for named, form in self._here.rules["before"]:
-            self._play(named, form, ~self.is_over)
         state, playing = self.state, ~self.is_over
+        if self._here.rules["before"]:
+            self._given(only_playing(state.there["alive"], playing, self.library), given)
+            for named, form in self._here.rules["before"]:
+                self._play(named, form, ~self.is_over)
+            playing = ~self.is_over
         if not playing.any():
             return
         mask = only_playing(state.there["alive"], playing, self.library)
@@ -258,13 +261,9 @@ class DeviceEngine(ArrayEngine):
 
     def _actions(self, mask: Tensor, given: Mapping[Hashable, Given]) -> Tensor:
         """Return what all agents do, (games, agents)."""
-        roster, xp, library = self.state.roster, self.library.xp, self.library
-        taken = np.zeros(len(roster.names), np.bool_)
-        parts: list[tuple[IntArray, Tensor]] = []
-        for team, wanted in given.items():
-            agents = roster.members(team)
-            view = self._view(agents, mask)
-            parts.append((agents, view.checked(wanted.moves_in(view, wanted.moves), f"team {team!r}")))
+        xp, library, parts = self.library.xp, self.library, self._given(mask, given)
+        taken = np.zeros(len(self.state.roster.names), np.bool_)
+        for agents, _ in parts:
             taken[agents] = True
         for group in self._here.groups:
             agents = group.agents[~taken[group.agents]]
@@ -279,6 +278,15 @@ class DeviceEngine(ArrayEngine):
             return parts[0][1]
         order = np.argsort(np.concatenate([agents for agents, _ in parts]))
         return xp.take(xp.concat([part for _, part in parts], axis=1), library.put(order), axis=1)
+
+    def _given(self, mask: Tensor, given: Mapping[Hashable, Given]) -> list[tuple[IntArray, Tensor]]:
+        """Return the agents and the moves, (games, agents), that were given of each team, checked."""
+        parts = []
+        for team, wanted in given.items():
+            agents = self.state.roster.members(team)
+            view = self._view(agents, mask)
+            parts.append((agents, view.checked(wanted.moves_in(view, wanted.moves), f"team {shown(team)}")))
+        return parts
 
     def _asked(self, group: Group, agents: IntArray, mask: Tensor) -> Tensor:
         """Return what the strategy of a group decides."""

@@ -149,8 +149,9 @@ class Batch:
 
         Raises:
             UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
-            BadType, BadValue: actions are not such integers; no game has played then. Where they are played one by
-                one, those before the first one with an action that is not legal have.
+            BadType, BadValue: actions are not such integers, or not legal; no game has played then, and no rule was
+                called. Where a rule before the turn has made one illegal, these rules were, and games that are played
+                one by one may have played.
             TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
@@ -159,6 +160,9 @@ class Batch:
         if self._is_one_by_one:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         is_there = isinstance(self._engine, DeviceEngine)
+        if self._apart is not None and given:
+            games = [number for number in self.detached if self._apart.over(number) is None]
+            self._apart.check(self._on_host(given), np.array(games, np.int64))
         with self._watched():
             self._engine.step(given if is_there else self._on_host(given))
         if given and self._log is None:

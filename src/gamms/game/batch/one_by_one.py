@@ -24,6 +24,7 @@ from gamms.game.snapshots import Snapshot
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
+from gamms.text import shown
 from gamms.typing import AgentType
 from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
@@ -73,23 +74,31 @@ class OneByOneEngine:
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of all games that are not over."""
-        self._check(given)
-        for number in np.flatnonzero(~self.is_over).tolist():
+        playing = np.flatnonzero(~self.is_over)
+        self.check(given, playing)
+        for number in playing.tolist():
             self.step_game(number, given)
 
-    def _check(self, given: Mapping[Hashable, Given]) -> None:
-        """Refuse deeds and messages that the game does not declare, before any is played."""
-        acting = {team: one for team, one in given.items() if one.deeds or one.messages}
-        if not acting:
+    def check(self, given: Mapping[Hashable, Given], games: IntArray) -> None:
+        """Refuse what cannot be done in one of some games as they are now, before any is played."""
+        if not given:
             return
-        settings, streets, games = self._game.settings(), self._observed.streets, len(self.seeds)
+        self._observe_all(games)
+        settings, streets = self._game.settings(), self._observed.streets
         deeds = DeclaredDeeds(
-            settings["deeds"], partial(checked_value, ctx=self._game.ctx), self._roster, streets, games
+            settings["deeds"], partial(checked_value, ctx=self._game.ctx), self._roster, streets, len(self.seeds)
         )
-        radio = Radio(settings["channels"], self._roster, games)
-        for team, one in acting.items():
-            view = self.view(self._roster.members(team))
-            one.check(view, view.mask & ~self.is_over[:, None], deeds, radio)
+        radio = Radio(settings["channels"], self._roster, len(self.seeds))
+        is_played = np.isin(np.arange(len(self.seeds)), games)[:, None]
+        for team, one in given.items():
+            view = ArrayView(self._observed, np.arange(len(self.seeds)), self._roster.members(team))
+            view.mask = view.mask & is_played
+            one.check(view, view.mask, deeds, radio)
+            if not one.may_stay:
+                view.mask = view.mask & ~np.isin(view.agents, self._flyers)
+                if settings["decide"] == "arrival":
+                    view.mask = view.mask & (view.places().edge < 0)
+                view.checked(one.moves, f"team {shown(team)}")
 
     def step_game(self, number: int, given: Mapping[Hashable, Given]) -> None:
         """Play one turn of a game."""
@@ -132,10 +141,13 @@ class OneByOneEngine:
 
     def view(self, agents: IntArray) -> ArrayView:
         """Return what agents observe, in all games."""
-        for number in np.flatnonzero(~self._is_observed).tolist():
+        self._observe_all(np.arange(len(self.seeds)))
+        return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
+
+    def _observe_all(self, games: IntArray) -> None:
+        for number in games[~self._is_observed[games]].tolist():
             self.load(number)
             self._observe(number)
-        return ArrayView(self._observed, np.arange(len(self.seeds)), agents)
 
     def copy_to(self, state: GameArrays, number: int) -> None:
         """Let arrays say what has become of a game."""
