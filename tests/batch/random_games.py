@@ -183,27 +183,32 @@ KINDS = [
 ]
 
 
-motions = st.one_of(
-    st.none(),
-    st.just({"legal": "any", "strategies": ["chase", "flee", "guard", "assign", "intercept", "cut off", "sweep"]}),
-    st.fixed_dictionaries(
+def paced(**more):
+    """Return how agents go that have speeds, and some strategies."""
+    left_out = {"guard", "intercept", "cut off"} if more else set()
+    speeds = [None, 0.3, 0.5, 1.0, 1.9, 3] if more else [None, 0.4, 1.0, 1.5, 2, 2.7, 3]
+    return st.fixed_dictionaries(
         {
-            "speed_unit": st.sampled_from(["metres", "metres", "metres_per_second"]),
-            "weight": st.sampled_from(["length", "slow"]),
-            "decide": st.sampled_from(["turn", "arrival"]),
-            "speeds": st.lists(st.sampled_from([None, 0.3, 0.5, 1.0, 1.9, 3]), min_size=1, max_size=3),
-            "strategies": st.lists(
-                st.sampled_from(sorted(PACED.keys() - {"guard", "intercept", "cut off"})), max_size=3
-            ),
+            "speeds": st.lists(st.sampled_from(speeds), min_size=1, max_size=3),
+            "strategies": st.lists(st.sampled_from(sorted(PACED.keys() - left_out)), max_size=3),
+            **more,
         }
+    )
+
+
+by_metres = {
+    "speed_unit": st.sampled_from(["metres", "metres", "metres_per_second"]),
+    "weight": st.sampled_from(["length", "slow"]),
+}
+MOTIONS = {
+    "one edge": st.none(),
+    "anywhere": st.just(
+        {"legal": "any", "strategies": ["chase", "flee", "guard", "assign", "intercept", "cut off", "sweep"]}
     ),
-    st.fixed_dictionaries(
-        {
-            "speeds": st.lists(st.sampled_from([None, 0.4, 1.0, 1.5, 2, 2.7, 3]), min_size=1, max_size=3),
-            "strategies": st.lists(st.sampled_from(sorted(PACED)), max_size=3),
-        }
-    ),
-)
+    "edges": paced(),
+    "metres": paced(decide=st.just("turn"), **by_metres),
+    "metres, at arrivals": paced(decide=st.just("arrival"), **by_metres),
+}
 
 
 @st.composite
@@ -345,12 +350,14 @@ class Drawn:
 
 
 @st.composite
-def games(draw):
-    """A random game."""
-    several = draw(st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=1, max_size=11))
+def games(draw, how=tuple(MOTIONS)):
+    """A random game, in which agents go in one of some ways."""
+    number = draw(st.sampled_from([2, 1, 3, 4, 5, 6, 7, 8, 9, 10, 11]))
+    several = draw(st.lists(st.tuples(st.sampled_from(TEAMS), nodes), min_size=number, max_size=number))
     agents = {f"{'abc'[i % 3]}{i}": place for i, place in enumerate(several)}
     default_action = draw(st.sampled_from([None, None, "stay", 5, go_on]))
-    motion, conflicts_now = draw(motions), draw(st.one_of(st.none(), conflicts, st.just(FirstOnly())))
+    motion = MOTIONS[how[0]] if len(how) == 1 else st.sampled_from(how).flatmap(MOTIONS.get)
+    motion, conflicts_now = draw(motion), draw(st.one_of(st.none(), conflicts, st.just(FirstOnly())))
     if motion is not None and motion.get("decide") == "arrival":
         conflicts_now = conflicts_now if isinstance(conflicts_now, Conflicts) and conflicts_now.allow_swaps else None
         motion = motion | {"strategies": [one for one in motion["strategies"] if one != "assign"]}  # which gives paths
