@@ -1,6 +1,6 @@
 """Probabilities that depend on a distance: how sensors notice agents, and how channels lose messages."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from numbers import Real
 from typing import cast
 
@@ -34,6 +34,20 @@ def as_chances(given: object, name: str, *, or_function: bool = False) -> FloatA
 def chances_at(distances: FloatArray, points: FloatArray) -> FloatArray:
     """Return a probability at some distances (distances,), with straight lines between its points."""
     return np.interp(distances, points[:, 0], points[:, 1])
+
+
+def chances_given(function: Callable[[FloatArray], object], distances: FloatArray, name: str) -> FloatArray:
+    """Return the probabilities that a function of a caller gives for some distances (distances,).
+
+    Raises:
+        BadValue: it gives others, or too many or too few.
+    """
+    chances = np.asarray(function(distances), np.float64)
+    if chances.shape != distances.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
+        raise BadValue(
+            f"{name} must give a probability from 0 to 1 for each of {len(distances)} distances, not {shown(chances)}."
+        )
+    return chances
 
 
 def _points_of(pairs: Iterable[tuple[float, float]], given: object, name: str, *, or_function: bool) -> FloatArray:

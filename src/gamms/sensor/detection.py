@@ -14,12 +14,11 @@ from gamms import kernels
 from gamms.arguments import as_count, as_range
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
 from gamms.errors import BadValue
-from gamms.ir.chances import as_chances, chances_at
+from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Coverage, Sensed, ragged
 from gamms.sensor.sensor import Sensor
 from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, delayed, forget_delayed
-from gamms.text import shown
 from gamms.typing import IContext
 
 Chance = Callable[[FloatArray], FloatArray]  # distances -> probabilities
@@ -196,13 +195,7 @@ class DetectionModel(Guarded):
         """Return how probable it is that agents at some distances are noticed (agents,)."""
         if self._chance is None:
             return np.ones(len(distances))
-        chances = np.asarray(self._chance(distances), np.float64)
-        if chances.shape != distances.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
-            raise BadValue(
-                f"detection of {self._sensor_id!r} must give a probability from 0 to 1 for each of "
-                f"{len(distances)} distances, not {shown(chances)}."
-            )
-        return chances
+        return chances_given(self._chance, distances, f"detection of {self._sensor_id!r}")
 
 
 class DetectingSensor(Sensor):

@@ -13,7 +13,7 @@ from gamms.game.batch.columns import Roster, places_of, some_rows
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import KnownViews, mask_of_pairs
 from gamms.game.streets import Streets
-from gamms.ir.chances import chances_at
+from gamms.ir.chances import chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import AgentLook, NodeLook
@@ -82,7 +82,8 @@ class Seen(NamedTuple):
         parts = [(self.at, self.viewers, self.others, self.nodes)]
         for game, agent, others, nodes in sights:
             if game in number and agent in column and asked[number[game], column[agent]]:
-                parts.append((others * 0 + number[game], others * 0 + column[agent], others, nodes))
+                looking = np.full_like(others, number[game]), np.full_like(others, column[agent])
+                parts.append((*looking, others, nodes))
         at, viewers, others, nodes = (np.concatenate(columns) for columns in zip(*parts, strict=True))
         keys = (at * self.shape[1] + viewers) * self.shape[2] + others
         _, first = np.unique(keys, return_index=True)
@@ -476,12 +477,7 @@ def _noticed(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
     if look.chance is None:
         chances = chances_at(far, np.array(look.chances))
     else:
-        chances = np.asarray(look.chance(far), np.float64)
-        if chances.shape != far.shape or not ((chances >= 0.0) & (chances <= 1.0)).all():
-            raise BadValue(
-                f"The function of detection must give a probability from 0 to 1 for each of {len(far)} distances, not "
-                f"{shown(chances)}."
-            )
+        chances = chances_given(look.chance, far, "The function of detection")
     is_noticed: BoolArray = kernels.fraction_many(_drawn(world, lookout, pairs, "detection")) < chances
     return is_noticed
 
