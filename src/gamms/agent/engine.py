@@ -332,10 +332,9 @@ class AgentEngine(Guarded, IAgentEngine):
             for key, sensor in sensors.items():
                 agent._add_sensor(key, sensor)
         except BaseException:
-            equipped = list(agent._sensor_list.values())
             self._take_out(agent)
             for sensor, owner in owners:
-                if owner is not None and any(sensor is one for one in equipped):
+                if owner_of(sensor) != owner:
                     sensor.set_owner(owner)
             raise
 
