@@ -76,6 +76,13 @@ def test_a_deleted_member_stays_in_its_team(ctx):
     assert [agent.speed for agent in ctx.agent.agents.values()] == [2, 4]
 
 
+def test_another_agent_of_the_name_of_a_deleted_member_is_no_member(ctx):
+    team = ctx.agent.create_team("red", [3, 4, 5])
+    ctx.agent.delete_agent("red_1")
+    ctx.agent.create_agent("red_1", start_node_id=9)
+    assert team.node_ids.tolist() == [3, 4, 5]
+
+
 def test_all_move_or_none(ctx):
     team = ctx.agent.create_team("red", [0, 12])
     for _ in range(20):

@@ -61,14 +61,18 @@ def test_agents_see_whom_their_sensors_show(kind, keywords):
         ctx.graph.add_obstacle_face(0, tr=(33, 14, 8), tl=(5, 12, 8), br=(33, 14, 0), bl=(5, 12, 0), type=14)
         ctx.agent.get_agent("red_2").orientation = (3.0, 4.0)
         for name, agent in ctx.agent.agents.items():
-            if agent.team == "red":
-                agent.register_sensor("eye", ctx.sensor.create_sensor(f"{name}/eye", kind, **keywords))
-        with ctx.game.batch(seeds=[2, 1]) as games:
+            agent.register_sensor("eye", ctx.sensor.create_sensor(f"{name}/eye", kind, **keywords))
+        games = ctx.game.batch(seeds=[2, 1])
+        ctx.game.time_budget = 60.0  # games with one are played one by one
+        with games, ctx.game.batch(seeds=[1]) as slow:
+            assert games.slow != slow.slow == "a time budget"
             for _ in range(4):
                 for viewer in ("red_0", "red_2"):
                     expected = ctx.game.observation(viewer)["sensor"]["eye"][1]
                     assert agents_seen(games, 1, viewer, "eye") == expected
+                    assert agents_seen(slow, 0, viewer, "eye") == expected
                 games.step()
+                slow.step()
                 ctx.game.step()
 
 

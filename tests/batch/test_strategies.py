@@ -107,6 +107,11 @@ def test_teams_share_in_arrays_what_they_share_alone(settings):
                 assert plain(games.result(number)) == plain(alone.game.run())
 
 
+def test_a_node_where_agents_are_never_noticed_is_not_swept_by_sight(same_as_one_by_one):
+    scenario = hunted(sight={"detection": [[0.0, 1.0], [15.0, 0.0]]}).replace(max_turns=8)
+    same_as_one_by_one(scenario, [1], {"red": lambda ctx: sweep(ctx, by_sight=True), "blue": random_walk})
+
+
 def test_agents_turn_round_on_the_only_street_in_arrays_as_alone(same_as_one_by_one):
     to_and_fro = {
         team: lambda ctx, nodes=nodes: mix(0.5, *(goto(ctx, node) for node in nodes))

@@ -14,6 +14,7 @@ from gamms.ir.game_state import LogHistory
 from gamms.rules import Conflicts, capture_flag
 from gamms.sensor import SensorType
 from gamms.typing import AgentType
+from gamms.typing.sensor_engine import owner_of
 
 
 def wander(state):
@@ -251,6 +252,17 @@ def test_a_snapshot_is_refused_where_it_cannot_be_restored_exactly(grid, tmp_pat
             ctx.game.run(1)
     with pytest.raises(gamms.errors.ContextTerminated):
         ctx.game.snapshot()
+
+
+def test_an_agent_that_came_after_a_snapshot_is_deleted_when_it_is_restored(grid):
+    with build(grid) as ctx:
+        snapshot = ctx.game.snapshot()
+        eye = ctx.sensor.create_sensor("eye", "AGENT")
+        ctx.agent.create_agent("late", start_node_id=0, sensors=["eye"])
+        ctx.game.restore(snapshot)
+        assert "late" not in ctx.agent.agents
+        assert owner_of(eye) is None
+        assert owner_of(ctx.sensor.get_sensor("eyes0")) == "a0"
 
 
 def test_a_copy_of_a_context_restores_its_own_copy_of_a_snapshot(grid):
