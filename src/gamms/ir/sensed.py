@@ -85,13 +85,13 @@ class AgentLook(NamedTuple):
     draws: tuple[str, str] | None
     height: float | None
     hides: "Callable[[int, IntArray], np.ndarray[Any, np.dtype[np.bool_]]] | None"
-    chance: "Callable[[FloatArray], FloatArray] | None" = None
-    noise: float = 0.0
-    nearest: "Callable[[FloatArray, FloatArray], IntArray] | None" = None
-    turns: bool = False
-    false_alarms: float = 0.0
-    covers: "Callable[[int], IntArray] | None" = None
-    delay: int = 0
+    chance: "Callable[[FloatArray], FloatArray] | None"
+    noise: float
+    nearest: "Callable[[FloatArray, FloatArray], IntArray] | None"
+    turns: bool
+    false_alarms: float
+    covers: "Callable[[int], IntArray] | None"
+    delay: int
 
     @property
     def errs(self) -> bool:

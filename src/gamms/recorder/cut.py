@@ -5,7 +5,7 @@ senses them, where its sensors reported them: they come when they are seen and a
 is sensed in front of a turn belongs to the state before it, so that a state shows what the team decides by.
 """
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from copy import deepcopy
 from itertools import chain
 from typing import Any, BinaryIO
@@ -525,15 +525,12 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
     if first is None or not any(True for _ in reader.events(kinds={kinds.SENSED})):
         raise BadValue("This recording does not say what agents sensed: record with ctx.record.start(…, sensed=True).")
 
-    def nearest(place: Sequence[float]) -> int:
-        return int(columns.node_ids[((columns.xy - np.asarray(place)) ** 2).sum(axis=1).argmin()])
-
     def is_own(name: str, team: Any) -> bool:
         return bool((name if team is None else team) == own)
 
     own = _team_of(reader, first[1], team)
     with refusing("It cannot be cut", DAMAGES):
-        cut = Cut(first[1], is_own, nearest)
+        cut = Cut(first[1], is_own, sensed.nearest_on(lambda: columns))
     header = {key: value for key, value in reader.header.items() if key not in _SECRET}
     header |= {"seed": None, "audience": own, "sides": sides_of(reader.header, first[1], is_own)}
     writer = Writer(out, header, seconds=None)

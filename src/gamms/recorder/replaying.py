@@ -414,7 +414,7 @@ class Replayer:
         self.show(reader.header.get("visuals"), reader.header.get("drawings", []))
         self.state.order_sides(_sides_in(reader.header))
         begin = reader.keyframe(0)
-        if begin is not None and begin[0] == 0:
+        if begin is not None:
             self._begin(reader.header, begin[1])
         elif reader.turns or not reader.warning:  # else it was cut off behind its map
             raise RecordingError("This recording does not say how it begins.")

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.ir.graph import GraphColumns
 from gamms.plain import to_plain
 from gamms.text import shown
 from gamms.typing import AgentType, IGraph
@@ -171,6 +172,16 @@ class Sighting(NamedTuple):
 
     node: int
     position: tuple[float, ...] | None
+
+
+def nearest_on(columns: Callable[[], GraphColumns]) -> Nearest:
+    """Return what gives the node below a place, (x, y), on a map that may change."""
+
+    def nearest(place: Sequence[float]) -> int:
+        now = columns()
+        return int(now.node_ids[((now.xy - np.asarray(place)) ** 2).sum(axis=1).argmin()])
+
+    return nearest
 
 
 def sightings(look: Look, nearest: Nearest) -> Iterator[tuple[int | str, Sighting]]:

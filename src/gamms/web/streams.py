@@ -9,7 +9,7 @@ no connection has a queue of its own, and none can make the game wait.
 """
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from copy import deepcopy
 from functools import partial
 from io import RawIOBase
@@ -17,13 +17,12 @@ from itertools import islice
 from threading import Lock
 from typing import Any, NamedTuple
 
-import numpy as np
-
 from gamms.ir.events import Log
 from gamms.ir.graph import GraphColumns
 from gamms.recorder import Writer
 from gamms.recorder.cut import Cut, sides_of
 from gamms.recorder.detached import DetachedState
+from gamms.recorder.sensed import Nearest, nearest_on
 from gamms.web.links import Audience
 from gamms.web.pages import drawn_header, drawn_keyframe, drawn_log
 from gamms.web.server import Connection
@@ -80,9 +79,7 @@ class Stream:
         opening: the first bytes of a recording, with its header.
     """
 
-    def __init__(
-        self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Callable[[Any], int]
-    ) -> None:
+    def __init__(self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Nearest) -> None:
         self._cut = None if audience.is_everything else Cut(state, audience.has, nearest)
         if self._cut is not None:
             state = self._cut.keyframe(0)
@@ -280,15 +277,11 @@ class Streams:
         assert self._state is not None  # noqa: S101 - callers look
         state = self._state.keyframe(self._turns)
         sides = self._sides(lambda name, team: audience.is_everything or audience.has(name, team))
-        stream = Stream(audience, self._header | {"sides": sides}, state, self._turns, self._nearest)
+        stream = Stream(audience, self._header | {"sides": sides}, state, self._turns, nearest_on(self._columns))
         if self._since:
             stream.hear(self._since, self._since, is_over=False, state=dict)
             stream.write()
         return stream
-
-    def _nearest(self, place: Sequence[float]) -> int:
-        columns = self._columns()
-        return int(columns.node_ids[((columns.xy - np.asarray(place)) ** 2).sum(axis=1).argmin()])
 
 
 def news(streams: Streams, connection: Connection) -> Iterator[bytes]:
