@@ -258,6 +258,11 @@ def test_a_column_comes_back(numbers):
     reader.finish()
 
 
+def test_a_few_integers_take_as_many_bytes_as_the_one_farthest_from_zero():
+    for farthest, size in ((0, 1), (-128, 1), (127, 1), (-129, 2), (128, 2), (1 << 23, 4), (-(1 << 63), 8)):
+        assert len(deflated.column(np.array([0, farthest, 0]))) == 1 + 3 * size
+
+
 few = st.lists(st.integers(-(2**20), 2**20 - 1), min_size=1, max_size=9) | st.lists(st.integers(), min_size=1).map(
     lambda numbers: [(number + 2**63) % 2**64 - 2**63 for number in numbers]
 )

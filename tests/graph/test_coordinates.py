@@ -165,11 +165,12 @@ def test_without_pyproj_the_error_prints_the_command(monkeypatch):
 
 
 @pytest.mark.parametrize("crs", ["EPSG:32635", "EPSG:32701", "EPSG:32660", "EPSG:25832", "EPSG:25828", "EPSG:3067"])
-def test_zones_of_utm_agree_with_pyproj(crs):
+def test_zones_of_utm_agree_with_pyproj_and_do_without_it(crs, monkeypatch):
     pyproj, rng = pytest.importorskip("pyproj"), np.random.default_rng(1)
     west, _, east, _ = pyproj.CRS(crs).area_of_use.bounds
     lonlat = np.column_stack((rng.uniform(west - 9.0, east + 9.0, 5_000), rng.uniform(-84.0, 84.0, 5_000)))
     known = np.column_stack(pyproj.Transformer.from_crs("EPSG:4326", crs, always_xy=True).transform(*lonlat.T))
+    monkeypatch.setitem(sys.modules, "pyproj", None)
     assert np.abs(projection.project(lonlat, projection.WGS84, crs) - known).max() < 1e-6  # metres
     again = projection.project(known, crs, projection.WGS84)
     assert np.abs((again - lonlat + 180.0) % 360.0 - 180.0).max() < 1e-12  # degrees

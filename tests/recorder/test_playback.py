@@ -3,6 +3,7 @@
 import io
 
 import pytest
+from games import recorded as recorded_of
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -179,3 +180,12 @@ def test_a_replay_that_is_given_up_closes_its_file(tmp_path):
         for _ in ctx.record.replay(path):
             break
         assert not taken[0].is_open
+
+
+def test_agents_of_a_game_that_is_replayed_join_those_of_a_game_that_is_recorded():
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        ctx.agent.create_agent("dora", start_node_id=0)
+        data = recorded_of(lambda ctx: list(ctx.record.replay(io.BytesIO(GAME))), ctx)
+    with gamms.recorder.open(io.BytesIO(data)) as recording:
+        assert [state.agents["name"].tolist() for state in recording[:2]] == [["dora"], ["dora", "anna", "bert"]]

@@ -483,21 +483,33 @@ def test_edges_of_no_length_end_in_a_wait():
 
 def test_a_recording_knows_where_on_edges_agents_were(tmp_path):
     ctx = road(0, 90)
-    anna = agent(ctx, "anna", 0, 1, speed=10.0)
+    anna = agent(ctx, "anna", 1, 0, speed=10.0)
     ctx.record.start(tmp_path / "one")
     ctx.game.run(3)
     ctx.record.stop()
     with gamms.recorder.open(tmp_path / "one.ggr") as recording:
         state = recording.state(2)
         assert state.agents["edge_share"].tolist() == pytest.approx([20 / 90])
-        assert state.xy().tolist() == [[pytest.approx(20.0), 0.0]]
+        assert state.xy().tolist() == [[pytest.approx(70.0), 0.0]]
         table = recording.table("travel")
         assert table["turn"].tolist() == [1, 2, 3]
         assert table["edge_share"].tolist() == pytest.approx([1 / 9, 2 / 9, 3 / 9])
+        ends = [table[name].tolist() for name in ("edge_source", "edge_target", "edge")]
+        assert ends == [[1] * 3, [0] * 3, [1] * 3]
     with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}) as other:
         list(other.record.replay(tmp_path / "one.ggr"))
         assert other.agent.get_agent("anna").xy == anna.xy
         assert other.agent.get_agent("anna").edge == anna.edge
+
+
+def test_the_table_of_travel_has_no_rows_where_edges_are_counted(tmp_path):
+    ctx = road(0, 90, speed_unit="edges")
+    agent(ctx, "anna", 0, 1, speed=0.25)
+    ctx.record.start(tmp_path / "one")
+    ctx.game.run(3)
+    ctx.record.stop()
+    with gamms.recorder.open(tmp_path / "one.ggr") as recording:
+        assert recording.table("travel")["turn"].tolist() == []
 
 
 def test_a_snapshot_restores_where_on_edges_agents_are():

@@ -162,6 +162,22 @@ def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
         assert sum(len(part) for part, _ in stream._parts) < 8000
 
 
+def test_a_team_sees_who_came_in_sight_between_the_end_of_a_game_and_the_turn_with_which_it_goes_on():
+    with HUNT.build() as ctx:
+        following = streams.Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        stream = following.of(web.links.Audience("red"))
+        ctx.game.run(max_turns=1)
+        following.end()
+        ctx.agent.get_agent("blue_0").current_node_id = ctx.agent.get_agent("red_0").current_node_id
+        ctx.game.run(max_turns=2)
+        following.end()
+        with recorder.open(io.BytesIO(stream.opening + b"".join(part for part, _ in stream._parts))) as sent:
+            known = [state.agents["name"].tolist() for state in sent]
+    assert known[0] == ["red_0", "red_1"]
+    assert "blue_0" in known[1]
+
+
 def test_what_is_wrong_in_a_turn_is_raised_where_it_is_played(tmp_path):
     with HUNT.build() as ctx:
         ctx.record.start(tmp_path / "game.ggr")
