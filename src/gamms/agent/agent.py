@@ -6,6 +6,7 @@ from math import hypot
 from typing import Any, ClassVar
 
 from gamms import kernels
+from gamms.agent.carried import carried
 from gamms.arguments import as_bool, as_float, as_function_of, as_key, as_name, as_range
 from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
@@ -30,7 +31,7 @@ from gamms.typing.agent_engine import AgentType, IAerialAgent, IAgent, MaybeNone
 from gamms.typing.game import AerialState, AerialStrategy, AsyncStrategy, NodeId, State, Strategy
 from gamms.typing.graph_engine import IGraph
 from gamms.typing.on_edges import OnEdge, located
-from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of, refuse_no_sensor
+from gamms.typing.sensor_engine import Carried, ISensor, SensorType, owner_of, refuse_no_sensor
 
 _KINDS = tuple(AgentType)
 _SCALARS = frozenset({str, bytes, int, float, bool, type(None)})
@@ -206,8 +207,11 @@ class BaseAgent(Guarded, IAgent):
             self._last[0] = state
             return state
         sensed = {}
-        for name, sense, sensor, last in self._carried:
-            sense(node)
+        for name, sense, sensor, last, lists in self._carried:
+            if lists is None:
+                sense(node)
+            else:
+                last[0] = [*lists[node]]
             sensed[name] = (sensor.type, last[0])
         state = {"curr_pos": node, "sensor": sensed}
         self._last[0] = state
@@ -219,7 +223,7 @@ class BaseAgent(Guarded, IAgent):
         node, place = self.current_node_id, self._on_edge()
         where: Any = node if place is None else place.xy
         sensed = {}
-        for name, sense, sensor, last in self._carried:
+        for name, sense, sensor, last, _ in self._carried:
             sense(where if getattr(sensor, "looks_from_points", False) else node)
             sensed[name] = (sensor.type, last[0])
         return sensed
@@ -340,7 +344,7 @@ class BaseAgent(Guarded, IAgent):
         self._block.structure_version += 1
         owner_of_shared = {id(one): self.name for one in self._shared}
         sensors = self._sensor_list.items()
-        self._carried = tuple([_carried(name, one, owner_of_shared.get(id(one))) for name, one in sensors])
+        self._carried = tuple([carried(name, one, owner_of_shared.get(id(one))) for name, one in sensors])
 
     def _clear_owner(self, sensor: ISensor) -> None:
         if owner_of(sensor) in (None, self.name):  # unless another agent carries it by now
@@ -567,33 +571,3 @@ class Attribute:
 
     def __delete__(self, agent: BaseAgent) -> None:
         del agent.__dict__[self._name]
-
-
-def _carried(name: str, sensor: ISensor, own: str | None) -> Carried:
-    """Return a sensor in the form in which agents ask it; `own` names the agent if others carry the sensor, too."""
-    offered: Callable[[], Any] | None = getattr(sensor, "live_result", None)
-    last = LiveData(sensor) if offered is None else offered()
-    is_plain = own is None and type(last) is list
-    return name, sensor.sense if is_plain else _Look(sensor, own), sensor, last
-
-
-class _Look:
-    """Asks a sensor of a caller's class, or one that several agents carry, on behalf of one of them."""
-
-    __slots__ = ("_own", "_sensor")
-
-    def __init__(self, sensor: ISensor, own: str | None) -> None:
-        self._sensor, self._own = sensor, own
-
-    def __call__(self, node_id: int) -> None:
-        sensor, own = self._sensor, self._own
-        if own is None:
-            sensor.sense(node_id)
-            return
-        owner = owner_of(sensor)
-        sensor.set_owner(own)
-        try:
-            sensor.sense(node_id)
-        finally:
-            if owner not in (None, own):  # a look that no agent asks for is that of the one that registered it last
-                sensor.set_owner(owner)

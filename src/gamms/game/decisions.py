@@ -244,7 +244,6 @@ class Decisions:
         """
         phase, starts, ends = self._phase, self.starts, self.ends
         turn, shared = self._state.turn, self._state.team_memories
-        are_shared = bool(shared)
         for i, agent, template, carried, last in individuals:
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
@@ -253,13 +252,16 @@ class Decisions:
             # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.
             here = starts[i]
             sensed = {}
-            for key, sense, sensor, result in carried:
-                sense(here)
+            for key, sense, sensor, result, lists in carried:
+                if lists is None:
+                    sense(here)
+                else:
+                    result[0] = [*lists[here]]
                 sensed[key] = (sensor.type, result[0])
             last[0] = state = template.copy()
             state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
             state["legal"] = legal = near[here]
-            state["team_memory"] = memory_copy(shared.get(template["team"], {})) if are_shared else {}
+            state["team_memory"] = memory_copy(shared.get(template["team"], {})) if shared else {}
             phase.agent = agent
             try:
                 answer = strategy(state)
@@ -280,7 +282,7 @@ class Decisions:
                 mine = state["team_memory"]
             except KeyError:  # it has removed it
                 mine = None
-            if mine or (are_shared and template["team"] in shared):
+            if mine or (shared and template["team"] in shared):
                 self.note(i, mine)
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:

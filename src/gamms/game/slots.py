@@ -74,8 +74,8 @@ class AgentSlot:
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
         self._template: dict[str, Any] | None = None
-        self.foreign = [name for name, _, _, result in self.carried if type(result) is not list]
-        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, _ in self.carried)
+        self.foreign = [name for name, _, _, result, _ in self.carried if type(result) is not list]
+        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, *_ in self.carried)
         self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
     @property

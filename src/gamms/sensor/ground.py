@@ -1,6 +1,6 @@
 """The sensors that look over the ground: NEIGHBOR, MAP, RANGE, ARC, the AGENT kinds, and those past obstacles."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from math import inf, pi
 from typing import Any, cast
@@ -262,6 +262,11 @@ class NeighborSensor(Sensor):
         """Look from many nodes; values are ids of nodes. `data` stays as it is."""
         near = self._neighborhoods
         return Sensed(*ragged([[*near[node_id]] for node_id in as_ids(node_ids, "node_ids")]))
+
+    @property
+    def lists(self) -> Mapping[int, Sequence[int]]:
+        """The neighbourhoods of the graph."""
+        return self._neighborhoods
 
     def sense(self, node_id: int) -> None:
         """Look around."""

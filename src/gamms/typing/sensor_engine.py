@@ -1,7 +1,7 @@
 """Contract of the sensor engine."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from enum import Enum
 from typing import Any, TypedDict, Unpack
 
@@ -151,8 +151,9 @@ class LiveData(Sequence[Any]):
         return 1
 
 
-# A sensor as an agent asks it: its name in the state, the call that senses, the sensor, and its `live_result`.
-Carried = tuple[str, Callable[[int], None], ISensor, Sequence[Any]]
+# A sensor as an agent asks it: its name in the state, the call that senses, the sensor, its `live_result`; and what it
+# has for each node, where a look only makes a list of that, for whoever looks often.
+Carried = tuple[str, Callable[[int], None], ISensor, Any, Mapping[int, Sequence[int]] | None]
 
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 

@@ -264,7 +264,7 @@ class ScalarStrategies:
         def observe(slot: AgentSlot) -> dict[str, Any]:
             node, agent, sensed = here[fork.number[slot.name]], slot.agent, dict[str, Any]()
             where: Any = agent.xy if slot.travels and agent.edge is not None else node
-            for key, sense, sensor, result in slot.carried:
+            for key, sense, sensor, result, _ in slot.carried:
                 sense(where if getattr(sensor, "looks_from_points", False) else node)
                 sensed[key] = sensor.type, result[0]
             found = turns.observed(slot, node, sensed, state, players.inboxes)
@@ -333,10 +333,16 @@ class ScalarStrategies:
                 access = agents.storage.turn_access(agent)
                 slot = AgentSlot(agent, access, state, table, facts, settings, forks)
                 slot.carried = tuple(
-                    (name, lambda _: None, sensor, self._cells[name][number])  # arrays have said what it shows
-                    if number in self._cells.get(name, ())
-                    else (name, sense, sensor, result)
-                    for name, sense, sensor, result in slot.carried
+                    (
+                        one[0],
+                        lambda _: None,
+                        one[2],
+                        self._cells[one[0]][number],
+                        None,
+                    )  # arrays have said what it shows
+                    if number in self._cells.get(one[0], ())
+                    else one
+                    for one in slot.carried
                 )
                 players.slots[number] = slot
         if self._counting:
