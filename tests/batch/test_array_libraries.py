@@ -268,6 +268,47 @@ def test_a_portable_form_gets_tensors(place):
         assert plain(games.result(1)) == plain(scene([TAG, LIMIT]).play(seed=1, strategies={"red": last}))
 
 
+def test_what_a_portable_form_writes_into_its_view_moves_nobody(place):
+    if place.device is not None:
+        pytest.skip("its arrays cannot be written to in this way")
+
+    @gamms.array_strategy
+    @gamms.portable_form
+    def cheat(view):
+        view.node[...] = 0
+        view.mask[...] = False
+        view.turn[...] = 7
+        view.living[...] = False
+        view.nodes_of_all()[...] = 0
+        return view.xp.zeros_like(view.turn)[:, None] + view.xp.zeros_like(view.node)
+
+    still = {"red": gamms.strategies.stay, "blue": gamms.strategies.stay}
+    with (
+        scene([TAG, LIMIT]).batch(3, **place.options, strategies={**still, "red": cheat}) as games,
+        scene([TAG, LIMIT]).batch(3, strategies=still) as known,
+    ):
+        for one in (games, known):
+            one.step()
+        games.observe("red").node[...] = 0
+        games.observe("red").mask[...] = False
+        for one in (games, known):
+            one.run()
+        assert [plain(games.result(i)) for i in range(3)] == [plain(known.result(i)) for i in range(3)]
+
+
+@pytest.mark.parametrize("nothing", [None, "stay", [[0], [0, 0]]])
+def test_a_portable_form_that_returns_no_numbers_is_named(place, nothing):
+    @gamms.array_strategy
+    @gamms.portable_form
+    def forgets(_):
+        return nothing
+
+    with scene().batch(2, **place.options, strategies={"red": forgets}) as games:
+        with pytest.raises(BadType, match="forgets: actions are an array of numbers, not"):
+            games.step()
+        assert place.read(games.turn).tolist() == [0, 0]
+
+
 def test_illegal_actions_name_the_agent_and_no_game_is_played(place):
     with scene().batch(2, **place.options) as games:
         wrong = games.observe("red").counts

@@ -284,7 +284,7 @@ class DeviceEngine(ArrayEngine):
         parts = []
         for team, wanted in given.items():
             agents = self.state.roster.members(team)
-            view = self._view(agents, mask)
+            view = self._view(agents, mask, is_own=True)
             parts.append((agents, view.checked(wanted.moves_in(view, wanted.moves), f"team {shown(team)}")))
         return parts
 
@@ -294,9 +294,9 @@ class DeviceEngine(ArrayEngine):
         try:
             if form is None:
                 return self._asked_on_host(group, agents)
-            view = self._view(agents, mask)
-            actions = form(view)
             is_legal = getattr(form, IS_LEGAL, False)
+            view = self._view(agents, mask, is_own=is_legal)
+            actions = form(view)
             return view.as_actions(actions, group.name) if is_legal else view.checked(actions, group.name)
         except Exception as error:
             error.add_note(f"In the strategy {group.name} of a batch.")
@@ -309,12 +309,16 @@ class DeviceEngine(ArrayEngine):
         actions[games] = view.checked(group.form(view), group.name)
         return self.library.put(actions)
 
-    def _view(self, agents: IntArray, mask: Tensor) -> DeviceView:
+    def _view(self, agents: IntArray, mask: Tensor, *, is_own: bool = False) -> DeviceView:
+        """Return a view; of what is not our own, of copies, since arrays of other libraries can be written to."""
         state, library = self.state, self.library
         node, asked, keys = (
             columns_of(one, agents, library) for one in (state.there["node"], mask, state.there["keys"])
         )
-        return DeviceView(state, state.streets_there, agents, node, asked, state.turn_there, keys)
+        shown = node, asked, state.turn_there
+        if not is_own:
+            shown = tuple(library.xp.asarray(one, copy=True) for one in shown)
+        return DeviceView(state, state.streets_there, agents, *shown, keys)
 
     def _unopposed(self, playing: BoolArray, node: Tensor, wanted: Tensor) -> Tensor:
         """Return where agents go when those have stayed that checks refuse to move and conflicts stop."""

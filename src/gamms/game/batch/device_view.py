@@ -215,7 +215,7 @@ class DeviceView(ArrayView):
     def living(self) -> Tensor:
         """Which agents are alive, (games, all agents)."""
         everyone = getattr(self._state, "everyone", None)  # where all are on the device
-        return self.library.put(self._state.alive) if everyone is None else everyone[1]
+        return self.library.put(self._state.alive) if everyone is None else self.xp.asarray(everyone[1], copy=True)
 
     @property
     def is_there(self) -> Tensor:
@@ -296,7 +296,7 @@ class DeviceView(ArrayView):
     def nodes_of_all(self) -> Tensor:
         """Return the rows of the nodes of all agents of the games, (games, all agents)."""
         everyone = getattr(self._state, "everyone", None)  # where all are on the device
-        return self.library.put(self._state.node) if everyone is None else everyone[0]
+        return self.library.put(self._state.node) if everyone is None else self.xp.asarray(everyone[0], copy=True)
 
     def _around(self, looks: list[Lookout], node: Tensor, alive: Tensor) -> Tensor:
         xp, streets, put = self.xp, self.streets, self.library.put

@@ -72,7 +72,7 @@ class ArrayLibrary:
         """Return an array of the library on this device; lists and numbers are put there.
 
         Raises:
-            BadType: it is an array of another library.
+            BadType: it is an array of another library, or of no numbers.
             BadValue: it is on another device.
         """
         if self.is_own(given):
@@ -85,7 +85,13 @@ class ArrayLibrary:
                 f"{what} are of {type(given).__module__}.{type(given).__name__}, and the batch is one of "
                 f"{self.name}: give an array of {self.name} on {self.device}."
             )
-        return self.put(np.asarray(given))
+        try:
+            array = np.asarray(given)
+        except ValueError:  # lists of several lengths
+            array = np.empty(0, object)
+        if array.dtype.kind not in "biuf":
+            raise BadType(f"{what} are an array of numbers, not {shown(given)}.")
+        return self.put(array)
 
 
 def as_library(xp: object, device: object) -> ArrayLibrary | None:
