@@ -66,6 +66,57 @@ def test_values_are_set_where_a_mask_says(ctx):
         team["fule"]
 
 
+def test_arrays_of_a_team_are_read_only(ctx):
+    team = ctx.agent.create_team("red", [0, 1])
+    for array in (team.node_ids, team.alive, team["speed"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize(
+    ("column", "values", "wrong"),
+    [
+        ("current_node_id", [7, 8, 99], UnknownName),
+        ("prev_node_id", [7, 8, 99], UnknownName),
+        ("strategy", [gamms.strategies.random_walk, None, 3], BadType),
+        ("team", ["x", "y", []], BadType),
+        ("orientation", [(0, 1), (0, 1), (0, "x")], BadType),
+        ("speed", [2, 3, -1], BadValue),
+        ("alive", [False, True, 2], BadType),
+        ("node_ids", [1, 1, 1], BadValue),
+    ],
+)
+@pytest.mark.parametrize("has_lost_one", [False, True])
+def test_all_are_set_or_none(ctx, column, values, wrong, has_lost_one):
+    team = ctx.agent.create_team("red", [0, 1, 2])
+    if has_lost_one:
+        ctx.agent.delete_agent("red_1")
+    before = described(team)
+    with pytest.raises(wrong):
+        team.set(column, values)
+    assert described(team) == before
+
+
+def test_a_team_has_the_values_of_its_members_as_they_are(ctx):
+    for number, values in enumerate(([1, "a"], [[1], [2, 3]], [None, "a"], [True, "b"])):
+        team = ctx.agent.create_team(f"red{number}", [0, 1], columns={"tag": values})
+        assert team["tag"].tolist() == [agent.tag for agent in team] == values
+    team.set("tag", iter([5, 6]))
+    assert team["tag"].tolist() == [5, 6]
+
+
+def test_what_a_team_is_asked_wrongly_is_explained(ctx):
+    team = ctx.agent.create_team("red", [0, 1])
+    for index in (0, slice(0, 1), None):
+        with pytest.raises(BadType, match=r"asked for an attribute by its name, not .*: team.agents has members"):
+            team[index]
+    with pytest.raises(BadType, match="must be a string, not 3"):
+        team.set(3, 5)
+    team.set("hat", "tall", where=[True, False])
+    with pytest.raises(UnknownName, match=r"Unknown attribute of Agent\('red_1', current_node_id=1\): 'hat'"):
+        team["hat"]
+
+
 def test_a_deleted_member_stays_in_its_team(ctx):
     team = ctx.agent.create_team("red", [3, 4, 5], columns={"fuel": 5})
     ctx.agent.delete_agent("red_1")
@@ -121,6 +172,11 @@ def test_what_is_impossible_changes_nothing(ctx):
         ctx.agent.create_team("blue", [0, 1], columns={"fuel": [1]})
     with pytest.raises(BadType, match="strategy"):
         ctx.agent.create_team("blue", [0, 1], strategy=5)
+    for column in ("name", "team", "strategy", "sensors", "start_node_id", "type"):
+        with pytest.raises(BadValue, match=f"'{column}' cannot be one of columns="):
+            ctx.agent.create_team("blue", [0, 1], columns={column: ["a", "b"]})
+    with pytest.raises(BadType, match="name of a column must be a string, not 3"):
+        ctx.agent.create_team("blue", [0, 1], columns={3: [1, 2]})
     with pytest.raises(UnknownName, match=r"Unknown sensor 'nearr'. Did you mean 'near'\?"):
         ctx.agent.create_team("blue", [0, 1], sensors=["nearr"])
     with pytest.raises(UnknownName, match="nearr"):

@@ -13,8 +13,8 @@ import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.snapshots import AgentsSnapshot, attributes_of, copied_attributes, details_of, teams_in
-from gamms.agent.teams import AgentsByName, Members, Team, column_of, each_of, is_attribute, make_member
-from gamms.arguments import as_function_of, as_ids, as_mapping, as_member, as_name, misspelt
+from gamms.agent.teams import AgentsByName, Members, Team, column_of, is_attribute, make_member, values_in
+from gamms.arguments import as_function_of, as_ids, as_member, as_name, misspelt
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
@@ -210,8 +210,7 @@ class AgentEngine(Guarded, IAgentEngine):
         taken = next((one for one in names if one in self._agents), None)
         if taken is not None:
             raise Duplicate("an agent", taken)
-        given = as_mapping(columns, "columns")
-        values = {column: each_of(value, len(nodes), column) for column, value in given.items()}
+        values = values_in(columns, len(nodes))
         carried = _listed(sensors)
         self._found_sensors(team, carried, skips_unknown=False)
         if self._block.journal is PLAIN and not carried and all(map(is_attribute, values)):

@@ -1,6 +1,6 @@
 """Teams of many agents that are created, read and set together, as arrays; each agent is made when it is asked for."""
 
-from collections.abc import Callable, ItemsView, Iterator, Mapping
+from collections.abc import Callable, ItemsView, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, cast
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent.agent import Agent, Attribute, BaseAgent
-from gamms.arguments import as_bool, as_ids, as_range
+from gamms.arguments import as_bool, as_function_of, as_ids, as_key, as_mapping, as_name, as_range
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import AgentBlock
@@ -19,6 +19,7 @@ from gamms.ir.sensed import Sensed
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing import IContext
+from gamms.typing.actions import as_heading
 from gamms.typing.sensor_engine import ISensor, is_sensor
 
 Column = np.ndarray[Any, Any]
@@ -30,6 +31,15 @@ def _speed(speed: Any, name: str) -> float | None:
 
 _OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _speed}
 """Columns of agents in their block -> the check of a value."""
+_NO_COLUMNS = frozenset({"name", "start_node_id", "sensors", "team", "strategy", "type", "agent_type"})
+_OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
+    "current_node_id": lambda agent, node: agent._known(node),
+    "prev_node_id": lambda agent, node: agent._known(node),
+    "orientation": lambda _, heading: heading is None or as_heading(heading),
+    "team": lambda _, team: as_key(team, "A team"),
+    "strategy": lambda _, strategy: strategy is None or as_function_of(strategy, "A strategy", "the state"),
+}
+"""Other attributes that members check -> the same check, for all before one is set."""
 
 
 class Members:
@@ -170,40 +180,44 @@ class Team:
 
     @property
     def node_ids(self) -> IntArray:
-        """Where the members are, (agents,) ids of nodes."""
+        """Where the members are, (agents,) ids of nodes; the array is read-only, `move` lets them go."""
         rows = self._selection()
-        if rows is None:
-            return np.array([agent.current_node_id for agent in self], np.int64)
-        return np.array(rows.of(self._block_of().node), np.int64)
+        nodes = [agent.current_node_id for agent in self] if rows is None else rows.of(self._block_of().node)
+        return _read_only(np.array(nodes, np.int64))
 
     @property
     def alive(self) -> BoolArray:
-        """Which members take part, (agents,)."""
+        """Which members take part, (agents,); the array is read-only, `set` writes."""
         rows = self._selection()
-        if rows is None:
-            return np.array([agent.alive for agent in self], np.bool_)
-        return np.array(rows.of(self._block_of().alive), np.bool_)
+        alive = [agent.alive for agent in self] if rows is None else rows.of(self._block_of().alive)
+        return _read_only(np.array(alive, np.bool_))
 
     def __getitem__(self, column: str) -> Column:
         """Return the values of an attribute of all members, (agents,); the array is read-only, `set` writes.
 
         Raises:
             UnknownName (KeyError): a member has no such attribute.
+            BadType: it is no name.
         """
+        if not isinstance(column, str):
+            raise BadType(
+                f"A team is asked for an attribute by its name, not {shown(column)}: team.agents has members."
+            )
         members, rows = self._members, self._selection()
         try:
             if column in _OF_BLOCK and rows is not None:
                 values = np.array(rows.of(getattr(self._block_of(), column)))
             elif column in members.columns:
                 own = {members.numbers[name]: getattr(agent, column) for name, agent in members.made.items()}
-                values = np.array(_changed(members.columns[column], own).tolist())
+                values = _as_array(_changed(members.columns[column], own).tolist())
             else:
-                values = np.array([getattr(agent, column) for agent in self])
-        except AttributeError:
+                values = _as_array([getattr(agent, column) for agent in self])
+        except AttributeError as error:
             known = {*members.columns, *(name for agent in members.made.values() for name in vars(agent))}
+            if column in known:
+                raise UnknownName(f"attribute of {error.obj!r}:", column) from None
             raise UnknownName("column", column, ["alive", "speed", *sorted(known)]) from None
-        values.setflags(write=False)
-        return values
+        return _read_only(values)
 
     def set(self, column: str, values: object, where: object = None) -> None:
         """Set an attribute of members, checked and recorded as `agent.energy = 5` is.
@@ -214,20 +228,25 @@ class Team:
             where: which members, (agents,) booleans; None: all.
 
         Raises:
-            BadValue: there are more or fewer values than agents; nothing has changed then.
+            BadValue: there are more or fewer values than agents, or one cannot be; nothing has changed then.
             BadType: `where` is no array of booleans.
         """
+        if as_name(column, "an attribute") == "node_ids":
+            raise BadValue("Members are put on nodes by 'current_node_id', and go along edges by team.move(node_ids).")
         chosen = np.ones(len(self), np.bool_) if where is None else np.asarray(where)
         if chosen.dtype != np.bool_ or chosen.shape != (len(self),):
             raise BadType(f"where= of a team is an array ({len(self)},) of booleans, not {shown(where)}.")
         phase_of(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
         listed, rows, places = each_of(values, len(self), column), self._selection(), np.flatnonzero(chosen).tolist()
         members, block = self._members, self._block_of()
-        if column in _OF_BLOCK and rows is not None:
+        if column in _OF_BLOCK:
             checked = [_OF_BLOCK[column](listed[i], f"{column} of agent {self.names[i]!r}") for i in places]
-            for i, value in zip(places, checked, strict=True):
-                block.set(rows.rows[i], column, value)
-            return
+            if rows is not None:
+                for i, value in zip(places, checked, strict=True):
+                    block.set(rows.rows[i], column, value)
+                return
+        for i in places if column in _OF_MEMBERS else ():
+            _OF_MEMBERS[column](self._agent(self.names[i]), listed[i])
         has_column = column in members.columns
         if has_column or (where is None and not hasattr(Agent, column)):
             known = members.columns[column] if has_column else column_of(listed)
@@ -332,13 +351,44 @@ def _changed(column: Column, values: Mapping[int, Any]) -> Column:
     return column_of(listed)
 
 
+def _as_array(values: list[Any]) -> Column:
+    """Return the values of all members, as they are where NumPy would make texts of numbers or finds no shape."""
+    try:
+        found = np.array(values)
+    except ValueError:
+        found = None
+    if found is None or (found.dtype.kind == "U" and not all(isinstance(value, str) for value in values)):
+        found = np.empty(len(values), object)
+        found[:] = values
+    return found
+
+
+def _read_only(values: Column) -> Column:
+    values.setflags(write=False)
+    return values
+
+
+def values_in(columns: object, count: int) -> dict[str, list[Any]]:
+    """Return name -> one plain value for each of several agents, of the columns of a team.
+
+    Raises:
+        BadType, BadValue: they are no attributes of agents, or have more or fewer values.
+    """
+    given = as_mapping(columns, "columns")
+    for column in given:
+        if as_name(column, "a column") in _NO_COLUMNS:
+            raise BadValue(f"{column!r} cannot be one of columns=: create_team gives all members the same, or a name.")
+    return {column: each_of(value, count, column) for column, value in given.items()}
+
+
 def each_of(values: object, count: int, name: str) -> list[Any]:
     """Return one plain value for each of several agents.
 
     Raises:
         BadValue: there are more or fewer.
     """
-    if isinstance(values, Mapping | str | bytes) or np.ndim(values) == 0:  # type: ignore[arg-type] # anything may be given
+    are_many = isinstance(values, Sequence | Iterator) or np.ndim(values) > 0  # type: ignore[arg-type] # anything
+    if isinstance(values, Mapping | str | bytes) or not are_many:
         return [values.item() if isinstance(values, np.generic) else values] * count
     listed: list[Any] = values.tolist() if isinstance(values, np.ndarray) else list(values)  # type: ignore[call-overload]
     if len(listed) != count:
