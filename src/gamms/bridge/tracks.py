@@ -292,11 +292,7 @@ class _Matcher:
         self._search = kernels.LocalSearch(ctx.graph.routes.arcs(), columns.xy)
 
     def match(self, name: str, points: _Points) -> tuple[list[_Part], Matched]:
-        """Return the parts of a track.
-
-        Raises:
-            BadValue: it touches no road.
-        """
+        """Return the parts of a track."""
         kept = self._worth_a_look(points)
         candidates = self._candidates(points.xy[kept])
         near = [at for at, some in enumerate(candidates) if some]

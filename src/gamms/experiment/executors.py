@@ -93,11 +93,7 @@ class WorkerPool(ThreadPoolExecutor):
 
 
 def _on_ray() -> Executor:
-    """Return an executor of the cluster of Ray that this program is connected to, or else of one on this machine.
-
-    Raises:
-        MissingExtra: it is not installed.
-    """
+    """Return an executor of the cluster of Ray that this program is connected to, or else of one on this machine."""
     if find_spec("ray") is None:
         raise MissingExtra('executor="ray"', "ray")
     import ray

@@ -188,11 +188,7 @@ def _indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
 
 
 def _stats() -> Any:
-    """Return `scipy.stats`.
-
-    Raises:
-        MissingExtra: SciPy is not installed.
-    """
+    """Return `scipy.stats`."""
     try:
         import scipy.stats
     except ImportError:

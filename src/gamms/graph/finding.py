@@ -200,11 +200,7 @@ def _nodes_of(columns: GraphColumns, rows: IntArray) -> IntArray:
 
 
 def _nearly_shared(columns: GraphColumns, streets: StreetNames, names: list[str], sides: list[IntArray]) -> IntArray:
-    """Return the two nodes at which two streets come so near to each other that it is one junction.
-
-    Raises:
-        BadValue: they do not; the message says how near, and what the first one meets.
-    """
+    """Return the two nodes at which two streets come so near to each other that it is one junction."""
     first, second = names[:2]
     if len(names) == 2:
         xy, other = columns.xy[sides[0]], columns.xy[sides[1]]

@@ -251,11 +251,7 @@ def _edge_ids(store: GraphStore, given: list[Any]) -> IntArray:
 
 
 def _by_name(rows: list[dict[Any, Any]], ours: frozenset[str]) -> dict[str, dict[int, Any]]:
-    """Return the attributes of rows but for `ours`, name -> row -> value.
-
-    Raises:
-        BadValue: two names are one as text, or a value is nested too deeply.
-    """
+    """Return the attributes of rows but for `ours`, name -> row -> value."""
     columns: defaultdict[Any, dict[int, Any]] = defaultdict(dict)
     for row, data in enumerate(rows):
         if data.keys() <= ours:

@@ -140,11 +140,7 @@ def _column(
 
 
 def _check_kinds(kind: IntArray, space: IntArray, counts: IntArray, points: int) -> None:
-    """Check that a recorded drawing has commands of known kinds, with as many points as these have.
-
-    Raises:
-        BadValue: it has others.
-    """
+    """Check that a recorded drawing has commands of known kinds, with as many points as these have."""
     is_known = np.isin(space, list(DrawSpace))
     for one, (fewest, most) in _POINTS_OF.items():
         is_known[kind == one] &= ((counts >= fewest) & (counts <= most))[kind == one]

@@ -259,11 +259,7 @@ def part_of(selection: Selection, given: "WayFilter | None", clip: object) -> Se
 
 
 def _area_of(clip: object) -> "Polygon | None":
-    """Return an area of the caller's as a polygon in degrees.
-
-    Raises:
-        BadValue: it is none.
-    """
+    """Return an area of the caller's as a polygon in degrees."""
     if clip is None:
         return None
     if isinstance(clip, (list, tuple)) and len(clip) == 4 and all(isinstance(one, (int, float)) for one in clip):

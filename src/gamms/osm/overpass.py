@@ -401,11 +401,7 @@ _KINDS: dict[str, type[_Element]] = {"node": _Node, "way": _Way, "relation": _Re
 
 
 def _read_places(answer: Json) -> list[_Place]:
-    """Return what Nominatim answers to the question where a place is.
-
-    Raises:
-        ValueError: it is of no use.
-    """
+    """Return what Nominatim answers to the question where a place is."""
     if not isinstance(answer, list) or not all(isinstance(place, dict) for place in answer):
         raise ValueError("it is no list of places")
     try:

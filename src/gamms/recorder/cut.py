@@ -547,11 +547,7 @@ def write_cut(reader: Reader, columns: GraphColumns, out: BinaryIO, team: object
 
 
 def _team_of(reader: Reader, first: Keyframe, team: object) -> Any:
-    """Return the team that a caller means, as agents have it; the name of an agent that has none.
-
-    Raises:
-        UnknownName: none of the agents of the recording has it.
-    """
+    """Return the team that a caller means, as agents have it; the name of an agent that has none."""
     come = [(data["name"], data["kwargs"].get("team")) for *_, data in reader.events(kinds={kinds.AGENT_CREATE})]
     come += [(data["agent_name"], data["team"]) for *_, data in reader.events(kinds={kinds.AGENT_TEAM})]
     there = zip(first["names"], first["teams"], strict=True)

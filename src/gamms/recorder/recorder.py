@@ -413,11 +413,7 @@ class Recorder(Guarded, IRecorder):
 
 
 def _check_record(opcode: object, data: object) -> None:
-    """Check that a record of the user's own can be read again.
-
-    Raises:
-        BadType, BadValue: it cannot.
-    """
+    """Check that a record of the user's own can be read again."""
     if not isinstance(opcode, OpCodes):
         raise BadType(f"opCode must be one of gamms.typing.OpCodes, not {shown(opcode)}.")
     if opcode is OpCodes.TERMINATE:

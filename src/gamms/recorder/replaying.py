@@ -547,11 +547,7 @@ class Replayer:
 
 
 def _sides_in(header: Mapping[str, Any]) -> tuple[str | None, ...]:
-    """Return the sides that the header of a cut recording names; none for a recording that is whole.
-
-    Raises:
-        RecordingError: they are damaged.
-    """
+    """Return the sides that the header of a cut recording names; none for a recording that is whole."""
     sides = header.get("sides", ())
     if not isinstance(sides, list | tuple) or any(not isinstance(side, str | None) for side in sides):
         raise RecordingError(f"The sides in the header of this recording are not right: {shown(sides)}.")

@@ -191,11 +191,7 @@ class _Walker(Reader):
 
 
 def _check_keyframes(path: str | os.PathLike[str]) -> None:
-    """Compare what every keyframe says with what follows from the turns before it.
-
-    Raises:
-        RecordingError: one says something else.
-    """
+    """Compare what every keyframe says with what follows from the turns before it."""
     with Reader(path) as reader, _Walker(path) as walker:
         stored, computed = Recording(reader), Recording(walker)
         turns, turn = [], reader.keyframe_before(stored.turns)

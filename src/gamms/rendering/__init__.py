@@ -141,11 +141,7 @@ def _save_page(
 
 
 def _checked_turns(path: str | os.PathLike[str], options: RenderOptions) -> int | None:
-    """Return how many turns a recording has; None for one of version 2, which has to be replayed to know.
-
-    Raises:
-        BadValue: there are no such turns.
-    """
+    """Return how many turns a recording has; None for one of version 2, which has to be replayed to know."""
     first, last = options.first, options.last
     if (first is not None and first < 1) or (last is not None and last < (first or 0)):
         raise BadValue(f"Turns are counted from 1 on; there are none from {first or 1} to {last or 'the end'}.")

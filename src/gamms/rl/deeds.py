@@ -193,11 +193,7 @@ _known: WeakKeyDictionary[Streets, dict[str, DeedChoices]] = WeakKeyDictionary()
 def _options_of(
     deed: str, key: str, field: DeclaredField, known: Mapping[str, Sequence[Any]]
 ) -> tuple[DeclaredField, Sequence[Any]]:
-    """Return a field with its options.
-
-    Raises:
-        BadValue: it is needed, and its kind has no finite number of values.
-    """
+    """Return a field with its options."""
     values = field.choices if field.kind == "choice" else known.get(field.kind, ())
     if field.is_required and not values:
         raise BadValue(

@@ -277,11 +277,7 @@ def _maker(player: _Player) -> Maker:
 
 
 def _flight(player: _Player, observe: Observation, view: ArrayView) -> FloatArray:
-    """Return how far an agent flies in a game that is played by itself, as its environment took its actions.
-
-    Raises:
-        BadValue: the policy is for others, or flights would have to be drawn.
-    """
+    """Return how far an agent flies in a game that is played by itself, as its environment took its actions."""
     if player.sample:
         raise BadValue("sample=True draws moves and deeds: agents that fly do what is best, without it.")
     if not getattr(observe, "of_each", False):
@@ -328,11 +324,7 @@ def _chosen(logits: Float32Array, uniform: FloatArray | None) -> IntArray:
 
 @lru_cache(maxsize=64)
 def _fitting(loaded: _Loaded, shape: tuple[int, ...], *, flies: bool) -> Logits:
-    """Return what evaluates a policy for so many actions and deeds, and observations of such a shape.
-
-    Raises:
-        BadValue: it is for others.
-    """
+    """Return what evaluates a policy for so many actions and deeds, and observations of such a shape."""
     actions, deeds, *observed = shape
     spaces = None if loaded.described is None else loaded.described.spaces
     if spaces is not None and flies != spaces.flies:
@@ -356,11 +348,7 @@ def _fitting(loaded: _Loaded, shape: tuple[int, ...], *, flies: bool) -> Logits:
 
 
 def _refuse_other(file: Path, described: Description, ctx: HostContext) -> None:
-    """Refuse a scenario that a policy was not trained in.
-
-    Raises:
-        BadValue: it is another; the message names the parts that differ.
-    """
+    """Refuse a scenario that a policy was not trained in."""
     known = ctx.game.internals.digests
     if known is None:
         raise BadValue(

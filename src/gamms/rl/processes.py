@@ -164,11 +164,7 @@ class ProcessesEnv(GamesEnv):
 
     @property
     def _arrays(self) -> Arrays:
-        """The arrays of all slots.
-
-        Raises:
-            BadValue: the environment is closed.
-        """
+        """The arrays of all slots."""
         if not self._workers:
             raise BadValue("This environment is closed: make another one with gamms.rl.vector_env.")
         return self._memory
@@ -242,11 +238,7 @@ def answer(function: Callable[..., None], given: tuple[Any, ...]) -> Exception |
 
 
 def _task(function: Callable[..., None], *given: object) -> bytes:
-    """Return a call as a task for a process.
-
-    Raises:
-        BadType: what is given cannot be sent to one.
-    """
+    """Return a call as a task for a process."""
     try:
         return task_of(answer, function, given)
     except Exception as error:

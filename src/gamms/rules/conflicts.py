@@ -361,11 +361,7 @@ _FACTORIES = (by_priority, at_random, nobody)
 
 
 def _as_resolver(resolve: object) -> Resolver:
-    """Check what a caller gave as resolver.
-
-    Raises:
-        BadType: it cannot be called, or is a maker of resolvers that has not been called yet.
-    """
+    """Check what a caller gave as resolver."""
     for factory in _FACTORIES:
         if resolve is factory:
             raise BadType(f"resolve={factory.__name__} only makes a resolver: call it, as in {factory.__name__}(…).")
@@ -375,12 +371,7 @@ def _as_resolver(resolve: object) -> Resolver:
 
 
 def _winners_of(contest: Contest, resolve: Resolver, ctx: Context) -> set[str]:
-    """Return the names of the winners by a resolver, checked.
-
-    Raises:
-        BadType: it gave something else than names or moves.
-        BadValue: it named an agent that takes no part, or too many.
-    """
+    """Return the names of the winners by a resolver, checked."""
     answer: object = resolve(contest, ctx)
     if isinstance(answer, (str, Move)) or not isinstance(answer, Iterable):
         form = "must give a list of the winners, names or moves, not"
@@ -505,12 +496,7 @@ def _in_attribute(name: str, kind: str) -> _Limits:
 
 
 def _as_limits(capacity: object, kind: str) -> _Limits | None:
-    """Check what a caller gave as the capacity of each "node" or "edge"; None if there is none.
-
-    Raises:
-        BadType: neither a number, nor a mapping from ids to numbers, nor the name of an attribute, nor None.
-        BadValue: a number too small: below 1 everywhere, below 0 on one.
-    """
+    """Check what a caller gave as the capacity of each "node" or "edge"; None if there is none."""
     what = "capacity" if kind == "node" else "edge_capacity"
     if capacity is None:
         return None

@@ -250,11 +250,7 @@ def _in(folder: Path, found: Found) -> Found:
 
 
 def _owner(found: Found, sources: Sources) -> str:
-    """Return the installed package, or the part of it, whose functions may be named.
-
-    Raises:
-        ScenarioError: it is not installed, or was not allowed to be named.
-    """
+    """Return the installed package, or the part of it, whose functions may be named."""
     from importlib.metadata import entry_points
 
     dotted, top, path = found.module, found.module.partition(".")[0], found.path
@@ -431,11 +427,7 @@ def function_of(found: Found, folder: Path | None) -> Function:
 
 @contextmanager
 def _raising(path: str, what: str) -> Iterator[None]:
-    """Turn what the code of a scenario raises, SystemExit included, into an error at the place that names it.
-
-    Raises:
-        ScenarioError: in its place.
-    """
+    """Turn what the code of a scenario raises, SystemExit included, into an error at the place that names it."""
     try:
         yield
     except KeyboardInterrupt:

@@ -108,11 +108,7 @@ def _read_again(read: Callable[[str], Plain], text: str) -> Plain:
 
 
 def _changed(values: Plain, keys: tuple[str | int, ...], change: Change) -> Plain:
-    """Copy plain values with a change.
-
-    Raises:
-        ScenarioError: there is no such place.
-    """
+    """Copy plain values with a change."""
     if not keys:
         return [*(values or []), *change.value] if change.is_more else change.value
     key, *rest = keys

@@ -101,11 +101,7 @@ def check_strategy(
 
 @contextmanager
 def _naming(hidden: HiddenState, way_out: str) -> Iterator[None]:
-    """Name the variable that has changed: beside another error, or as the only one.
-
-    Raises:
-        AssertionError: another one was raised, or a variable has changed.
-    """
+    """Name the variable that has changed: beside another error, or as the only one."""
     changed = hidden.changed(way_out)
     try:
         yield
@@ -149,11 +145,7 @@ class _Play:
             return _played(ctx, self.turns)
 
     def check_repeatable(self) -> None:
-        """Check that `make_ctx` makes the same game twice.
-
-        Raises:
-            AssertionError: it does not.
-        """
+        """Check that `make_ctx` makes the same game twice."""
         one, other = self.once(with_rule=False), self.once(with_rule=False)
         if one != other:
             raise AssertionError(

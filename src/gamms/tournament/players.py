@@ -294,11 +294,7 @@ class Player:
         return line
 
     def _read(self, pipe: str, most: int) -> bool:
-        """Take what has come by a pipe; return whether it is open.
-
-        Raises:
-            Faulty: it is more than allowed.
-        """
+        """Take what has come by a pipe; return whether it is open."""
         while "log" in self._pipes or pipe != "log":
             try:
                 data = os.read(self._pipes[pipe], _PART)

@@ -143,11 +143,7 @@ def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> Allowed
 
 
 def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
-    """Check that a folder has no tournament, or this one.
-
-    Raises:
-        WriteConflict: the folder has that of another game; further entries, seeds and rounds are none.
-    """
+    """Check that a folder has no tournament, or this one."""
     file = where / MANIFEST
     if file.exists():
         before = json.loads(file.read_bytes())

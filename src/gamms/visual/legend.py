@@ -517,11 +517,7 @@ def _is_endless(value: object) -> bool:
 
 
 def _span(values: FloatArray, span: tuple[float | None, float | None], *, is_even: bool = False) -> tuple[float, float]:
-    """Return the values at both ends of the map: the given ones, or those of the finite values.
-
-    Raises:
-        BadValue: the lower one is not below the higher.
-    """
+    """Return the values at both ends of the map: the given ones, or those of the finite values."""
     given = tuple(
         None if end is None else as_float(end, name) for name, end in zip(("vmin", "vmax"), span, strict=True)
     )

@@ -303,11 +303,7 @@ def choices_in(path: str | os.PathLike[str]) -> dict[tuple[int, str], list[Choic
 
 
 def _choice_of(event: Mapping[str, Plain]) -> Choice:
-    """Return the choice that an event of any origin is.
-
-    Raises:
-        BadFile: it is none.
-    """
+    """Return the choice that an event of any origin is."""
     turn, seconds = event["turn"], event.get("seconds")
     agent, person, outcome = (event.get(name) for name in ("agent", "person", "outcome"))
     action = event.get("action")

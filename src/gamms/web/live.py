@@ -539,11 +539,7 @@ def _leaves(values: Mapping[str, Any], path: str = "") -> Iterator[tuple[str, in
 
 
 def _with_numbers(scenario: Scenario, chosen: object) -> Scenario:
-    """Return a scenario with other numbers.
-
-    Raises:
-        Refused: one is not among those that can be chosen, or makes no sense.
-    """
+    """Return a scenario with other numbers."""
     known = {one["path"]: one for one in numbers_of(scenario)}
     if not isinstance(chosen, dict):
         raise Refused("The numbers are a mapping from paths to numbers.")

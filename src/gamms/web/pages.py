@@ -102,11 +102,7 @@ def live_page(title: str) -> bytes:
 
 
 def _checked(options: Mapping[str, Any], turns: int, title: str) -> dict[str, Any]:
-    """Return the options of the viewer, with the title that it has by default.
-
-    Raises:
-        BadValue: there is no such option, turn or theme.
-    """
+    """Return the options of the viewer, with the title that it has by default."""
     if unknown := sorted(options.keys() - _OPTIONS):
         raise BadValue(f"A page has no {shown(unknown[0])}; there is: {', '.join(sorted(_OPTIONS))}.")
     turn, theme = as_int(options.get("turn", 0), "turn"), options.get("theme")

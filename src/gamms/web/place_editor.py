@@ -139,11 +139,7 @@ def _digest(edit: Edit) -> str:
 
 
 def _checked(given: Plain, game: Scenario) -> Sequence[Change]:
-    """Return the changes of the file that one of a page means.
-
-    Raises:
-        Refused: a page may not change this, or so.
-    """
+    """Return the changes of the file that one of a page means."""
     match given:
         case {"keys": ["teams", str(team), "agents"], "value": list(agents)} if team in game.spec.teams:
             return _of_agents(team, agents, game)

@@ -295,12 +295,7 @@ def _own_names(port: int) -> frozenset[str]:
 
 
 def _listener(host: str, port: int) -> socket.socket:
-    """Return a socket that listens.
-
-    Raises:
-        BadValue: there is no such port.
-        NetworkError: it is in use.
-    """
+    """Return a socket that listens."""
     if not 0 <= port < 1 << 16:
         raise BadValue(f"port must be 0 to 65535, not {port}; 0 takes a free one.")
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -568,11 +563,7 @@ def _page_route(page: Page) -> Callable[["Request"], Any]:
 
 
 def _as_message(text: object) -> Json:
-    """Return what a client has sent: a mapping with texts as keys, of a small depth.
-
-    Raises:
-        Refused: it is something else.
-    """
+    """Return what a client has sent: a mapping with texts as keys, of a small depth."""
     try:
         found = json.loads(text, parse_constant=_no_number) if isinstance(text, str | bytes) else None
     except (ValueError, RecursionError):

@@ -176,11 +176,7 @@ class Study:
         self._token = self._links.add(Grant("participants"))
 
     def _people_of(self, scenario: Scenario, people: str | Sequence[str] | None) -> tuple[str, ...]:
-        """Return the teams and agents that participants play.
-
-        Raises:
-            BadValue: there is none.
-        """
+        """Return the teams and agents that participants play."""
         if people is None:
             with scenario.build(self._seed) as ctx:
                 found = tuple(People.open(ctx).persons)
@@ -488,11 +484,7 @@ class Study:
 
 
 def _checked_code(code: object) -> str:
-    """Return the code of a participant.
-
-    Raises:
-        BadValue: it is none.
-    """
+    """Return the code of a participant."""
     if not isinstance(code, str) or not _CODE.fullmatch(code):
         raise BadValue(f"A code is 1 to 64 letters, digits, dots, dashes and _, not {shown(code)}.")
     return code

@@ -19,11 +19,7 @@ _SPREAD = (0, 85, 170, 255)
 
 
 def _image_module() -> Any:
-    """Return Pillow's `Image`.
-
-    Raises:
-        MissingExtra: it is not installed.
-    """
+    """Return Pillow's `Image`."""
     try:
         from PIL import Image
     except ImportError as error:
