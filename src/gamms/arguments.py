@@ -134,6 +134,19 @@ def as_float(value: object, name: str) -> float:
     return number
 
 
+def as_positive(value: object, name: str, *, hint: str = "") -> float:
+    """Return a plain, finite float that is more than 0; `hint` is the end of the message.
+
+    Raises:
+        BadType: `value` is not a real number.
+        BadValue: it is 0 or less, NaN or infinite, or does not fit into a float.
+    """
+    number = as_float(value, name)
+    if number <= 0.0:
+        raise BadValue(f"{name} must be more than 0, not {number:g}{hint or '.'}")
+    return number
+
+
 def as_range(value: object, name: str) -> float:
     """Return a distance, which may be infinite, but neither negative nor NaN.
 

@@ -330,7 +330,7 @@ def test_wrong_arguments_say_what_is_right(ctx):
         (lambda: drive("anna", list, send=3), BadType, "send must be a function"),
         (lambda: drive("anna", list, limit_s=math.inf), BadValue, "limit_s must be finite"),
         (lambda: drive("anna", list, checks=3), BadType, "checks must be gamms.bridge.Checks"),
-        (lambda: drive("anna", list, checks=Checks(within_m=0)), BadValue, "within_m of Checks must be positive"),
+        (lambda: drive("anna", list, checks=Checks(within_m=0)), BadValue, "within_m of Checks must be more than 0"),
         (lambda: drive("anna", Feed(clock=SimulatedClock()), clock=SimulatedClock()), BadValue, "a clock of its own"),
         (lambda: ctx.game.add(drive("ana", list)), UnknownName, "anna"),
         (lambda: ctx.game.add(drive("kite", list)), BadType, "flies"),

@@ -217,7 +217,7 @@ def test_wrong_arguments_say_what_is_right(town, tmp_path):
         (lambda: recording_from_tracks(["a.kml"], town, "x"), UnknownType, r"\.kml"),
         (lambda: recording_from_tracks(["a.csv"], town, "x"), MissingFile, "a.csv"),
         (lambda: recording_from_tracks({"a": fixes((0, 0))}, 3, "x"), BadType, "graph must be a context"),
-        (lambda: recording_from_tracks({"a": fixes((0, 0))}, town, "x", turn_seconds=0), BadValue, "positive"),
+        (lambda: recording_from_tracks({"a": fixes((0, 0))}, town, "x", turn_seconds=0), BadValue, "more than 0"),
     ]
     for call, kind, words in cases:
         with pytest.raises(kind, match=words):

@@ -257,7 +257,7 @@ def test_an_impossible_collector_is_refused(ctx, arguments, error):
         ("on_error", True, "Use one of: 'raise', 'stay'."),
         ("speed_unit", "meters", "Did you mean 'metres'?"),
         ("conflicts", "none", "must have a method resolve"),
-        ("time_budget", 0, "must be positive"),
+        ("time_budget", 0, "must be more than 0"),
         ("time_budget", "1 s", "must be a number"),
         ("max_turns", -1, "must not be negative"),
         ("max_turns", 1.5, "must be an integer"),

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_float
+from gamms.arguments import as_positive
 from gamms.bridge.feeds import Received
 from gamms.bridge.lines import Fix
 from gamms.errors import BadValue
@@ -47,11 +47,7 @@ class Checks(NamedTuple):
         Raises:
             BadType, BadValue: one of them is no positive number.
         """
-        numbers = [as_float(value, f"{name} of Checks") for name, value in self._asdict().items()]
-        for name, number in zip(self._fields, numbers, strict=True):
-            if number <= 0.0:
-                raise BadValue(f"{name} of Checks must be positive, not {number}.")
-        return Checks(*numbers)
+        return Checks(*(as_positive(value, f"{name} of Checks") for name, value in self._asdict().items()))
 
 
 class Place(NamedTuple):

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_name, as_path, as_range
+from gamms.arguments import as_float, as_name, as_path, as_positive
 from gamms.bridge.feeds import FixLike
 from gamms.bridge.lines import as_fix
 from gamms.context import Context, create_context
@@ -124,11 +124,9 @@ def recording_from_tracks(
         BadValue (ValueError): a track does not touch a road, or an argument is impossible.
     """
     seconds, noise, within = (
-        as_range(value, name)
+        as_positive(value, name)
         for value, name in ((turn_seconds, "turn_seconds"), (noise_m, "noise_m"), (within_m, "within_m"))
     )
-    if not (seconds and noise and within) or inf in (seconds, noise, within):
-        raise BadValue("turn_seconds, noise_m and within_m must be positive and finite.")
     with _empty_copy(graph) as ctx:
         points = dict(sorted(_read_all(tracks, ctx.graph.graph).items()))
         if not points:

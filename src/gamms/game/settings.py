@@ -1,10 +1,9 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from math import inf
 from typing import Any, Literal, NamedTuple, Unpack
 
-from gamms.arguments import as_bool, as_count, as_float, as_function_of, as_items, as_key, as_name, as_text
+from gamms.arguments import as_bool, as_count, as_function_of, as_items, as_key, as_name, as_positive, as_text
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
@@ -256,19 +255,11 @@ def _conflicts(name: str, value: object) -> Any:
 
 
 def _seconds(name: str, value: object) -> float | None:
-    if value is None:
-        return None
-    seconds = as_float(value, f"ctx.game.{name}")
-    if seconds <= 0.0:
-        raise BadValue(f"ctx.game.{name} must be positive, not {seconds}; None means no bound.")
-    return seconds
+    return None if value is None else as_positive(value, f"ctx.game.{name}", hint="; None means no bound.")
 
 
 def _duration(name: str, value: object) -> float:
-    seconds = as_float(value, f"ctx.game.{name}")
-    if not 0.0 < seconds < inf:
-        raise BadValue(f"ctx.game.{name} must be positive and finite, not {seconds}.")
-    return seconds
+    return as_positive(value, f"ctx.game.{name}")
 
 
 def _action(_: str, value: object) -> Any:

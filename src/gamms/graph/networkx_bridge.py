@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int
+from gamms.arguments import as_int, as_positive
 from gamms.errors import BadType, BadValue
 from gamms.graph import records
 from gamms.graph.export import plain_cell, shapes_of, wkt_of
@@ -105,9 +105,7 @@ def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
         BadValue (ValueError), BadType (TypeError): an impossible number.
         TooLarge (BadValue): it would take more memory than is allowed.
     """
-    rows, columns, step = _side(n, "n"), _side(m, "m"), as_float(spacing, "spacing")
-    if step <= 0.0:
-        raise BadValue(f"spacing must be positive, not {step}.")
+    rows, columns, step = _side(n, "n"), _side(m, "m"), as_positive(spacing, "spacing")
     refuse_above(rows * columns * _NODE_BYTES, f"A grid of {rows} x {columns} nodes")
     ids = np.arange(rows * columns).reshape(rows, columns)
     y, x = np.indices(ids.shape).astype(np.float64) * step

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from json import dumps
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
-from gamms.arguments import as_choice, as_count, as_float, as_mapping
+from gamms.arguments import as_choice, as_count, as_float, as_mapping, as_positive
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.llm.decisions import ANSWERED, EVENT, Decision
@@ -106,13 +106,6 @@ class Settings:
         return max([one for one in said if isinstance(one, int)], default=self.answer_tokens)
 
 
-def _positive(value: object, name: str) -> float:
-    number = as_float(value, name)
-    if number <= 0.0:
-        raise BadValue(f"{name} must be more than 0, not {number}.")
-    return number
-
-
 def _price(value: object, name: str) -> float:
     number = as_float(value, name)
     if number < 0.0:
@@ -134,7 +127,7 @@ def _request(value: object, name: str) -> dict[str, Plain]:
 
 
 _CHECKS: dict[str, Any] = {
-    "seconds": _positive,
+    "seconds": as_positive,
     **dict.fromkeys(("attempts", "answer_tokens", "at_once"), as_count),
     **dict.fromkeys(
         ("max_calls", "max_tokens"), lambda value, name: None if value is None else as_count(value, name, 0)

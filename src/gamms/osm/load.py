@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypedDict, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_float, as_range
+from gamms.arguments import as_bool, as_context, as_float, as_positive, as_range
 from gamms.errors import BadFile, BadType, BadValue, nearest
 from gamms.ir.geometry import region_of
 from gamms.ir.graph import GraphColumns
@@ -462,9 +462,7 @@ def recipe_of(
     Raises:
         BadType, BadValue: a resolution or tolerance is impossible.
     """
-    metres = as_float(resolution, "resolution")
-    if metres <= 0.0:
-        raise BadValue(f"resolution must be more than 0 metres, not {metres}. The default is 10.")
+    metres = as_positive(resolution, "resolution", hint=" metres. The default is 10.")
     both = osm_type in (None, OSMType.WALK) if bidirectional is None else as_bool(bidirectional, "bidirectional")
     retain_all, simplify = as_bool(retain_all, "retain_all"), as_bool(simplify, "simplify")
     name = "" if osm_type is None else osm_type.name

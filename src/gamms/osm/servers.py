@@ -19,7 +19,7 @@ from threading import RLock, Thread
 from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 from urllib.parse import urlencode, urlsplit
 
-from gamms.arguments import as_float
+from gamms.arguments import as_positive
 from gamms.errors import BadValue, MissingExtra, NetworkError, PlaceError, TooLarge
 from gamms.folders import cache_folder, write_whole
 from gamms.limits import max_memory
@@ -78,9 +78,7 @@ class MapServers:
                 import requests  # noqa: F401 - whether it is there
             except ImportError as error:
                 raise MissingExtra("Loading places by name", "osm-online") from error
-        timeout = as_float(setting("requests_timeout"), "gamms.osm.settings.requests_timeout")
-        if timeout <= 0.0:
-            raise BadValue(f"gamms.osm.settings.requests_timeout must be more than 0 seconds, not {timeout}.")
+        timeout = as_positive(setting("requests_timeout"), "gamms.osm.settings.requests_timeout", hint=" seconds.")
         self._name, self._show, self._offline, self._timeout_s = name, show, offline, timeout
         self._folder = Path(setting("cache_folder") or cache_folder("places"))
         self._nominatim, self._overpass = _address("nominatim_url"), _address("overpass_url")

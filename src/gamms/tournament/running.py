@@ -9,7 +9,7 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_bool, as_count, as_float, as_int, as_items, as_path
+from gamms.arguments import as_bool, as_count, as_int, as_items, as_path, as_positive
 from gamms.errors import BadType, BadValue, GammsError, UnknownName, WriteConflict
 from gamms.experiment.executors import Here, WorkerPool, executor_for
 from gamms.experiment.folders import Journal
@@ -102,7 +102,8 @@ def run(  # noqa: PLR0913 - each option is independent of the others
         try:
             (where / _SCRATCH).mkdir(exist_ok=True)
             missing = not_enforced(found[0], settings)
-            _write_manifest(where, {**manifest, **plan, "not_enforced": missing})
+            written = {"format": _FORMAT, **manifest, **plan, "not_enforced": missing}
+            write_whole(where / MANIFEST, (json.dumps(written, indent=1) + "\n").encode())
             table = runner.play(found, teams, numbers, number)
             table.not_enforced = missing
         finally:
@@ -133,9 +134,7 @@ def _sides(scenario: Scenario, given: Sequence[str] | None) -> tuple[str, str]:
 
 
 def _allowed(scenario: Scenario, move_seconds: float, memory_mb: int) -> Allowed:
-    seconds, megabytes = as_float(move_seconds, "move_seconds"), as_int(memory_mb, "memory_mb")
-    if seconds <= 0.0:
-        raise BadValue(f"move_seconds must be more than 0, not {seconds:g}.")
+    seconds, megabytes = as_positive(move_seconds, "move_seconds"), as_int(memory_mb, "memory_mb")
     if megabytes < _LEAST_MB:
         raise BadValue(f"memory_mb must be at least {_LEAST_MB}, which programs take to start, not {megabytes}.")
     turns = scenario.spec.max_turns or MOST_TURNS
@@ -150,11 +149,6 @@ def _refuse_other(where: Path, game: Mapping[str, Any]) -> None:
         changed = [key for key, value in {"format": _FORMAT, **game}.items() if before.get(key) != value]
         if changed:
             raise WriteConflict(f"{str(where)!r} has a tournament with another {changed[0]}. Choose another folder.")
-
-
-def _write_manifest(where: Path, manifest: Mapping[str, Any]) -> None:
-    """Write what was played with what, by digests."""
-    write_whole(where / MANIFEST, (json.dumps({"format": _FORMAT, **manifest}, indent=1) + "\n").encode())
 
 
 class _Runner:
