@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from time import monotonic
+from types import NoneType
 from typing import Any
 
 from gamms import recorder
@@ -164,15 +165,12 @@ def channels_of(state: Mapping[str, Any], own: tuple[str, ...], ctx: Context) ->
         if channel.is_for(teams[me]):
             named = [team for team in ctx.agent.teams if isinstance(team, str | int) and channel.is_for(team)]
             others = [
-                to for to in (*named, *known) if any(channel.is_for(teams[one]) for one in _others(to, me, teams))
+                to
+                for to in (*named, *known)
+                if any(one != me and channel.is_for(teams[one]) for one in receivers_of(to, teams))
             ]
             offered[name] = {"to": [None, *dict.fromkeys(others)], "bytes": channel.max_bytes_per_turn}
     return offered
-
-
-def _others(to: Plain, me: str, teams: Mapping[str, Any]) -> Iterator[str]:
-    """Yield the agents that a message is for, without its sender."""
-    return (name for name in receivers_of(to, teams) if name != me)
 
 
 def inbox_of(state: Mapping[str, Any]) -> list[Plain]:
@@ -222,15 +220,11 @@ def action_of(choice: Mapping[str, Plain], question: Question, ctx: Context | No
             )
     if question.moves is None:
         _check_flight(choice, question)
-    elif "move" not in choice or not _is_among(choice["move"], question.moves):
+    elif type(choice.get("move", "")) not in (int, NoneType) or choice["move"] not in question.moves:
         raise RefusedChoice("illegal", f"Agent {shown(question.agent)} may not go to {shown(choice.get('move'))} now.")
     do = _checked_deeds(choice.get("do") or {}, question, ctx)
     _check_messages(choice.get("messages") or [], question, ctx)
     return as_action({**choice, "do": do})
-
-
-def _is_among(move: Plain, moves: tuple[int | None, ...]) -> bool:
-    return move in moves and (move is None or type(move) is int)
 
 
 def _check_flight(choice: Mapping[str, Plain], question: Question) -> None:

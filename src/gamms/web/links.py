@@ -56,21 +56,21 @@ class Links:
     """The tokens that were given, and what their holders may do; of the tokens only digests are kept."""
 
     def __init__(self) -> None:
-        self._grants: dict[bytes, Grant] = {}
+        self._grants: dict[str, Grant] = {}
         self._lock = threading.Lock()
 
     def add(self, grant: Grant) -> str:
         """Return a new token for a grant."""
         token = secrets.token_urlsafe(24)
         with self._lock:
-            self._grants[_digest(token)] = grant
+            self._grants[digest_of(token)] = grant
         return token
 
     def find(self, token: object) -> Grant | None:
         """Return what a token grants; None where there is no such token. Takes as long for any token."""
         if not isinstance(token, str) or len(token) > 200:
             return None
-        digest, found = _digest(token), None
+        digest, found = digest_of(token), None
         with self._lock:
             for known, grant in self._grants.items():
                 if hmac.compare_digest(known, digest):
@@ -78,8 +78,9 @@ class Links:
         return found
 
 
-def _digest(token: str) -> bytes:
-    return hashlib.sha256(token.encode("utf-8", "surrogatepass")).digest()
+def digest_of(text: str) -> str:
+    """Return the SHA-256 of any text, in hexadecimal."""
+    return hashlib.sha256(text.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 class Refused(GammsError, ValueError):

@@ -15,8 +15,7 @@ from functools import partial
 from html import escape
 from pathlib import Path
 from time import monotonic
-from types import TracebackType
-from typing import Any, Protocol, Self, TypedDict, Unpack
+from typing import Any, Protocol, TypedDict, Unpack
 
 from gamms.arguments import as_bool, as_float
 from gamms.context import Context
@@ -27,6 +26,7 @@ from gamms.ir.graph import GraphColumns
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
 from gamms.text import reason, shown
+from gamms.web.handle import Handle
 from gamms.web.links import Audience, Grant, Links, Refused
 from gamms.web.pages import live_page
 from gamms.web.playing import Players
@@ -166,7 +166,7 @@ class Host(Protocol):
         """Serve the game no longer."""
 
 
-class Live:
+class Live(Handle):
     """A game that is served, until `close`; usable in a `with` statement.
 
     Attributes:
@@ -279,12 +279,6 @@ class Live:
             raise self._error
         return self._result if self._is_over.is_set() else None
 
-    def stay_open(self) -> None:
-        """Serve on until `close` or Ctrl-C."""
-        with suppress(KeyboardInterrupt):
-            while not self._is_closed.wait(SIGNALS_S):
-                pass
-
     def close(self) -> None:
         """End the server, and the game of a scenario; a context goes on."""
         self._is_closed.set()
@@ -294,14 +288,6 @@ class Live:
         if self.scenario is None and self.ctx is not None and not self.ctx.is_terminated():
             self.ctx.record.unfollow(self)
         self._server.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         """Show where it is, without a token."""

@@ -3,7 +3,6 @@
 The file has a line of JSON for each thing that happens; `read_lines` and `add_lines` are for any such file.
 """
 
-import hashlib
 import hmac
 import json
 import re
@@ -17,7 +16,7 @@ from gamms import kernels
 from gamms.errors import BadFile
 from gamms.plain import Plain
 from gamms.text import reason, shown
-from gamms.web.links import Refused
+from gamms.web.links import Refused, digest_of
 from gamms.web.live import Live
 from gamms.web.server import Json
 
@@ -130,7 +129,7 @@ class Participants:
         """
         one, secret = self.by_code.get(code), message.get("secret")
         if one is not None and one.secret is not None:
-            if not isinstance(secret, str) or not hmac.compare_digest(one.secret, _digest(secret)):
+            if not isinstance(secret, str) or not hmac.compare_digest(one.secret, digest_of(secret)):
                 raise Refused("This code is used in another browser. Go on there, or ask who gave it to you.")
             return one
         if message.get("agree") is not True:
@@ -141,7 +140,7 @@ class Participants:
             if len(self.by_code) >= _MOST_PARTICIPANTS:
                 raise Refused("This study has all its participants.")
             one = self.by_code[code] = Participant(code, len(self.by_code), None)
-        self.keep_secret(one, _digest(secret))
+        self.keep_secret(one, digest_of(secret))
         return one
 
     def keep_secret(self, one: Participant, digest: str | None) -> None:
@@ -181,10 +180,6 @@ class Participants:
         names = self._conditions
         block, place = divmod(number, len(names))
         return names[int(kernels.stream(self._seed, "study", block).permutation(len(names))[place])]
-
-
-def _digest(secret: str) -> str:
-    return hashlib.sha256(secret.encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def read_lines(file: Path, *keys: str) -> list[Line]:

@@ -16,7 +16,7 @@ from threading import Lock
 from time import monotonic
 from typing import Any
 
-from gamms.arguments import as_float, as_function_of, as_name
+from gamms.arguments import as_function_of, as_name, as_positive
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, Duplicate
 from gamms.game.snapshots import own
@@ -389,18 +389,11 @@ def human(
     """
     return Human(
         None if name is None else as_name(name, "a person"),
-        _positive(seconds, "seconds"),
-        _positive(joins_within, "joins_within"),
+        as_positive(seconds, "seconds"),
+        as_positive(joins_within, "joins_within"),
         as_function_of(otherwise, "otherwise", "the state"),
         None if choices is None else choices_in(choices),
     )
-
-
-def _positive(value: object, name: str) -> float:
-    number = as_float(value, name)
-    if number <= 0.0:
-        raise BadValue(f"{name} must be more than 0, not {number}.")
-    return number
 
 
 def _humans_of(ctx: Context) -> Iterator[tuple[Human, tuple[str, ...]]]:

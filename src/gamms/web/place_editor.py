@@ -5,29 +5,25 @@ other file. It is shown the difference first; what it then saves must be the sam
 """
 
 import base64
-import hashlib
 import os
 import threading
 from collections.abc import Sequence
-from contextlib import suppress
 from pathlib import Path
-from types import TracebackType
-from typing import Self
 
 from gamms.arguments import as_path
 from gamms.plain import Plain
 from gamms.scenario import Scenario, load
 from gamms.scenario.edits import Change, Edit, edited
-from gamms.web.links import Grant, Links, Refused
+from gamms.web.handle import Handle
+from gamms.web.links import Grant, Links, Refused, digest_of
 from gamms.web.places import assembled, opened, options_of, packed_map, starts_of
 from gamms.web.server import Call, Json, Page, Server, Site
-from gamms.workers import SIGNALS_S
 
 _MOST_CHANGES = 10
 _MOST_NODES = 10_000
 
 
-class PlaceEditor:
+class PlaceEditor(Handle):
     """Serves a page of a map or scenario file until `close`; usable in a `with` statement.
 
     Args:
@@ -58,7 +54,7 @@ class PlaceEditor:
     ) -> None:
         self._file: Path = as_path(file, "file")
         self._game, self._is_scenario = opened(self._file)
-        self._lock, self._closed = threading.Lock(), threading.Event()
+        self._lock, self._is_closed = threading.Lock(), threading.Event()
         look = {"theme": theme, "editor": self._is_scenario}
         page = assembled(self._game, look, is_scenario=self._is_scenario, connect="'self'")
         self._map_shown = self._game.spec.map
@@ -73,39 +69,23 @@ class PlaceEditor:
         self._server = Server(site, host=host, port=port, allow_network=allow_network)
         self.url = self._server.link(links.add(Grant("editor")))
 
-    def stay_open(self) -> None:
-        """Serve on until `close` or Ctrl-C."""
-        with suppress(KeyboardInterrupt):
-            while not self._closed.wait(SIGNALS_S):
-                pass
-
     def close(self) -> None:
         """End the server."""
-        self._closed.set()
+        self._is_closed.set()
         self._server.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     # -- what the page calls --------------------------------------------------------------------------------------
 
     def _state(self, _grant: Grant, _message: Json) -> Plain:
         """Return the options of the page as the file is now, and the map, if it is another one than in the page."""
         with self._lock:
-            self._game = load(self._file) if self._changed_outside() else self._game
+            now = load(self._file)
+            self._game = self._game if now == self._game else now  # which may have loaded its map
             is_shown = self._game.spec.map == self._map_shown
             return {
                 "options": options_of(self._game, is_scenario=True),
                 "map": None if is_shown else base64.b64encode(packed_map(self._game)).decode(),
             }
-
-    def _changed_outside(self) -> bool:
-        return load(self._file) != self._game
 
     def _starts(self, _grant: Grant, message: Json) -> Plain:
         seed = message.get("seed")
@@ -115,12 +95,12 @@ class PlaceEditor:
 
     def _preview(self, _grant: Grant, message: Json) -> Plain:
         edit = self._edit(message)
-        return {"difference": edit.diff, "id": _digest(edit)}
+        return {"difference": edit.diff, "id": digest_of(f"{edit.before}\0{edit.after}")}
 
     def _save(self, _grant: Grant, message: Json) -> Plain:
         with self._lock:
             edit = self._edit(message)
-            if _digest(edit) != message.get("id"):
+            if digest_of(f"{edit.before}\0{edit.after}") != message.get("id"):
                 raise Refused("The file has been changed meanwhile. Look at the difference again.")
             edit.write()
             self._game = edit.game
@@ -132,10 +112,6 @@ class PlaceEditor:
             raise Refused(f"A page gives at most {_MOST_CHANGES} changes.")
         now = load(self._file)
         return edited(self._file, [change for one in given for change in _checked(one, now)], self._game)
-
-
-def _digest(edit: Edit) -> str:
-    return hashlib.sha256(f"{edit.before}\0{edit.after}".encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def _checked(given: Plain, game: Scenario) -> Sequence[Change]:
@@ -191,8 +167,6 @@ def _is_node(value: Plain) -> bool:
 
 
 def _is_outline(value: object) -> bool:
-    return isinstance(value, list) and len(value) <= _MOST_NODES and all(map(_is_corner, value))
-
-
-def _is_corner(value: object) -> bool:
-    return isinstance(value, list) and _is_place(value)
+    if not isinstance(value, list) or len(value) > _MOST_NODES:
+        return False
+    return all(isinstance(corner, list) and _is_place(corner) for corner in value)

@@ -73,10 +73,9 @@ class Players:
         self._people.choose(connection.grant.name, choice)
 
     def _tell_all(self) -> None:
-        people = self._people
-        for connection in self._live.connections if people is not None else ():
-            if people is not None and connection.grant.may_play:
-                self._tell(connection, people)
+        for connection in self._live.connections:
+            if self._people is not None and connection.grant.may_play:
+                self._tell(connection, self._people)
 
     def _tell(self, connection: Connection, people: People) -> None:
         asked: Mapping[str, Plain] = {

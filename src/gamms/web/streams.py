@@ -77,6 +77,7 @@ class Stream:
 
     Attributes:
         opening: the first bytes of a recording, with its header.
+        last_keyframe: where the last keyframe is.
     """
 
     def __init__(self, audience: Audience, header: Keyframe, state: Keyframe, turns: int, nearest: Nearest) -> None:
@@ -94,7 +95,7 @@ class Stream:
         self._lock = Lock()
         self._parts: deque[tuple[bytes, int]] = deque()  # and how many turns are over behind each
         self._first = 0  # number of the first part
-        self._last_keyframe = Place(self, 0, turns)
+        self.last_keyframe = Place(self, 0, turns)
         self._size = self._since_keyframe = 0  # bytes
         self._add_keyframe(state)
 
@@ -152,15 +153,15 @@ class Stream:
             self._size += len(part)
             self._since_keyframe = 0 if is_keyframe else self._since_keyframe + len(part)
             if is_keyframe:
-                self._last_keyframe = Place(self, self._first + len(self._parts) - 1, self._turns)
-            while self._size > _MOST_BYTES and self._first < self._last_keyframe.number:
+                self.last_keyframe = Place(self, self._first + len(self._parts) - 1, self._turns)
+            while self._size > _MOST_BYTES and self._first < self.last_keyframe.number:
                 self._size -= len(self._parts.popleft()[0])
                 self._first += 1
 
     def read(self, place: Place) -> tuple[bytes, Place, int]:
         """Return what comes from a place on, some of it, the place behind it, and how many turns were dropped."""
         with self._lock:
-            begin = self._last_keyframe if place.number < self._first else place
+            begin = self.last_keyframe if place.number < self._first else place
             found, size = [(b"", begin.turns)], 0
             for part in islice(self._parts, begin.number - self._first, None):
                 found.append(part)
@@ -169,11 +170,6 @@ class Stream:
                     break
         after = Place(self, begin.number + len(found) - 1, found[-1][1])
         return b"".join(part for part, _ in found), after, begin.turns - place.turns
-
-    @property
-    def last_keyframe(self) -> Place:
-        """Where the last keyframe is."""
-        return self._last_keyframe
 
 
 class Streams:

@@ -16,15 +16,14 @@ import re
 import threading
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from html import escape
 from pathlib import Path
 from statistics import fmean, median
 from time import monotonic
-from types import TracebackType
-from typing import Any, Self, TypedDict, Unpack
+from typing import Any, TypedDict, Unpack
 
-from gamms.arguments import as_count, as_float, as_int, as_items, as_mapping, as_path, as_text
+from gamms.arguments import as_count, as_int, as_items, as_mapping, as_path, as_positive, as_text
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.folders import locked, whole_file
 from gamms.game.result import Result
@@ -33,6 +32,7 @@ from gamms.scenario import Scenario
 from gamms.text import reason, shown
 from gamms.versions import versions
 from gamms.web.choices import CHOSEN, EVENT
+from gamms.web.handle import Handle
 from gamms.web.links import Grant, Links, Refused
 from gamms.web.live import Live, ServeOptions
 from gamms.web.pages import live_page
@@ -112,7 +112,7 @@ def study(
     return Study(scenario, given, as_text(consent, "consent"), as_path(out, "out"), options)
 
 
-class Study:
+class Study(Handle):
     """A study that is served, until `close`; usable in a `with` statement.
 
     Attributes:
@@ -134,9 +134,7 @@ class Study:
         self._seed = as_int(options.get("seed", 0), "seed")
         self._practice = as_count(options.get("practice", 1), "practice", 0)
         self._rounds = as_count(options.get("rounds", 1), "rounds")
-        self._partner_within = as_float(options.get("partner_within", 300.0), "partner_within")
-        if not self._partner_within > 0.0:
-            raise BadValue(f"partner_within must be more than 0, not {self._partner_within:g}.")
+        self._partner_within = as_positive(options.get("partner_within", 300.0), "partner_within")
         given = as_mapping(options.get("conditions") or {"all": {}}, "conditions")
         self._variants = {
             as_text(name, "a condition"): _changed(scenario, name, changes) for name, changes in given.items()
@@ -150,7 +148,7 @@ class Study:
         self._lock = threading.RLock()
         self._shown = deque[Group]()  # whose last game is over, and still shown
         self._rows: list[Row] = []
-        self._closed = threading.Event()
+        self._is_closed = threading.Event()
         self._threads: list[threading.Thread] = []
         about: Line = {
             "people": self._people[0] if len(self._people) == 1 else list(self._people),
@@ -159,8 +157,7 @@ class Study:
             "practice": self._practice,
             "rounds": self._rounds,
         }
-        title = options.get("title") or scenario.spec.name or "A study"
-        self._title = title
+        self._title = title = options.get("title") or scenario.spec.name or "A study"
         self._links = Links()
         pages = {"/": Page(_page(title)), "/play": Page(live_page(title))}
         site = Site(self._links, pages, {"/participant": self._answer}, talk=self)
@@ -246,24 +243,18 @@ class Study:
     def wait(self, participants: int, timeout: float | None = None) -> bool:
         """Wait until so many participants have played all rounds; returns whether they have."""
         ends = None if timeout is None else monotonic() + timeout
-        while not self._closed.is_set():
+        while not self._is_closed.is_set():
             with self._lock:
                 if sum(len(one.members) for one in self._known.groups if self._is_done(one)) >= participants:
                     return True
             if ends is not None and monotonic() >= ends:
                 break
-            self._closed.wait(SIGNALS_S if ends is None else min(max(ends - monotonic(), 0.0), 0.05))
+            self._is_closed.wait(SIGNALS_S if ends is None else min(max(ends - monotonic(), 0.0), 0.05))
         return False
-
-    def stay_open(self) -> None:
-        """Serve until `close` or Ctrl-C."""
-        with suppress(KeyboardInterrupt):
-            while not self._closed.wait(SIGNALS_S):
-                pass
 
     def close(self) -> None:
         """End the server and all games; those that are under way begin again when the study goes on."""
-        self._closed.set()
+        self._is_closed.set()
         with self._lock:
             games = [live for one in self._known.groups for live in (one.live, one.ended) if live is not None]
         for live in games:
@@ -271,14 +262,6 @@ class Study:
         for thread in self._threads:
             thread.join()
         self._ending.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def __repr__(self) -> str:
         """Show the folder and how many take part, without a token."""
