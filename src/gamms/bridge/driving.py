@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from gamms.arguments import as_name, as_range
-from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, as_feed
+from gamms.bridge.feeds import Clock, Feed, Message, Send, Source, WallClock, as_feed
 from gamms.bridge.matching import XY, Checks, OnRoute, Route, Tracker, route_along, route_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
@@ -78,6 +78,7 @@ class Drive:
     Attributes:
         agent: the name of the agent.
         feed: the fixes of its robot.
+        limit_s: how long a turn waits for it.
         rank: before the other rules after a turn.
     """
 
@@ -86,7 +87,7 @@ class Drive:
 
     def __init__(self, agent: str, feed: Feed, send: Send | None, limits: tuple[float, float], checks: Checks) -> None:
         self.agent, self.feed = agent, feed
-        self._send, (self._limit_s, self._arrive_m), self._checks = send, limits, checks
+        self._send, (self.limit_s, self._arrive_m), self._checks = send, limits, checks
         self._tracker: Tracker | None = None  # None: the rule is of a fork, in which no robot drives
         self._route: Route | None = None
         self._on: OnRoute | None = None  # where on it the robot is
@@ -105,7 +106,7 @@ class Drive:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:
         """Return the rule for a game that looks ahead: the robot does not drive for it."""
-        return type(self)(self.agent, Feed(clock=self.feed.clock), None, (self._limit_s, self._arrive_m), self._checks)
+        return type(self)(self.agent, Feed(clock=self.feed.clock), None, (self.limit_s, self._arrive_m), self._checks)
 
     @property
     def counts(self) -> dict[str, int]:
@@ -121,7 +122,8 @@ class Drive:
         if one.type == AgentType.AERIAL:
             raise BadType(f"Agent {self.agent!r} flies, and gamms.bridge.drive is for agents on the ground.")
         for other in drives_of(ctx):
-            if other.feed.clock is not self.feed.clock and not _both_wall(other.feed, self.feed):
+            clocks = self.feed.clock, other.feed.clock
+            if clocks[0] is not clocks[1] and not all(isinstance(clock, WallClock) for clock in clocks):
                 raise BadValue(
                     f"The robots of {other.agent!r} and {self.agent!r} have different clocks, and wait for each other: "
                     "give both the same, with clock=…."
@@ -147,7 +149,7 @@ class Drive:
                 f"{self!r} was added with phase={phase!r}, and it puts the agent of a late robot where that is after a "
                 "turn: add it with ctx.game.add(rule), without phase=."
             )
-        drives = [one for one in drives_of(ctx) if one.is_live]
+        drives = [one for one in drives_of(ctx) if one._tracker is not None]
         if drives and drives[0] is self:
             hold(ctx, drives)
 
@@ -158,11 +160,6 @@ class Drive:
             ctx.agent.get_agent(self.agent).current_node_id = node
 
     # -- a turn -------------------------------------------------------------------------------------------------
-
-    @property
-    def is_live(self) -> bool:
-        """Whether a robot drives for it."""
-        return self._tracker is not None
 
     def begin(self, ctx: Context, move: Move | None) -> bool:
         """Send the robot off; return whether there is something to wait for."""
@@ -175,7 +172,7 @@ class Drive:
         self._route = self._from_where_it_is(ctx, route_of(ctx.graph.graph, columns, move))
         self._on = None
         self.read()
-        if self._has_arrived():
+        if self.has_arrived():
             return False
         self._way += 1
         self._tell(ctx)
@@ -202,10 +199,6 @@ class Drive:
             low = self._on.along - slack
             high = self._on.along + slack + self._checks.max_speed * (place.at - before.at)
         self._on = route.place(place.xy, low, high)
-
-    def is_waited_for(self) -> bool:
-        """Whether the robot is on its way."""
-        return not self._has_arrived()
 
     def note(self, ctx: Context, waited_s: float) -> None:
         """Write down where the robot is, for rules, pictures and recordings."""
@@ -238,14 +231,10 @@ class Drive:
         node = here if passed is None else passed
         ctx.game.emit("robot_late", agent=self.agent, node=node, status=status, waited_s=round(waited_s, _DECIMALS))
 
-    @property
-    def limit_s(self) -> float:
-        """How long a turn waits for it."""
-        return self._limit_s
-
     # -- parts --------------------------------------------------------------------------------------------------
 
-    def _has_arrived(self) -> bool:
+    def has_arrived(self) -> bool:
+        """Return whether the robot is at the end of its way."""
         route, on, tracker = self._route, self._on, self._tracker
         if route is None or on is None or tracker is None or self._is_stale(self.feed.clock.now()):
             return False
@@ -329,7 +318,7 @@ def hold(ctx: Context, drives: Sequence[Drive]) -> None:
     while True:
         for one in going:
             one.read()
-        arrived = [one for one in going if not one.is_waited_for()]
+        arrived = [one for one in going if one.has_arrived()]
         late = [one for one in going if one not in arrived and waited >= one.limit_s]
         for one in late:
             one.give_up(ctx, waited)
@@ -348,7 +337,3 @@ def hold(ctx: Context, drives: Sequence[Drive]) -> None:
     for one in drives:
         one.read()
         one.note(ctx, waited)
-
-
-def _both_wall(one: Feed, other: Feed) -> bool:
-    return type(one.clock) is type(other.clock) and type(one.clock).__name__ == "WallClock"

@@ -6,7 +6,6 @@ import time
 import weakref
 from collections import Counter, deque
 from collections.abc import AsyncIterable, Callable, Iterable, Mapping
-from types import TracebackType
 from typing import Any, NamedTuple, Protocol, Self
 
 from gamms.bridge.lines import Fix, as_fix
@@ -165,9 +164,7 @@ class Feed:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 

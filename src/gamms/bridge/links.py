@@ -13,7 +13,6 @@ from collections import Counter, deque
 from collections.abc import Sequence
 from queue import Empty, Full, Queue
 from time import monotonic
-from types import TracebackType
 from typing import IO, TYPE_CHECKING, Any, Self
 
 from gamms.arguments import as_count, as_items, as_name
@@ -25,7 +24,7 @@ from gamms.text import shown
 if TYPE_CHECKING:
     from asyncio import AbstractEventLoop, Event
 
-    from websockets.asyncio.server import Server, ServerConnection
+    from websockets.asyncio.server import ServerConnection
 
 Address = tuple[str, int]
 
@@ -135,9 +134,7 @@ class Link(ABC):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
 
@@ -393,7 +390,8 @@ class WebSocketServer(Link):
             ping_interval=None,  # pings draw from the global `random`, as strategies may; dead peers fill their buffers
         )
         async with serving as server:
-            self.url = _url_of(server)
+            here = next(iter(server.sockets)).getsockname()
+            self.url = f"ws://{here[0]}:{here[1]}"
             is_ready.set()
             await self._stop.wait()
 
@@ -440,11 +438,6 @@ def _cannot_listen(address: object, error: OSError) -> NetworkError:
     return NetworkError(
         f"Nothing can listen at {shown(address)}: {error.strerror}. Check the host; port 0 takes a free one."
     )
-
-
-def _url_of(server: "Server") -> str:
-    host, port = next(iter(server.sockets)).getsockname()[:2]
-    return f"ws://{host}:{port}"
 
 
 def _close_quietly(pipe: IO[bytes]) -> None:

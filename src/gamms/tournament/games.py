@@ -8,10 +8,9 @@ from typing import Any, NamedTuple, TypedDict
 
 from gamms.bridge.lines import line_of
 from gamms.context import Context
-from gamms.experiment.games import without_address
 from gamms.plain import as_json, plain_subset, to_plain
 from gamms.scenario import Scenario
-from gamms.text import shown
+from gamms.text import shown, without_address
 from gamms.tournament.host import framed
 from gamms.tournament.players import Answer, Fault, Faulty, Launcher, Player
 from gamms.typing.agent_engine import AgentType
