@@ -19,6 +19,7 @@ _CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks 
     "[\x00-\x09\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
     "\ud800-\udfff\U000e0000-\U000e0fff]"
 )
+_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 class _Bounded(Repr):
@@ -115,6 +116,11 @@ def reason(error: BaseException) -> str:
 def printable(text: str) -> str:
     r"""Return a text that a terminal can print: control characters but the line feed become escapes such as \u001b."""
     return _CONTROLS.sub(lambda found: _escaped(found.group()), text)
+
+
+def without_address(text: str) -> str:
+    """Return a text without where objects lie in memory, the same in every process."""
+    return _ADDRESS.sub("", text)
 
 
 def printable_line(text: str) -> str:

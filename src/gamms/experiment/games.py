@@ -2,7 +2,6 @@
 
 import json
 import pickle
-import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache
 from time import perf_counter
@@ -14,12 +13,11 @@ from gamms.game.result import Result
 from gamms.limits import allowing
 from gamms.plain import Plain, as_json, to_plain
 from gamms.scenario import Scenario
-from gamms.text import printable_line, reason
+from gamms.text import printable_line, reason, without_address
 
 Row = dict[str, Plain]
 Collect = Mapping[str, Callable[[Result], Any]]
 
-_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 _FEW = 2  # games for which no batch is made
 
 
@@ -142,8 +140,3 @@ def _error(error: BaseException) -> str:
     cause = "" if error.__cause__ is None else f" ({type(error.__cause__).__name__}: {reason(error.__cause__)})"
     text = " ".join([f"{type(error).__name__}: {reason(error)}{cause}", *notes])
     return printable_line(without_address(text))
-
-
-def without_address(text: str) -> str:
-    """Return a text without where objects lie in memory, the same in every process."""
-    return _ADDRESS.sub("", text)

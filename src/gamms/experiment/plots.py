@@ -1,6 +1,5 @@
 """Plots of rows, with matplotlib."""
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -36,7 +35,8 @@ def plot(x: str, y: str, hue: str | None, series: dict[Any, list[tuple[Any, Inte
     is_number = all(isinstance(at, (int, float)) and not isinstance(at, bool) for at in places)
     for number, (name, points) in enumerate(series.items()):
         ordered = sorted(points, key=lambda point: point[0]) if is_number else points
-        at = _at(ordered, places, is_number=is_number, aside=_APART * (number - (len(series) - 1) / 2))
+        aside = _APART * (number - (len(series) - 1) / 2)  # series beside each other, where x has categories
+        at = [one if is_number else places.index(one) + aside for one, _ in ordered]
         means = np.array([interval for _, interval in ordered], float)  # (points, 3)
         errors = np.abs(means[:, [1, 2]].T - means[:, 0])
         line = "-" if is_number else "none"
@@ -51,8 +51,3 @@ def plot(x: str, y: str, hue: str | None, series: dict[Any, list[tuple[Any, Inte
     if hue is not None:
         axes.legend(title=hue)
     return axes
-
-
-def _at(points: Sequence[tuple[Any, Interval]], places: list[Any], *, is_number: bool, aside: float) -> list[float]:
-    """Return where points are drawn: those of series beside each other, where x has categories."""
-    return [at if is_number else places.index(at) + aside for at, _ in points]

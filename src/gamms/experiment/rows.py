@@ -1,7 +1,7 @@
 """What a run gives back: one row a game, as a table, and any of the games again."""
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
@@ -57,9 +57,6 @@ class Rows(Sequence[Row]):
 
     def __getitem__(self, number: Any) -> Any:
         return self._rows[number]
-
-    def __iter__(self) -> Iterator[Row]:
-        return iter(self._rows)
 
     def __repr__(self) -> str:
         """Show how many games there are, and how many have raised."""

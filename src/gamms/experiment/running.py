@@ -12,7 +12,7 @@ from gamms.arguments import as_bool, as_ids, as_mapping, as_path
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
 from gamms.experiment.executors import Here, WorkerPool, executor_for
-from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play, without_address
+from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
 from gamms.experiment.variants import Variant, Vary, digest_of, row_id, variants_of
@@ -22,7 +22,7 @@ from gamms.progress import Show
 from gamms.progress import progress as progress_line
 from gamms.scenario import Scenario
 from gamms.scenario import load as load_scenario
-from gamms.text import shown
+from gamms.text import shown, without_address
 from gamms.versions import versions
 from gamms.workers import cores, first_done, refuse_in_worker
 

@@ -1,6 +1,6 @@
 """Samples of a space of settings: at random, evenly spread, or as Sobol indices need them."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from gamms.arguments import as_choice, as_count, as_float, as_int, as_mapping
@@ -34,9 +34,6 @@ class Sample(Sequence[dict[str, Plain]]):
 
     def __getitem__(self, number: Any) -> Any:
         return self._points[number]
-
-    def __iter__(self) -> Iterator[dict[str, Plain]]:
-        return iter(self._points)
 
     def __repr__(self) -> str:
         """Show how many points there are, and of which space."""

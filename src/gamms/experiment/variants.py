@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-import re
 from collections.abc import Callable, Mapping, Sequence
 from itertools import product
 from math import prod
@@ -14,13 +13,12 @@ from gamms.limits import refuse_above
 from gamms.plain import Plain
 from gamms.scenario import Scenario, ScenarioError
 from gamms.scenario.placement import members
-from gamms.text import as_code, shown
+from gamms.text import as_code, shown, without_address
 
 Function = Callable[..., Any]
 Vary = Mapping[str, Sequence[Any] | Mapping[str, Any]] | Sequence[Mapping[str, Any]]
 
 _BYTES = 2_000  # of a variant, and of a row
-_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 _OPEN = ("data", "facts")  # parts of a scenario that may have any keys
 _ROW = ("id", "scenario", "seed", "reason", "winner", "truncated", "turns", "error", "gamms", "python", "numpy")
 
@@ -112,16 +110,17 @@ def _name_of(value: Any) -> Plain:
     if value is None or isinstance(value, (bool, int, float, str)):
         return value
     if callable(value):
-        return _ADDRESS.sub("", as_code(value))
+        return without_address(as_code(value))
     if isinstance(value, Mapping) and set(value) == {"function"}:
         return value["function"]
     return json.dumps(value, default=str, ensure_ascii=False)
 
 
-def _variant(scenario: Scenario, point: Mapping[str, tuple[Plain, Any]]) -> Variant:
+def _variant(scenario: Scenario, point: Mapping[Any, tuple[Plain, Any]]) -> Variant:
     found = Variant({key: name for key, (name, _) in point.items()}, {}, {})
     for key, (_, value) in point.items():
-        _check_key(key)
+        if not isinstance(key, str) or not key:
+            raise BadValue(f"A key of vary is a path in the scenario, such as 'teams.red.count', not {shown(key)}.")
         if key == "seed":
             raise BadValue("seed cannot be varied: give seeds, of which each variant plays all.")
         if key in _ROW:
@@ -133,11 +132,6 @@ def _variant(scenario: Scenario, point: Mapping[str, tuple[Plain, Any]]) -> Vari
             found.changes[key] = value
     found.of(scenario)  # which finds what is misspelt
     return found
-
-
-def _check_key(key: object) -> None:
-    if not isinstance(key, str) or not key:
-        raise BadValue(f"A key of vary is a path in the scenario, such as 'teams.red.count', not {shown(key)}.")
 
 
 def _check_open(scenario: Scenario, key: str) -> None:

@@ -109,6 +109,11 @@ class DeedChoices:
                 found[deed.name] = where, {key: self._values(*of, rows[..., i], view) for i, (key, of) in columns}
         return found
 
+    def do(self, chosen: IntArray, view: ArrayView) -> None:
+        """Let the agents of a view do what they have chosen, (games, agents)."""
+        for deed, (where, fields) in self.given(chosen, view).items():
+            view.do(deed, where, **fields)
+
     def plain(self, choice: int, legal: Sequence[int], node: int) -> dict[str, dict[str, Any]]:
         """Return a choice as `state["action"]` has deeds; nothing where the agent does not have it.
 

@@ -241,12 +241,12 @@ class Learners:
         """
         was_over, was_alive, before, scores = self.is_over, self.alive, self._now, self._scores
         chosen = self._own(actions)
-        done = None if deeds is None or self.deeds is None else self._legal_deeds(self._on_host(self._own(deeds)))
-        flown = (
-            None
-            if flights is None or not self.flies.any()
-            else within_reach(np.asarray(flights), self.reach_m, self._shape)
-        )
+        done = flown = None
+        if deeds is not None and self.deeds is not None:
+            done = self._on_host(self._own(deeds))
+            done = np.where(are_in(self._legal_deed_masks(), done), done, 0)
+        if flights is not None and self.flies.any():
+            flown = within_reach(np.asarray(flights), self.reach_m, self._shape)
         if self._hand is None:
             self.games.step(self._given(chosen, done, flown), on_illegal="stay")
         else:
@@ -370,10 +370,6 @@ class Learners:
         masks = np.concatenate([self.deeds.masks(on_host(view)) for view in self._now], axis=1)
         masks[..., 1:] &= ~self._on_host(self.is_over)[:, None, None]
         return masks
-
-    def _legal_deeds(self, chosen: IntArray) -> IntArray:
-        """Return choices of deeds, nothing instead of those that agents do not have."""
-        return np.where(are_in(self._legal_deed_masks(), chosen), chosen, 0)
 
     def _given(self, chosen: Array, done: IntArray | None, flown: FloatArray | None) -> dict[Hashable, Any]:
         """Return what the agents of each team do, as `Batch.step` takes it."""
@@ -501,8 +497,7 @@ class _Hand:
         """Return what it is given for each game."""
         moves, deeds = np.moveaxis(self._taken[view.turn, view.games, None, :2].astype(np.int64), -1, 0)
         if self._choices is not None:
-            for deed, (where, fields) in self._choices.given(deeds, view).items():
-                view.do(deed, where, **fields)
+            self._choices.do(deeds, view)
         return np.where(moves < view.counts, moves, 0)
 
     array_form.is_blind = True  # type: ignore[attr-defined] # it does not ask what sensors show

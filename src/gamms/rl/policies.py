@@ -257,8 +257,7 @@ def _maker(player: _Player) -> Maker:
                 drawn = None if uniform is None else uniform[head][:, columns].ravel()
                 actions[head][:, columns] = _chosen(part, drawn).reshape(shape)
         if choices is not None:
-            for deed, (where, fields) in choices.given(actions[1], view).items():
-                view.do(deed, where, **fields)
+            choices.do(actions[1], view)
         moves: IntArray = actions[0]
         return moves
 
@@ -293,8 +292,7 @@ def _flight(player: _Player, observe: Observation, view: ArrayView) -> FloatArra
     if choices is not None:
         legal = choices.masks(view)
         best = np.where(legal, np.nan_to_num(numbers[:, None, AXES:]), -np.inf).argmax(axis=2)
-        for deed, (where, fields) in choices.given(best, view).items():
-            view.do(deed, where, **fields)
+        choices.do(best, view)
     reach_m = np.array([view.roster.agents[view.agents[0]].speed or 0.0])
     return within_reach(numbers[:, None, :AXES].astype(np.float64), reach_m, (1, 1))
 

@@ -304,7 +304,7 @@ class _Answer:
         found, is_second = [], other is not None
         for k, its in self._beliefs[seen]:
             does = self._does(turn, state, k, its, own)
-            if does == other if is_second else self._game.later[self._row(state, own, does)] == later:
+            if does == other if is_second else self._game.later[self._game.row(state, self._side, own, does)] == later:
                 found.append((k, does, its))
         # Where none of them would have done that, each of them is taken to go on from there.
         every = found or [(k, self._does(turn, state, k, its, own), its) for k, its in self._beliefs[seen]]
@@ -318,9 +318,6 @@ class _Answer:
             self._numbers[beliefs] = len(self._beliefs)
             self._beliefs.append(beliefs)
         return self._numbers[beliefs]
-
-    def _row(self, state: int, own: int, other: int) -> int:
-        return self._game.row(state, self._side, own, other)
 
     def _does(self, turn: int, state: int, k: int, its: int, own: int) -> int:
         """Return what the other team does by one of its strategies."""
@@ -356,7 +353,7 @@ class _Answer:
         if other is not None:  # where none of the strategies does that, each of them is taken to have done it
             does = [one for one in does if one[1] == other] or [(k, other) for k, _ in does]
         for k, action in does:
-            row = self._row(state, own, action)
+            row = self._game.row(state, self._side, own, action)
             total += self._shares[k] * self._sign * self._game.reward(turn, row)
             laters[self._game.later[row]] = None
         for later in laters:
@@ -380,10 +377,8 @@ class _MixedStrategy(TableStrategy):
         before = state["memory"].get(_MEMORY)
         if before is None:
             chance = kernels.fraction(kernels.draw_bits(kernels.purpose_key(ctx.seed, _MEMORY), self._side, 0))
-            drawn, known = (
-                min(int(np.searchsorted(np.cumsum(self._shares), chance, side="right")), len(strategies) - 1),
-                0,
-            )
+            drawn = min(int(np.searchsorted(np.cumsum(self._shares), chance, side="right")), len(strategies) - 1)
+            known = 0
         else:
             drawn, known, *last = before
             known = strategies[drawn].after(last[0], last[1], known, last[2], last[3], number)

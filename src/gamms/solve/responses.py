@@ -111,24 +111,12 @@ def best_response(
     teams = teams_of(scenario, team)
     others = _by_team(against, teams[1:])
     first = as_int(0 if seed is None else seed, "seed")
-    last = [one for one in (scenario.spec.max_turns, turns) if one is not None]
-    cut = scenario if turns is None else scenario.replace(max_turns=min(as_count(one, "turns") for one in last))
-    if method == "search":
-        return _searched(
-            cut, team, others, reward, first, as_count(_ITERATIONS if budget is None else budget, "budget")
-        )
-    if method == "learn":
-        return _learned(cut, team, others, reward, first, as_count(_TRAINED if budget is None else budget, "budget"))
-    solution = _answer(
-        scenario,
-        team,
-        others,
-        reward,
-        team,
-        turns=turns,
-        seed=seed,
-        max_states=MAX_STATES if budget is None else budget,
-    )
+    cut = _cut(scenario, turns)
+    if method != "exact":
+        usual, answer = (_ITERATIONS, _searched) if method == "search" else (_TRAINED, _learned)
+        return answer(cut, team, others, reward, first, as_count(usual if budget is None else budget, "budget"))
+    most = MAX_STATES if budget is None else budget
+    solution = _answer(scenario, team, others, reward, team, turns=turns, seed=seed, max_states=most)
     interval = (solution.value - solution.error, solution.value + solution.error)
     return Response(team, method, solution.value, interval, solution.strategy(), solution)
 
@@ -195,8 +183,7 @@ def evaluate(
         raise BadValue(
             f"evaluate needs a game of two teams and opponents=, name -> strategy, not {list(teams)} and {list(named)}."
         )
-    last = [one for one in (scenario.spec.max_turns, turns) if one is not None]
-    cut = scenario if turns is None else scenario.replace(max_turns=min(as_count(one, "turns") for one in last))
+    cut = _cut(scenario, turns)
     start = seed if seed is not None else 0 if scenario.spec.seed is None else scenario.spec.seed
     first, number = as_int(start, "seed"), as_count(games, "games")
     found = {
@@ -308,6 +295,12 @@ def openspiel(
 
 
 # -- inside -------------------------------------------------------------------------------------------------------
+
+
+def _cut(scenario: Scenario, turns: int | None) -> Scenario:
+    """Return a scenario whose games last no longer than so many turns."""
+    last = [one for one in (scenario.spec.max_turns, turns) if one is not None]
+    return scenario if turns is None else scenario.replace(max_turns=min(as_count(one, "turns") for one in last))
 
 
 def _by_team(against: object, teams: tuple[str, ...]) -> dict[str, Any]:

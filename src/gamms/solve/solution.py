@@ -1,7 +1,7 @@
 """What a game is worth and how to play it: `solve`, and what it returns."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
@@ -121,14 +121,10 @@ class TableStrategy(ABC):
             found = [number for number in found if number in later] or found
         if not found:
             raise BadValue(
-                f"In turn {turn} agents are where the solved game does not get to: {self._named(nodes)}. Its start is "
+                f"In turn {turn} agents are where the solved game does not get to: {table.named(nodes)}. Its start is "
                 f"that of seed={table.setup.seed}, and its rules and other strategies those that were given to solve."
             )
         return found[0]
-
-    def _named(self, nodes: Sequence[int]) -> dict[str, int | None]:
-        names = self._table.roster.names
-        return {name: None if node < 0 else node for name, node in zip(names, nodes, strict=True)}
 
 
 class SolvedStrategy(TableStrategy):
@@ -316,7 +312,7 @@ class Solution:
     def _number(self, places: Mapping[str, int | None], turn: int) -> int:
         nodes = self._nodes(places)
         found = self.table.states_at(nodes, turn)
-        where = dict(zip(self.table.roster.names, [None if node < 0 else node for node in nodes], strict=True))
+        where = self.table.named(nodes)
         if not found:
             raise BadValue(f"The game does not go on with {where} in turn {turn}: it does not get there, or is over.")
         if len(found) > 1:

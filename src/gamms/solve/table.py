@@ -145,6 +145,10 @@ class Table:
         """
         return self._at.get((turn if self.by_turn else None, *places), [])
 
+    def named(self, places: Sequence[int]) -> dict[str, int | None]:
+        """Return agent -> its node, None: it is out, of the same for messages."""
+        return {name: None if node < 0 else node for name, node in zip(self.roster.names, places, strict=True)}
+
     @cached_property
     def _at(self) -> dict[tuple[int | None, ...], list[int]]:
         found: dict[tuple[int | None, ...], list[int]] = {}
@@ -155,11 +159,8 @@ class Table:
 
     def transitions(self, outcomes: Outcomes) -> Iterator[Transition]:
         """Yield what happens in each row, for functions that look at one at a time."""
-        names, teams = self.roster.names, self.roster.teams
-        where = [
-            {name: node if is_alive else None for name, node, is_alive in zip(names, nodes, alive, strict=True)}
-            for nodes, alive in zip(self.nodes.tolist(), self.alive.tolist(), strict=True)
-        ]
+        teams = self.roster.teams
+        where = [self.named(nodes) for nodes in np.where(self.alive, self.nodes, -1).tolist()]
         sources = np.repeat(np.arange(len(self)), np.diff(self.offsets))
         for source, after, gains, winner in zip(sources.tolist(), *(one.tolist() for one in outcomes), strict=True):
             won = teams[winner] if winner >= 0 else None

@@ -460,12 +460,8 @@ class ContextWorld:
 
     def _as_states(self, moments: "Sequence[_Moment]") -> States:
         nodes, alive = (np.array([moment[place] for moment in moments]) for place in (1, 2))
-        return States(
-            [moment.key for moment in moments],
-            nodes,
-            alive.astype(np.bool_),
-            snapshots=[one.snapshot for one in moments],
-        )
+        keys, snapshots = [one.key for one in moments], [one.snapshot for one in moments]
+        return States(keys, nodes, alive.astype(np.bool_), snapshots=snapshots)
 
 
 class _Moment(NamedTuple):
