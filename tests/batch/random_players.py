@@ -74,9 +74,12 @@ def rash(state):
 # What games leave arrays for: an agent that is asked comes, or one whose sensor draws for several or reports late;
 # one asks why a rule in arrays has refused its move, or gives its way where it decides at arrivals.
 LEAVE = re.compile(
-    "comes with (the s|a s|a team that is asked|the plan of)|why a rule has refused a move|gives the nodes of its way"
+    "comes with (the s|a s|a team that is asked|the plan of)|why a rule has refused a move|gives the nodes of its way|"
+    "it is not known what is kept under 'toll'"
 )
-ONE_BY_ONE = re.compile("turns with its agent|draws for several|draws at a fixed place for several")
+ONE_BY_ONE = re.compile(
+    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'"
+)
 
 
 def attentive(state, *more):

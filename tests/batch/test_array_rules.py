@@ -51,11 +51,13 @@ def tolls(chance=0.3, most=6, points=1, out=False):
     return toll
 
 
-def same_in_both(scenario, rule, phase="after", **settings):
+def same_in_both(scenario, rule, phase="after", turns_before=0, **settings):
     with scenario.build(seed=1) as ctx:
         for name, value in settings.items():
             setattr(ctx.game, name, value)
         ctx.game.add(rule, phase=phase)
+        for _ in range(turns_before):
+            ctx.game.step()
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
             assert games.slow is None
             games.run()
@@ -77,6 +79,44 @@ def same_in_both(scenario, rule, phase="after", **settings):
 def test_an_array_rule_does_the_same_alone_and_in_batches(rule, phase, rules, order):
     results = same_in_both(scene(rules, side=4, max_turns=10), rule, phase, order=order)
     assert any(result.events for result in results)
+
+
+def test_an_array_rule_remembers_what_it_kept_before_a_batch():
+    same_in_both(scene([TAG], side=4, max_turns=20), tolls(most=99), turns_before=8)
+
+
+@pytest.mark.parametrize("begins", [True, False])
+def test_the_array_form_of_a_rule_goes_on_with_what_the_rule_has_kept(begins):
+    def toll(ctx):
+        paid = ctx.game.data.setdefault("toll", {})
+        for agent in ctx.game.agents:
+            paid[agent.name] = paid.get(agent.name, 0) + agent.current_node_id
+            ctx.game.emit("toll", agent=agent.name, paid=paid[agent.name])
+
+    def kept(ctx, arrays):
+        return {"toll": {"paid": arrays.roster.column(ctx.game.data.get("toll", {}), 0)}}
+
+    @gamms.array_rule(of=toll, begins=kept if begins else None)
+    def toll_in_arrays(turn):
+        paid = turn.keep("toll", lambda games: {"paid": np.zeros((games, 6), np.int64)})["paid"]
+        at, agents = np.nonzero(turn.alive)
+        paid[turn.games[at], agents] += turn.streets.ids(turn.node[at, agents])
+        turn.emit("toll", at, agents={"agent": agents}, values={"paid": paid[turn.games[at], agents].tolist()})
+
+    with scene(side=4, max_turns=8).build(seed=1) as ctx:
+        ctx.game.add(toll)
+        for _ in range(4):
+            ctx.game.step()
+        with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            assert begins or "what is kept under 'toll' of the turns before the batch" in games.detached[3]
+            assert not (begins and games.detached)
+            for number, seed in enumerate(SEEDS):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+    with pytest.raises(BadType, match="begins"):
+        gamms.array_rule(begins=kept)
 
 
 def test_it_knows_how_agents_with_speeds_pass_nodes():

@@ -21,14 +21,14 @@ class Outside:
 
     def __init__(self, drawn, teams, lot):
         self._drawn, self._rng = drawn, np.random.default_rng(lot)
-        self._teams = [team for team in teams if team in {team for team, _ in drawn.agents.values()}]
+        self.teams = [team for team in teams if team in {team for team, _ in drawn.agents.values()}]
         self._channels = [name for name, one in drawn.channels.items() if "teams" not in one]
         self._taken = {}  # game, turn and agent -> its action and its messages
 
     def step(self, played):
         """Play a turn in which some teams are given what they do."""
         before = played.turn.tolist()
-        played.step({team: self._given(played.observe(team), before) for team in self._teams}, on_illegal="stay")
+        played.step({team: self._given(played.observe(team), before) for team in self.teams}, on_illegal="stay")
 
     def _given(self, view, turns):
         rng, names, shape = self._rng, view["name"], view.node.shape
@@ -46,7 +46,7 @@ class Outside:
 
     def play_alone(self, alone, number):
         """Play a game with what was given to that of the batch; return its result."""
-        for team in self._teams:
+        for team in self.teams:
             alone.game.command(team, lambda states: self._act(number, alone.game.turn, states))
         return alone.game.run()
 
@@ -75,33 +75,49 @@ begun_again = st.lists(
 given_to = st.one_of(st.just([]), st.lists(st.sampled_from(TEAMS), min_size=1, unique=True))
 
 
+drawn_for_all = {
+    "seeds": st.lists(st.integers(0, 2**62), min_size=1, max_size=4),
+    "again": begun_again,
+    "outside": given_to,
+    "lot": st.integers(0, 99),
+}
+
+
 @pytest.mark.parametrize("how", [("one edge", "anywhere"), ("edges",), ("metres",), ("metres, at arrivals",)])
 @LARGE
-@given(
-    data=st.data(),
-    seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=4),
-    again=begun_again,
-    outside=given_to,
-    lot=st.integers(0, 99),
-)
+@given(data=st.data(), **drawn_for_all)
 def test_a_game_of_a_batch_is_the_game_that_is_played_alone(how, data, seeds, again, outside, lot):
     drawn = data.draw(games(how))
-    from_outside = Outside(drawn, outside, lot)
-    with drawn.open() as ctx, ctx.game.batch(seeds=seeds, most_agents=drawn.reserved) as played:
+    with drawn.open() as ctx:
+        check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
+
+
+@settings(LARGE, max_examples=10)
+@given(drawn=games(), turns=st.integers(1, 6), **drawn_for_all)
+def test_a_batch_of_a_game_that_has_begun_goes_on_as_the_game_alone(drawn, turns, seeds, again, outside, lot):
+    with drawn.open() as ctx:
+        for _ in range(min(turns, drawn.max_turns - 1)):
+            ctx.game.step()
+        check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
+
+
+def check_games(ctx, drawn, seeds, again, from_outside):
+    """Check that the games of a batch of a game are those that are played alone."""
+    reserved = {team: [one for one in names if one not in ctx.agent.agents] for team, names in drawn.reserved.items()}
+    with ctx.game.batch(seeds=seeds, most_agents=reserved) as played, ctx.game.fork(0).ctx as alone:
         assert played.is_in_arrays or ONE_BY_ONE.search(played.slow), played.slow
         for turns, which, other in again:
             for _ in range(turns):
                 from_outside.step(played)
             those = sorted({number % len(seeds) for number in which})
             played.reset(those, seeds=[played.seeds[number] + other for number in those])
-        while outside and not played.is_over.all():
+        while from_outside.teams and not played.is_over.all():
             from_outside.step(played)
         played.run()
         assert all(map(LEAVE.search, played.detached.values())), played.detached
-        with ctx.game.fork(0).ctx as alone:
-            for number, seed in enumerate(played.seeds):
-                alone.game.reset(seed=seed)
-                assert plain(played.result(number)) == plain(from_outside.play_alone(alone, number))
+        for number, seed in enumerate(played.seeds):
+            alone.game.reset(seed=seed)
+            assert plain(played.result(number)) == plain(from_outside.play_alone(alone, number))
 
 
 def test_agents_that_are_put_back_while_on_an_edge_stay_there():

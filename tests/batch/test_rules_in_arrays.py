@@ -256,11 +256,42 @@ def test_a_game_of_agents_of_no_team_is_over_for_the_last_team():
             assert games.table()["reason"].tolist() == ["last team"] * 2
 
 
-def test_a_game_that_has_begun_goes_on_one_by_one():
-    with scene([OUT], side=4).build(seed=1) as ctx:
-        ctx.game.step()
-        with ctx.game.batch(seeds=[1]) as games, ctx.game.fork(0).ctx as alone:
-            assert games.slow == "a game that has begun"
+def test_a_game_that_has_begun_goes_on_in_arrays():
+    with scene([OUT, rule("respawn", after=4)], side=4).build(seed=1) as ctx:
+        while len(ctx.game.agents) == 6:
+            ctx.game.step()
+        turn = ctx.game.turn
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            assert games.turn.tolist() == [turn, turn]
+            assert sum(games.observe(team).mask.sum() for team in ("red", "blue")) == 2 * len(ctx.game.agents)
+            for _ in range(2):
+                games.run()
+                for number, seed in enumerate(games.seeds):
+                    alone.game.reset(seed=seed)
+                    assert plain(games.result(number)) == plain(alone.game.run())
+                games.reset()
+
+
+def test_agents_may_be_out_and_have_scores_from_the_start():
+    with scene([OUT, rule("respawn", after=4)], side=4).build(seed=1) as ctx:
+        ctx.game.eliminate("red_0")
+        ctx.game.scores["red"] = 2.5
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
             games.run()
-            alone.game.reset(seed=1)
-            assert plain(games.result(0)) == plain(alone.game.run())
+            for number, seed in enumerate(games.seeds):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def test_where_a_game_has_begun_what_keeps_it_from_arrays_is_named():
+    with scene([rule("time_limit", turns=2)], side=4).build(seed=1) as ctx:
+        ctx.game.add(last_team(), phase="before")
+        ctx.game.step()
+        with ctx.game.batch(2) as games:
+            assert games.slow.startswith("rules of the phase 'before'")
+            assert games.turn.tolist() == [1, 1]
+        ctx.game.step()
+        with ctx.game.batch(2) as games:
+            assert games.slow == "a game that is over"

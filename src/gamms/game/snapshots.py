@@ -1,6 +1,6 @@
 """What engines and clients do with a whole game: snapshots, detached copies (forks), and `ctx.game.internals`."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from copy import deepcopy
 from functools import partial
@@ -164,6 +164,11 @@ class SnapshotTaker(NamedTuple):
 def _fields(state: GameState) -> dict[str, Any]:
     """Return all fields of a state that are not logs."""
     return {name: getattr(state, name) for name in _COPY_OF}
+
+
+def copies_of(state: GameState, names: Iterable[str]) -> dict[str, Any]:
+    """Return copies of some fields of a state, by name."""
+    return _copies({name: getattr(state, name) for name in names})
 
 
 def _copies(values: dict[str, Any], memo: Memo | None = None) -> dict[str, Any]:

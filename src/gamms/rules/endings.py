@@ -12,7 +12,7 @@ from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.device import DeviceTurn, in_all_games
 from gamms.game.batch.libraries import Tensor
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn, Visits
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -61,6 +61,9 @@ class Hooks(TypedDict, total=False):
     """Returns what of these agents the array form cannot deal with, in words; None: nothing."""
     prepare_arrays: Callable[[GameArrays], object]
     """Called when a batch begins: publishes facts in the form that they have in arrays."""
+    begin_arrays: Callable[[Context, GameArrays], Mapping[Hashable, Arrays]]
+    """Returns what the array form keeps of the game of a context, which may have begun: key -> name -> an array of one
+    game. A form that keeps something without it plays no games that have begun."""
     facts_in_game: Callable[[GameArrays, int], Mapping[str, Any]]
     """Returns the facts of one game of those arrays as strategies get them that are asked agent by agent."""
     brings_back: bool

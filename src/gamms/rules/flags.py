@@ -96,6 +96,7 @@ def capture_flag(
         array_form=in_arrays,
         array_trigger=game.may_change,
         prepare_arrays=game.prepare_arrays,
+        begin_arrays=game.begin_arrays,
         facts_in_game=game.facts_in_game,
     )
 
@@ -122,6 +123,19 @@ class _Flags(NamedTuple):
         if self.announce:
             columns = zip(self.bases.items(), kept["carriers"].T, strict=True)
             state.facts[self.key] = {team: {"node": base, "carrier": carriers} for (team, base), carriers in columns}
+
+    def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
+        """Return the state of the rule in a game as arrays; see `_FlagsInArrays`."""
+        known, first, roster = ctx.game.data.get(self.key, {}), self.start_of(state.roster)(1), state.roster
+        stopped = _stopped(ctx.game.events[known.get("seen", 0) :]) if known else set()
+        for number, flag in enumerate(self.bases):
+            name = known.get("carriers", {}).get(flag)
+            if name is not None:
+                first["carriers"][0, number] = carrier = roster.names.index(name)
+                first["stops"][0, number] = state.stops[0, carrier] - (name in stopped)
+        for team, times in known.get("captures", {}).items():
+            first["captures"][0, roster.teams.index(team)] = times
+        return {("capture_flag", self.key): first}
 
     def facts_in_game(self, state: GameArrays, number: int) -> dict[str, Any]:
         """Return what is published in one game of a batch, by name."""

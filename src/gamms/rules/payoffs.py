@@ -9,7 +9,7 @@ from gamms.arguments import as_flag, as_float, as_mapping, as_name
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.device import in_all_games
-from gamms.game.batch.state import Emitted
+from gamms.game.batch.state import Arrays, Emitted, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.rules.endings import Rank, all_know, state_of, with_hooks
@@ -63,6 +63,10 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
                     ctx.game.scores[other] -= points / len(others)
         state["seen"] = len(ctx.game.events)
 
+    def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
+        state.events.read(state_key, ctx.game.data.get(_PAYOFFS, {}).get(state_key, {}).get("seen", 0))
+        return {}
+
     return with_hooks(
         payoff,
         prepare=prepare,
@@ -71,7 +75,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         disclose=all_know(_PAYOFFS, state_key),
         array_form=lambda turn: _pay_in_arrays(turn, state_key, checked, balanced=balanced),
         array_trigger=in_all_games,
-        prepare_arrays=lambda state: state.events.new(state_key),
+        begin_arrays=begin_arrays,
     )
 
 

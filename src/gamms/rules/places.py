@@ -76,6 +76,7 @@ def hold(
         key=place.key,
         disclose=all_know(HELD, place.key),
         array_form=place.play_in_arrays,
+        begin_arrays=place.begin_arrays,
     )
 
 
@@ -120,6 +121,13 @@ class _Place(NamedTuple):
             ctx.game.end(f"{team} held its place", winner=team)
         else:
             state["turns"] = 0
+
+    def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
+        """Return what the rule remembers of a game as arrays."""
+        known, first = ctx.game.data.get(HELD, {}).get(self.key, {}), _nothing_held(1)
+        if known.get("team") in state.roster.teams and known["team"] is not None:
+            first["team"][0], first["turns"][0] = state.roster.teams.index(known["team"]), known["turns"]
+        return {("hold", self.key): first}
 
     def play_in_arrays(self, turn: ArrayTurn) -> None:
         """Count a turn of many games."""
@@ -219,6 +227,7 @@ def discover(
         disclose=all_know(DISCOVERED, game.key),
         array_form=game.play_in_arrays,
         prepare_arrays=game.prepare_arrays,
+        begin_arrays=game.begin_arrays,
         why_not_in_arrays=_why_not_looked,
     )
 
@@ -260,6 +269,12 @@ class _Discovery(NamedTuple):
         """Publish what teams have discovered in many games: team -> (games, nodes), the nodes in their order."""
         roster, by = state.roster, self._kept(state.keep, len(state.roster.teams))
         state.facts[self.key] = {team: by[:, number] for number, team in enumerate(roster.teams) if team is not None}
+
+    def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
+        """Return what teams have discovered in a game as arrays; see `_kept`."""
+        known, nodes = ctx.game.data.get(DISCOVERED, {}).get(self.key, {}).get("by", {}), np.array(list(self.what))
+        by = np.stack([np.isin(nodes, known.get(team, ())) for team in state.roster.teams])
+        return {("discover", self.key): {"by": by[None]}}
 
     def play_in_arrays(self, turn: ArrayTurn) -> None:
         """Let all agents of many games look."""

@@ -103,6 +103,7 @@ def resource(  # noqa: PLR0913 - all that a rule is, in one call
         disclose=tank.disclose,
         array_form=tank.charge_in_arrays,
         prepare_arrays=tank.prepare_arrays,
+        begin_arrays=tank.begin_arrays,
     )
 
 
@@ -219,6 +220,12 @@ class _Tank(NamedTuple):
     def prepare_arrays(self, state: GameArrays) -> None:
         """Publish the amounts of many games, (games, agents)."""
         state.facts[self.name] = self._kept(state.keep, len(state.roster.names))["amounts"]
+
+    def begin_arrays(self, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
+        """Return what the rule remembers of a game as arrays; see `_kept`."""
+        known = ctx.game.data.get(RESOURCES, {}).get(self.name, {}).get("amounts", {})
+        amounts = state.roster.column(known, self.start)
+        return {("resource", self.name): {"amounts": amounts, "prices": np.zeros(amounts.shape)}}
 
     def check_in_arrays(self, turn: ArrayTurn, ends: IntArray) -> BoolArray:
         """Return which moves to these nodes cost more than is left, (games, agents)."""
@@ -385,6 +392,11 @@ def _cooling(kind: str, data: Mapping[str, Any], names: Collection[str]) -> dict
     return {COOLDOWNS: {kind: {"left": {name: more for name, more in known.items() if name in names}}}}
 
 
+def _left_in_arrays(kind: str, ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
+    known = ctx.game.data.get(COOLDOWNS, {}).get(kind, {}).get("left", {})
+    return {("cooldown", kind): {"left": state.roster.column(known, 0)}}
+
+
 @shown_as_called
 def cooldown(deed: str, turns: int) -> Rule:
     """Make a rule by which an agent that has done something may not do it again in so many turns.
@@ -448,4 +460,5 @@ def cooldown(deed: str, turns: int) -> Rule:
         key=f"cooldown of {kind}",
         disclose=partial(_cooling, kind),
         array_form=in_arrays,
+        begin_arrays=partial(_left_in_arrays, kind),
     )

@@ -12,6 +12,7 @@ from gamms.context import Context
 from gamms.errors import BadType, BadValue, nearest
 from gamms.game.batch.device import DeviceTurn
 from gamms.game.batch.libraries import Tensor
+from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.turn import ArrayTurn
 from gamms.rules.contacts import Contact, Side, as_nearness, as_side, found, one_to_one
 from gamms.rules.contacts_in_arrays import ArrayContacts, found_in_arrays, may_meet, one_to_one_in_arrays
@@ -176,6 +177,10 @@ def respawn(
                 del out[name]
                 ctx.game.respawn(agent)
 
+    def begin_arrays(ctx: Context, state: GameArrays) -> dict[Hashable, Arrays]:
+        known, column = ctx.game.data.get("respawns", {}).get(key, {}), state.roster.column
+        return {("respawn", key): {"out": column(known.get("out", {}), -1), "times": column(known.get("times", {}), 0)}}
+
     def in_arrays(turn: ArrayTurn) -> None:
         shape = turn.alive.shape[1:]
         kept = turn.keep(
@@ -207,4 +212,5 @@ def respawn(
         disclose=all_know("respawns", key),
         array_form=in_arrays,
         array_trigger=may_come_back,
+        begin_arrays=begin_arrays,
     )

@@ -205,7 +205,8 @@ def world_of(setup: Setup) -> World:
         game = ctx.game
         _refuse(game)
         number = min(_MOST_ROWS, _FEWEST_ROWS + _positions(ctx, setup))
-        if not game.settings()["channels"] and not any(one.phase == "before" for one in game.rules):
+        is_plain = not game.scores and len(game.agents) == len(ctx.agent.agents)
+        if is_plain and not game.settings()["channels"] and not any(one.phase == "before" for one in game.rules):
             batch = game.batch(number, seeds=range(setup.seed, setup.seed + number))
             if batch.slow is None:
                 ctx.terminate()

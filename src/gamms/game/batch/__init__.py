@@ -5,13 +5,13 @@ the game have an array form or can be called in the middle, and one game after t
 both give the same games. `turn.py` is what array forms of rules get, `view.py` what those of strategies get:
 `sight.py` says whom sensors show them, `surroundings.py` which nodes, `vectors.py` puts that into numbers,
 `routes.py` knows how far it is and `flows.py` what spreads. `columns.py` has who plays, `state.py` what a batch
-remembers, `movement.py` where actions lead, `travel.py` by metres (`reach.py`: to which nodes), `asking.py` asks what
-agents do, at each arrival by `arrivals.py`, `deeds.py` what agents do besides moving,
-`channels.py` what they send, `given.py` what comes from outside. `forms.py` declares array forms; `scalar_rules.py`
-calls rules that have none and `scalar_strategies.py` such strategies, in the context of `rule_fork.py`; `grounds.py`
-has the maps on which rules have closed roads; `alone.py` plays array strategies and rules in games that are played
-alone. With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays the games there;
-strategies get views of `device_view.py`.
+remembers, `begun.py` what of that is taken from a game that has begun, `movement.py` where actions lead, `travel.py` by
+metres (`reach.py`: to which nodes), `asking.py` asks what agents do, at each arrival by `arrivals.py`, `deeds.py` what
+agents do besides moving, `channels.py` what they send, `given.py` what comes from outside. `forms.py` declares array
+forms; `scalar_rules.py` calls rules that have none and `scalar_strategies.py` such strategies, in the context of
+`rule_fork.py`; `grounds.py` has the maps on which rules have closed roads; `alone.py` plays array strategies and rules
+in games that are played alone. With another array library (`libraries.py`), such as PyTorch on a GPU, `device.py` plays
+the games there; strategies get views of `device_view.py`.
 """
 
 from gamms.game.batch.alone import array_rule, array_strategy

@@ -10,6 +10,7 @@ import numpy as np
 
 from gamms.arguments import as_context
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.batch.begun import BEGINS, Begins
 from gamms.game.batch.channels import Heard, Radio
 from gamms.game.batch.columns import Roster
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -94,8 +95,10 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
 @overload
 def array_rule(form: ArrayRule, /) -> Callable[[IContext], None]: ...
 @overload
-def array_rule(*, of: Callable[..., object]) -> Callable[[F], F]: ...
-def array_rule(form: ArrayRule | None = None, /, *, of: Callable[..., object] | None = None) -> Any:
+def array_rule(*, of: Callable[..., object], begins: Begins | None = None) -> Callable[[F], F]: ...
+def array_rule(
+    form: ArrayRule | None = None, /, *, of: Callable[..., object] | None = None, begins: Begins | None = None
+) -> Any:
     """Decorator: make a rule of a function of an `ArrayTurn`, for batches and for games alone.
 
     The name stands for the rule then: `ctx.game.add(storm)`, or `rules: [{rule: my_module:storm}]` in a scenario. It
@@ -108,12 +111,19 @@ def array_rule(form: ArrayRule | None = None, /, *, of: Callable[..., object] | 
     Args:
         form: does in many games at once what the rule does in one.
         of: the rule, or the check of a rule, that does the same with a context.
+        begins: for games that have begun: called with their context and the arrays of the batch, returns what the form
+            keeps of that game: key -> name -> an array of one game. `arrays.roster.column(values, default)` makes one,
+            (1, agents), of a mapping by name. Without it, such games leave the arrays if the form keeps something.
 
     Raises:
         BadType: one of them cannot be called, or `of` takes no attributes.
     """
+    if begins is not None and (of is None or not callable(begins)):
+        raise BadType(f"array_rule(of=…, begins=…) needs a rule and a function of its context, not {shown(begins)}.")
     if of is not None:
-        return form_declared(of, "array_rule")
+        declare = form_declared(of, "array_rule")
+        of.__dict__.update({} if begins is None else {BEGINS: begins})
+        return declare
     if not callable(form):
         raise BadType(f"array_rule needs a function of a turn, not {shown(form)}.")
     name = getattr(form, "__name__", "array rule")
@@ -122,9 +132,16 @@ def array_rule(form: ArrayRule | None = None, /, *, of: Callable[..., object] | 
         as_context(ctx, name)
         form(_TurnOfOne(cast("HostContext", ctx)))
 
-    rule.__dict__[IN_ARRAYS_ALONE] = True
+    rule.__dict__.update({IN_ARRAYS_ALONE: True, BEGINS: _kept_alone})
     form_declared(rule, name)(form)
     return _documented(rule, form)
+
+
+def _kept_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
+    """Return what array rules keep in the game of a context, and let them go on with the events that they have read."""
+    for reader, number in ctx.game.data.get(_READ, {}).items():
+        state.events.read(reader, number)
+    return dict(ctx.game.data.get(_OF_RULES, {})) if state.roster.is_first.all() else {}
 
 
 def _documented(function: F, form: Callable[..., object]) -> F:

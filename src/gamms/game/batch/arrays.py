@@ -11,8 +11,9 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
+from gamms.game.batch.begun import Beginning, why_not_begun
 from gamms.game.batch.channels import Outbox, Radio, why_not_sent
-from gamms.game.batch.columns import PlayedGame, Roster, decider_of
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
@@ -21,9 +22,9 @@ from gamms.game.batch.grounds import Ground, ViewOfGrounds, is_other_by_roads, k
 from gamms.game.batch.movement import Anywhere, Movement, Moves
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
-from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
+from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, remembers, why_not_asked
 from gamms.game.batch.sight import DELAYS, reports_late, sees_from_edges, turns_with_its_agent, why_not_seen
-from gamms.game.batch.state import GameArrays, Headings
+from gamms.game.batch.state import GameArrays, Headings, NotTakenUp
 from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved
 from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
 from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
@@ -57,7 +58,7 @@ class ArrayEngine:
         self._askable: tuple[IntArray, list[Players | None]] = np.flatnonzero(is_asked), [None] * len(seeds)
         if self._has_scalar_rules or asked or any(map(turns_with_its_agent, roster.agents)):
             self.state.headings = self._headings_of(roster)
-        self.state.shared[DELAYS] = DelayedLooks(self.state)
+        self.state.shared[DELAYS] = DelayedLooks(self.state, game.internals.state.delayed_looks)
         if settings["team_memory"]:
             self.state.share_memories()
         self._last: int | None = settings["max_turns"]
@@ -83,6 +84,7 @@ class ArrayEngine:
         self._can_close_roads = len(self._parts) == 1 and type(movement) in (Movement, Anywhere)
         if self._can_close_roads:
             self.state.change_roads = self._change_roads
+        self._beginning = Beginning(game, self.state)
         self._publish_facts(game.facts)
 
     def _headings_of(self, roster: Roster) -> Headings:
@@ -237,6 +239,7 @@ class ArrayEngine:
     def start(self, games: IntArray, seeds: Sequence[int], start: IntArray) -> None:
         """Begin games again, with other seeds, their agents on these nodes, (games, agents)."""
         self.state.reset(games, seeds, self.state.streets.rows(start))
+        self._beginning.put(self.state, games)
         for game in games.tolist():
             self._own[game] = self._askable[1][game] = None
 
@@ -253,7 +256,16 @@ class ArrayEngine:
         return np.flatnonzero(is_played)
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over."""
+        """Play one turn of all games that are not over; they leave if a form is to remember what it was not told."""
+        playing = self._playing().tolist()
+        try:
+            self._step(given)
+        except NotTakenUp as error:
+            why = " ".join((f"{error}.", *getattr(error, "__notes__", ())))
+            self.state.apart |= dict.fromkeys(playing, why)
+            self.state.now.clear()
+
+    def _step(self, given: Mapping[Hashable, Given]) -> None:
         state = self.state
         if given and (self._here.rules["before"] or len(self._grounds) > 1):
             self._check(given)
@@ -472,21 +484,19 @@ class ArrayEngine:
 
 def why_not_in_arrays(game: PlayedGame) -> str | None:
     """Return what keeps games from being played in arrays, in words; None: nothing."""
-    settings, asked, scalar = game.settings(), teams_asked(game), called_one_by_one(game)
+    settings, asked, scalar, agents = game.settings(), teams_asked(game), called_one_by_one(game), agents_of(game)
     reasons = [
-        (_leaves_out_a_team(settings["order"], game.agents), "an order of play without one of the teams"),
+        (_leaves_out_a_team(settings["order"], agents), "an order of play without one of the teams"),
         (settings["time_budget"] is not None, "a time budget"),
         (bool(game.internals.after_observing), "what is recorded of states"),
-        (settings["max_turns"] == 0, "a game of no turns"),
-        (game.turn > 0 or bool(game.scores), "a game that has begun"),
-        (len(game.agents) < len(game.ctx.agent.agents), "an agent that is out of the game from the start"),
     ]
-    not_asked = why_not_asked(game, [agent for agent in game.agents if agent.team in asked])
+    not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
     not_called = why_not_called(game)
     found = [why_not_moved(game), why_not_sent(settings["channels"]), *(why for is_so, why in reasons if is_so)]
+    found += why_not_begun(game)
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
     found += [f"{one}, with {not_called}" for one in scalar if not_called is not None]
-    found += [one.rule.why_not_in_arrays(game.agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
+    found += [one.rule.why_not_in_arrays(agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
     return next((why for why in found if why is not None), None)
 
 
@@ -494,12 +504,12 @@ def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tupl
     """Yield agents, and what of their strategies and sensors has no array form, in words."""
     settings = game.settings()
     by_metres, plans = settings["speed_unit"] != "edges", settings["plans"]
-    speeds = SPEEDS[-1] if by_metres else SPEEDS[any(agent.speed is not None for agent in game.agents)]
+    speeds = SPEEDS[-1] if by_metres else SPEEDS[any(agent.speed is not None for agent in agents_of(game))]
     deciders = [(agent, one) for agent in agents if (one := decider_of(agent, plans)) is not None]
     for agent, one in deciders:
-        if form_of(one) is None:
+        if form_of(one) is None or remembers(game, agent):
             kind = f"plan of team {shown(agent.team)}" if agent.team in plans else "strategy"
-            yield agent, f"the {kind} {as_code(one)}"
+            yield agent, f"the {kind} {as_code(one)}{', which remembers something' * (form_of(one) is not None)}"
         if getattr(form_of(one), BOARDS, ()) and by_metres and settings["decide"] == "arrival":
             yield agent, f"{as_code(one)}, whose team knows at arrivals what it wrote in the same turn"
         if getattr(form_of(one), MAY_SKIP, False):
@@ -522,7 +532,7 @@ def teams_asked(game: PlayedGame) -> dict[Hashable, str]:
     These are all agents of a team, because they share a memory.
     """
     found: dict[Hashable, str] = {}
-    for agent, why in why_not_decided(game, game.agents):
+    for agent, why in why_not_decided(game, agents_of(game)):
         found.setdefault(agent.team, why)
     return found
 

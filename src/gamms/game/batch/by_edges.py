@@ -56,6 +56,11 @@ class ByEdges(Movement):
         """Let agents have covered nothing of an edge."""
         self.begun[games, agents] = self.covered[games, agents] = 0
 
+    def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
+        """Let an agent have covered part of an edge in some games."""
+        source, target = (self.streets.rows([node]) for node in (place.source, place.target))
+        self.begun[games, agent], self.covered[games, agent] = self.streets.action_to(source, target), place.share
+
     # -- legal nodes ----------------------------------------------------------------------------------------------
 
     def choices(self, node: IntArray, which: tuple[IntArray, IntArray]) -> IntArray:

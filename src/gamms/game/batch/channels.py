@@ -178,6 +178,31 @@ class Radio(GameLog[list[_Sent]]):
         keys = heard.overheard, np.concatenate(places), heard.turns, heard.hearers, heard.at
         return some_rows(heard, np.lexsort(keys))
 
+    def go_on(self, games: IntArray, entries: Sequence[dict[str, Any]], turn: int) -> None:
+        """Let some games begin after so many turns, with these messages in their logs, of which some are under way."""
+        self.begin(games, entries)
+        number = {name: i for i, name in enumerate(self._roster.names)}
+        for place, entry in enumerate(entries):
+            arrival = np.zeros(len(number), np.int64)
+            outcome = arrival.copy()
+            for kind, those in ((HEARD, entry["heard"]), (OVERHEARD, entry["overheard"])):
+                for name in those.keys() & number.keys():
+                    outcome[number[name]], arrival[number[name]] = kind, those[name]
+            left = int(arrival.max()) - turn - 1
+            if left >= 0:
+                sent = _Sent(
+                    entry["channel"],
+                    games,
+                    np.full(len(games), entry["turn"]),
+                    np.full(len(games), number[entry["sender"]]),
+                    np.fromiter([entry["to"]] * len(games), object, len(games)),
+                    [entry["body"]] * len(games),
+                    np.full(len(games), place),
+                    np.tile(outcome, (len(games), 1)),
+                    np.tile(arrival, (len(games), 1)),
+                )
+                self._under_way.append((left, sent))
+
     # -- the log ------------------------------------------------------------------------------------------------
 
     def forget(self, games: IntArray) -> None:

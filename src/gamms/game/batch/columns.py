@@ -18,6 +18,7 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 
+Column = np.ndarray[Any, Any]
 P = TypeVar("P")
 Table = TypeVar("Table", bound=NamedTuple)
 
@@ -89,6 +90,11 @@ class GameLog(ABC, Generic[P]):
         self._pending.clear()
         for entries in filter(None, self._of_game):
             entries.clear()
+
+    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
+        """Let some games, whose logs are empty, begin with entries of earlier turns."""
+        for game in games.tolist():
+            self._of_game[game] += entries
 
     @abstractmethod
     def _entries(self, noted: P) -> Iterable[tuple[int, dict[str, Any]]]:
@@ -173,6 +179,10 @@ class Roster(NamedTuple):
             raise UnknownName("team", team, self.teams)
         return np.flatnonzero(self.team_of == self.teams.index(team))
 
+    def column(self, values: Mapping[str, Any], default: float) -> Column:
+        """Return the values of agents by name as those of one game, (1, agents); the default where there is none."""
+        return np.array([[values.get(name, default) for name in self.names]])
+
     def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
         """Return which agents are of one of these teams, which need not have agents, (agents,); None: all."""
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
@@ -189,6 +199,11 @@ class Roster(NamedTuple):
     def name(self, number: int) -> str:
         """Return the name of an agent; for messages."""
         return shown(self.names[number])
+
+
+def agents_of(game: PlayedGame) -> list[IAgent]:
+    """Return the agents of a game in the order of their names, those that are out of it too."""
+    return [agent for _, agent in sorted(game.ctx.agent.agents.items())]
 
 
 def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:

@@ -1,5 +1,7 @@
 """What sensors with a delay have seen in the last turns of all games, and are still to report."""
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from gamms.game.batch.sight import DELAYS, Lookout, Reports, lookouts, seen
@@ -15,9 +17,10 @@ class DelayedLooks:
 
     Args:
         state: of the batch.
+        known: what they have seen before in the game, which may have begun; see `GameState.delayed_looks`.
     """
 
-    def __init__(self, state: GameArrays) -> None:
+    def __init__(self, state: GameArrays, known: Mapping[tuple[str, str], Mapping[int, Mapping[str, int]]]) -> None:
         self._state, self._agents = state, np.arange(len(state.roster.names))
         delayed = [one for one in lookouts(state.roster, self._agents, (), may_lack_forms=True) if one.look.delay]
         self._sources = [lookout._replace(look=lookout.look._replace(delay=0)) for lookout in delayed]
@@ -28,15 +31,26 @@ class DelayedLooks:
             for place, (draws, carrier) in enumerate(zip(lookout.draws, lookout.carriers, strict=True))
         }
 
+        for number in range(len(delayed)):
+            state.first[DELAYS, number] = self._first(number, known)
+
+    def _first(self, number: int, known: Mapping[tuple[str, str], Mapping[int, Mapping[str, int]]]) -> Arrays:
+        """Return what is kept of some sensors in one game."""
+        source, slots, roster = self._sources[number], self._delays[number] + 1, self._state.roster
+        shape, place_of = (slots, len(source.carriers)), {roster.names[one]: i for i, one in enumerate(source.others)}
+        nodes = np.full((1, *shape, len(source.others)), -1, np.int32)
+        turns, looks = np.full((1, *shape), -1), np.zeros((1, shape[1]), np.int64)
+        for carrier, draws in enumerate(source.draws):
+            latest = sorted(known.get(draws or ("", ""), {}).items())[-slots:]
+            looks[0, carrier] = len(latest)
+            for slot, (turn, found) in enumerate(latest):
+                turns[0, slot, carrier] = turn
+                for name in found.keys() & place_of.keys():
+                    nodes[0, slot, carrier, place_of[name]] = self._state.streets.rows([found[name]])[0]
+        return {"turn": turns, "looks": looks, "node": nodes}
+
     def _kept(self, number: int) -> Arrays:
-        source, slots = self._sources[number], self._delays[number] + 1
-        shape = slots, len(source.carriers)
-
-        def make(games: int) -> Arrays:
-            nodes = np.full((games, *shape, len(source.others)), -1, np.int32)
-            return {"turn": np.full((games, *shape), -1), "looks": np.zeros((games, shape[1]), np.int64), "node": nodes}
-
-        return self._state.keep((DELAYS, number), make)
+        return self._state.keep((DELAYS, number), lambda _: {})
 
     def note(self, games: IntArray, asked: BoolArray) -> None:
         """Let agents look, (games, all agents), to report it later."""

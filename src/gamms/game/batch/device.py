@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from gamms.game.batch.arrays import ArrayEngine, teams_asked
-from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of
 from gamms.game.batch.device_view import DeviceStreets, DeviceView, columns_of, only_playing, with_others
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
@@ -384,20 +384,23 @@ def _why_not_on_device(game: PlayedGame) -> str | None:
     """Return what of a game that is played in arrays has no form for other libraries, in words; None: all has."""
     settings = game.settings()
     conflicts = settings["conflicts"]
+    agents = agents_of(game)
+    has_begun = game.turn > 0 or bool(game.scores) or not all(agent.alive for agent in agents)
     reasons = [
+        (has_begun, "a game that has begun"),
         (settings["speed_unit"] != "edges", f"speed_unit={settings['speed_unit']!r}"),
         (settings["legal"] != "edges", f"legal={settings['legal']!r}"),
         (settings["order"] is not None and len(settings["order"]) > 1, "an order of play"),
         (bool(settings["deeds"]), "deeds"),
         (bool(settings["channels"]), "channels"),
         (bool(settings["plans"]), "plans of teams"),
-        (any(map(reports_elsewhere, game.agents)), "sensors with position noise, false alarms or delays"),
-        (any(map(turns_with_its_agent, game.agents)), "sensors that turn with their agents"),
+        (any(map(reports_elsewhere, agents)), "sensors with position noise, false alarms or delays"),
+        (any(map(turns_with_its_agent, agents)), "sensors that turn with their agents"),
         *[(True, why) for why in teams_asked(game).values()],
         (any(one.phase not in {"before", "after"} for one in game.rules), "rules of other phases"),
         (any(form_of(one.rule) is None for one in game.rules), "rules without an array form"),
         (bool(collectors_of(game)), "what is collected"),
-        (any(agent.type is AgentType.AERIAL or agent.speed is not None for agent in game.agents), "flights or speeds"),
+        (any(agent.type is AgentType.AERIAL or agent.speed is not None for agent in agents), "flights or speeds"),
         (conflicts is not None and not hasattr(conflicts, TRIGGER), f"the conflicts {as_code(conflicts)}"),
     ]
     return next((reason for is_there, reason in reasons if is_there), None)

@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_bool, as_choice, as_count, as_int, as_items, as_mapping, as_name, as_path
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
-from gamms.game.batch.columns import PlayedGame, Roster
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
 from gamms.game.batch.given import Acting, Given, as_given
@@ -79,10 +79,12 @@ class Batch:
     ) -> None:
         self._source, self.seeds, self.library = source, seeds, library
         self.slow, asked = source.follows_seed or why_not_in_arrays(source.game), teams_asked(source.game)
-        self._roster = Roster.of(source.game.agents)
+        agents = agents_of(source.game)
+        self._roster = Roster.of(agents)
         if most_agents is not None:
-            self._roster = Roster.of(source.game.agents, _reserved(self._roster, most_agents))
-        self._first_nodes = [agent.current_node_id for agent in self._roster.agents]  # who move if games are detached
+            self._roster = Roster.of(agents, _reserved(self._roster, most_agents))
+        start_of = source.game.internals.start_of
+        self._first_nodes = [start_of(agent) for agent in self._roster.agents]  # before they move in that context
         self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
         self.seeds = tuple(seeds)
         self._engine: ArrayEngine | OneByOneEngine
@@ -96,11 +98,12 @@ class Batch:
         scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
         if scalar and not self._is_one_by_one:
             self.slow = scalar[0]
-        agents = [agent for agent in source.game.agents if agent.team in asked]
-        why = why_slower(source.game, agents, len(seeds), are_called=bool(called_one_by_one(source.game)))
+        who_are_asked = [one for one in agents if one.team in asked]
+        why = why_slower(source.game, who_are_asked, len(seeds), are_called=bool(called_one_by_one(source.game)))
         self._why_slower = why if library is None and not self._is_one_by_one else None  # to be played to the ends
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
-        is_kept = as_bool(record, "record") or (scalar and not self._is_one_by_one)
+        may_leave = bool(scalar or source.game.turn) and not self._is_one_by_one
+        is_kept = as_bool(record, "record") or may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
         self._steps = 0
@@ -180,9 +183,9 @@ class Batch:
         if self._apart is None:
             # in a context of its own, for what rules change of the map there is not so in the arrays
             game = self._source.game.fork(0) if self._source.build is None else self._source.build(self.seeds[0]).game
-            self._apart = OneByOneEngine(game, Roster.of(game.agents, self._roster.reserved), self.seeds)
+            self._apart = OneByOneEngine(game, Roster.of(agents_of(game), self._roster.reserved), self.seeds)
         apart, state, log = self._apart, self._engine.state, self._log or []
-        turns = apart.turns().tolist()
+        turns = (apart.turns() - self._source.game.turn).tolist()  # since the batch began
         for number in [number for number in state.apart if apart.over(number) is None]:
             for given in log[self._entry_of(number) + turns[number] :]:
                 if apart.over(number) is None:

@@ -332,6 +332,9 @@ class Movement:
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents have covered nothing of an edge."""
 
+    def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
+        """Let an agent have covered part of an edge in some games."""
+
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they count as being."""
         self.clear(games, agents)

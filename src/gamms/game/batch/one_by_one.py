@@ -44,8 +44,9 @@ class OneByOneEngine:
         self._acting = Acting(game, roster)
         self._results: list[Result | None] = [None] * len(seeds)
         self._over: list[dict[str, Any] | None] = [None] * len(seeds)
-        self._turns = np.zeros(len(seeds), np.int64)
-        self._scores: list[dict[Any, float]] = [{} for _ in seeds]
+        self._first = game.turn, dict(game.scores)  # of games that have begun
+        self._turns = np.full(len(seeds), game.turn)
+        self._scores: list[dict[Any, float]] = [dict(game.scores) for _ in seeds]
         self._last: int | None = game.settings()["max_turns"]
         self._observed = self._nothing_observed()
         self._is_observed = np.zeros(len(seeds), np.bool_)
@@ -68,7 +69,7 @@ class OneByOneEngine:
         if game == self.loaded:
             self.loaded = None
         self._snapshots[game] = self._results[game] = self._over[game] = None
-        self._turns[game], self._scores[game] = 0, {}
+        self._turns[game], self._scores[game] = self._first
         self._observed.reset(np.array([game]), [seed], self._observed.node[[game]])
         self._is_observed[game] = False
 

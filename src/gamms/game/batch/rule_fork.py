@@ -7,6 +7,7 @@ import numpy as np
 
 from gamms.deciding import phase_of
 from gamms.errors import BadValue, GammsError
+from gamms.game.batch.begun import fits_float
 from gamms.game.batch.columns import PlayedGame
 from gamms.game.batch.forms import form_in
 from gamms.game.batch.state import GameArrays
@@ -24,7 +25,6 @@ from gamms.text import shown
 from gamms.typing import IAgent
 
 _MOST_ORDERS = 1000  # sets of living agents of which it is kept what a turn needs of them
-_MOST_EXACT = 1 << 53  # scores in arrays are floats
 Admit = Callable[[IAgent, Sequence[Any]], str | None]
 """Lets arrays have an agent that has come, with its sensors as they are described; or returns why they cannot."""
 
@@ -105,6 +105,7 @@ class RuleFork:
         # those that come later began where they are
         self._first_names = [(i, name) for i, (name, is_one) in enumerate(named) if is_one]
         self._could_draw, self._nothing_collected = game.ctx.rng_state() is None, self.parts.collectors.snapshot()
+        self._collected_before = self.parts.collectors.tables()
         self._phase, self.notes = phase_of(self.ctx), list[str]()
         self._begin(game)
         self.casting = 0
@@ -339,8 +340,9 @@ class RuleFork:
         collectors, found = self.parts.collectors, self._state.collected.setdefault(self._at[1], {})
         collectors.collect(self._values.turn, self.ctx, lambda: self.game.agents)
         for name, table in collectors.tables().items():
+            known = len(self._collected_before[name]["turn"])
             for column, values in table.items():
-                found.setdefault(name, {}).setdefault(column, []).extend(values)
+                found.setdefault(name, {}).setdefault(column, []).extend(values[known:])
         collectors.restore(self._nothing_collected)
 
     def refusals(self, named: NamedRule) -> Refusals:
@@ -485,7 +487,7 @@ class RuleFork:
             raise NeedsTurnEngine("it turns agents")
         if self.ctx.graph.storage.has_placed or (not self._could_draw and self.ctx.rng_state() is not None):
             raise NeedsTurnEngine("it draws from ctx.graph.place or from ctx.rng, which was drawn from before the game")
-        if values.scores != scores and not all(map(_fits_float, values.scores.values())):
+        if values.scores != scores and not all(map(fits_float, values.scores.values())):
             raise NeedsTurnEngine("it sets scores that are no numbers")
         if any(isinstance(one, _Unknown) for event in values.events[num_events:] for one in event.values()):
             raise NeedsTurnEngine("it passes on what it does not know")
@@ -539,7 +541,3 @@ class _OfSlots(_OfSome):
 def _is_of(keys: Sequence[str], key: object, value: object) -> bool:
     """Whether an entry of `ctx.game.data` is that of rules of these keys: by its own, or with theirs in it."""
     return key in keys or (isinstance(value, dict) and any(one in value for one in keys))
-
-
-def _fits_float(score: object) -> bool:
-    return isinstance(score, float) or (isinstance(score, int) and abs(score) <= _MOST_EXACT)

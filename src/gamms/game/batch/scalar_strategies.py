@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.deciding import phase_of
 from gamms.game.batch.channels import Outbox
-from gamms.game.batch.columns import PlayedGame, decider_of
+from gamms.game.batch.columns import PlayedGame, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
 from gamms.game.batch.rule_fork import NeedsTurnEngine, RuleFork
@@ -26,6 +26,7 @@ from gamms.game.messages import Inboxes
 from gamms.game.order import Legality, Part, ResolvedAction
 from gamms.game.random_streams import DrawTable
 from gamms.game.slots import AgentSlot
+from gamms.game.snapshots import copies_of
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -38,11 +39,16 @@ from gamms.typing.sensor_engine import ISensor
 # at arrivals, where their strategies may need their context, and where rules are called.
 FEWEST, FEWEST_AT_ARRIVALS, FEWEST_IN_CONTEXT, FEWEST_CALLED = 16, 32, 64, 32
 _MOST_ASKED = 4  # one in so many agents, where rules are called, too
+_REMEMBERED = ("memories", "team_memories", "blocked", "delayed_looks")  # of a game that has begun
 _FAILURES = ("illegal", "errors", "overruns")  # counts of what goes wrong when agents decide
 
 
 class Players:
     """The agents of one game that are asked one by one.
+
+    Args:
+        errors: of the game.
+        begun: what the game was when the batch began.
 
     Attributes:
         state: what they remember and know, and why their last actions were not done.
@@ -55,8 +61,8 @@ class Players:
 
     inboxes: Inboxes
 
-    def __init__(self, errors: list[dict[str, Any]]) -> None:
-        self.state = GameState(errors=errors)
+    def __init__(self, errors: list[dict[str, Any]], begun: GameState) -> None:
+        self.state = GameState(errors=errors, **copies_of(begun, _REMEMBERED))
         self.slots: dict[int, AgentSlot] = {}
         self.living: list[int] = []
         self.part: tuple[list[AgentSlot], Part]
@@ -146,7 +152,8 @@ class ScalarStrategies:
     def _of(self, game: int) -> Players:
         found = self._players[game]
         if found is None:
-            found = self._players[game] = Players(self._state.errors[game])
+            begun = self._context.start().internals.state
+            found = self._players[game] = Players(self._state.errors[game], begun)
         return found
 
     # -- why actions were not done ----------------------------------------------------------------------------------
@@ -408,6 +415,13 @@ def _counts_looks(sensor: ISensor) -> bool:
     return hasattr(sensor, "notice") and bool(sensor.notice.needs_look)
 
 
+def remembers(game: PlayedGame, agent: IAgent) -> bool:
+    """Whether an agent of a game that has begun, or its team, has something in its memory."""
+    values, nothing = game.internals.state, dict[Any, Any]()
+    known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
+    return game.turn > 0 and any(one != nothing for memory in known for one in memory.values())
+
+
 def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are_called: bool) -> str | None:
     """Return why so many games, of which some agents are asked one by one, would be slower in arrays; None: not."""
     plans = game.settings()["plans"]
@@ -416,7 +430,7 @@ def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are
     if any(getattr(one, "__closure__", one) is not None for one in deciders):
         fewest = FEWEST_IN_CONTEXT
     if are_called:
-        if len(asked) * _MOST_ASKED > len(game.agents):
+        if len(asked) * _MOST_ASKED > len(agents_of(game)):
             return "rules and strategies without array forms"
         fewest = max(fewest, FEWEST_CALLED)
     return f"fewer than {fewest} games" if num_games < fewest else None

@@ -1,12 +1,13 @@
 """What a batch remembers of its games: where agents are, scores, events, deeds, and what rules and strategies keep."""
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue
+from gamms.errors import BadValue, GammsError
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -23,6 +24,10 @@ STOPPED = {"tag": "other", "respawned": "agent", "eliminated": "agent"}  # kind 
 Arrays = dict[str, Any]  # name -> an array whose first axis is the games
 Columns = dict[Hashable, np.ndarray[Any, Any]]
 """What the next turns of games follow from, arrays (games, …) by name: `Batch.columns`."""
+
+
+class NotTakenUp(GammsError):
+    """An array form needs what happened before a batch of a game that has begun, and was not given it."""
 
 
 class Emitted(NamedTuple):
@@ -57,6 +62,24 @@ class EventLog(GameLog[Emitted]):
     def __init__(self, num_games: int) -> None:
         super().__init__(num_games)
         self._unread: dict[Hashable, list[Emitted]] = {}  # reader -> what it has not read yet
+        self._read_before: dict[Hashable, int] = {}  # reader -> how many events of each game it had read at the start
+
+    def begin(self, games: IntArray, entries: Sequence[dict[str, Any]]) -> None:
+        """Let some games begin with events of earlier turns."""
+        super().begin(games, entries)
+        for reader, number in self._read_before.items():
+            self._unread[reader] += [Emitted.of(game, entry) for game in games.tolist() for entry in entries[number:]]
+
+    def read(self, reader: Hashable, number: int) -> None:
+        """Let a reader go on after the first events of each game, of which it had read so many before the batch."""
+        self._read_before[reader] = number
+        self._unread[reader] = [
+            Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)[number:]
+        ]
+
+    def is_read_by(self, reader: Hashable) -> bool:
+        """Whether it is known what a reader has read."""
+        return reader in self._unread
 
     def add(self, kind: str, games: IntArray, turns: IntArray, fields: Mapping[str, list[Any]]) -> None:
         """Note events, one for each of these games; of one game they are in their order."""
@@ -101,6 +124,10 @@ class EventLog(GameLog[Emitted]):
         kind, games, turns, fields = noted
         for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
             yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
+
+
+def _repeated(first: Arrays, games: int) -> Arrays:
+    return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
 
 
 class LastMoves(NamedTuple):
@@ -184,6 +211,8 @@ class GameArrays:
         observed_apart: those as that engine has observed them; None: it has played none.
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
+        first: what they remember of a game that has begun, likewise, as arrays of one game.
+        has_begun: whether games begin after some turns, of which forms must have been told what to remember.
         collected: game -> name -> columns of what was collected.
         facts: what rules have published, by name, in a form that each says.
         events: of all games.
@@ -224,7 +253,7 @@ class GameArrays:
         self.over: list[dict[str, Any] | None] = [None] * games
         self.is_going = np.ones(games, np.bool_)
         self.stops, self.blocked = np.zeros(shape, np.int64), np.zeros(shape, np.bool_)
-        self.kept: dict[Hashable, Arrays] = {}
+        self.kept, self.first, self.has_begun = dict[Hashable, Arrays](), dict[Hashable, Arrays](), False
         self.facts, self.collected = dict[str, Any](), dict[int, dict[str, dict[str, list[Any]]]]()
         self.events = EventLog(games)
         self.shared: dict[Hashable, Any] = {}
@@ -343,6 +372,11 @@ class GameArrays:
         """Return what a rule or a strategy remembers of all games; at first what `make(games)` gives."""
         known = self.kept.get(key)
         if known is None:
+            first = self.first.get(key)
+            if first is not None:
+                make = partial(_repeated, first)
+            elif self.has_begun:
+                raise NotTakenUp(f"it is not known what is kept under {shown(key)} of the turns before the batch")
             known, self._makers[key] = make(len(self)), make
             self.kept[key] = known
         return known

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms.errors import NoPath
 from gamms.game.batch.by_edges import ByEdges
-from gamms.game.batch.columns import PlayedGame, Roster, some_rows
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, some_rows
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import AIMS, STOP, Anywhere, Illegal, Legs, Movement, Moves, Paths, Places
 from gamms.game.batch.reach import Reach, TravelTerms
@@ -98,6 +98,11 @@ class ByMetres(Movement):
     def clear(self, games: Any, agents: Any = np.s_[:]) -> None:
         """Let agents be on their nodes."""
         self.edge[games, agents], self.share[games, agents] = -1, 0.0
+
+    def put_on(self, games: IntArray, agent: int, place: Progress) -> None:
+        """Let an agent be on an edge in some games."""
+        self.edge[games, agent] = np.flatnonzero(self.streets.columns.edge_ids == place.edge)[0]
+        self.share[games, agent], self.motion[games, agent] = place.share, place.motion
 
     def take_out(self, games: IntArray, agents: IntArray) -> None:
         """Let agents that are out of the game be where they are."""
@@ -588,7 +593,7 @@ def why_not_moved(game: PlayedGame) -> str | None:
         (at_arrivals and form_of(conflicts) is None and conflicts is not None, f"the conflicts {as_code(conflicts)}"),
         (at_arrivals and not getattr(conflicts, "allow_swaps", True), "Conflicts(allow_swaps=False)"),
     ]
-    for agent in game.agents:
+    for agent in agents_of(game):
         is_endless = agent.speed is not None and not isfinite(agent.speed)
         reasons.append((agent.type is AgentType.AERIAL, f"agent {agent.name!r}, which flies"))
         reasons.append((is_endless, f"agent {agent.name!r}, whose speed is infinite"))

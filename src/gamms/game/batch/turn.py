@@ -12,7 +12,7 @@ from gamms.game.batch.columns import places_of, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -378,6 +378,8 @@ class ArrayTurn(MovesOfTurn):
 
         Their `games` are numbers in this turn.
         """
+        if self._state.has_begun and not self._state.events.is_read_by(reader):
+            raise NotTakenUp(f"it is not known which events of the turns before the batch were read by {shown(reader)}")
         number = places_of(self.games, len(self._state))
         later = self._state.is_going & (number < 0) & (self._state.ground > 0).any()  # they are on other grounds
         found = [emitted._replace(games=number[emitted.games]) for emitted in self._state.events.new(reader, later)]

@@ -1,0 +1,120 @@
+"""What the games of a batch begin with: where their game is, which may have begun, and what was noted of it."""
+
+from collections import Counter
+from collections.abc import Callable, Hashable, Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from gamms.game.batch.columns import PlayedGame, agents_of
+from gamms.game.batch.state import STOPPED, Arrays, GameArrays
+from gamms.game.slots import COUNTED
+from gamms.ir.agents import Motion
+from gamms.ir.graph import IntArray
+from gamms.typing import AgentType
+
+Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
+"""Returns what the array form of a rule keeps of the game of a context: key -> name -> an array of one game."""
+BEGINS = "begin_arrays"  # the attribute of rules that has such a function
+_MOST_EXACT = 1 << 53  # scores in arrays are floats
+
+
+class Beginning:
+    """Where the game of a batch is.
+
+    Args:
+        game: in a context that is not played in.
+        state: of all games of the batch, whose agents, deeds and channels are known.
+    """
+
+    def __init__(self, game: PlayedGame, state: GameArrays) -> None:
+        block, values, rows = game.ctx.agent.block, game.internals.state, state.streets.rows
+        names, known = state.roster.names, game.ctx.agent.agents
+        self._turn, self._values = game.turn, values
+        self._agents = np.array([number for number, name in enumerate(names) if name in known], np.int64)
+        own = [block.row_of(names[number]) for number in self._agents.tolist()]
+        self._alive = np.array([block.alive[row] for row in own], np.bool_)
+        self._node = rows([int(block.node[row]) for row in own]) if self._turn else None
+        self._progress = [(number, block.progress[row]) for number, row in zip(self._agents, own, strict=True)]
+        self._blocked = ["in conflict" in values.blocked.get(name, "") for name in names]
+        nothing = dict.fromkeys(COUNTED, 0)
+        self._counts = {kind: [values.counts.get(name, nothing)[kind] for name in names] for kind in COUNTED}
+        self._collected = game.internals.parts.collectors.tables()
+        events = [event.get(STOPPED.get(event["kind"], "")) for event in values.events]
+        stopped = Counter(name for name in events if isinstance(name, str))
+        self._stops = [stopped[name] for name in names]
+        self.put(state, np.arange(len(state)))
+        state.has_begun = self._turn > 0
+        for one in game.rules:
+            begins = getattr(one.rule, BEGINS, None)
+            state.first |= {} if begins is None else begins(game.ctx, state)
+
+    def put(self, state: GameArrays, games: IntArray) -> None:
+        """Let some games begin here, which were reset."""
+        values = self._values
+        state.turn[games], state.blocked[games], state.stops[games] = self._turn, self._blocked, self._stops
+        state.alive[games[:, None], self._agents] = self._alive
+        if self._node is not None:
+            state.node[games[:, None], self._agents] = self._node
+        if state.headings is not None:
+            state.headings.begin(games, state.node[games])
+        for number, place in self._progress:
+            if place is not None:
+                state.movement.put_on(games, number, place)
+        for kind, numbers in self._counts.items():
+            state.counts[kind][games] = numbers
+        for key, points in values.scores.items():
+            state.add_score(key, games, points)
+        self._put_logs(state, games)
+
+    def _put_logs(self, state: GameArrays, games: IntArray) -> None:
+        values = self._values
+        for game in games.tolist():
+            state.errors[game] += values.errors
+            if any(table["turn"] for table in self._collected.values()):
+                state.collected[game] = {name: _copied(table) for name, table in self._collected.items()}
+        state.events.begin(games, values.events)
+        state.deeds.begin(games, values.deeds)
+        if state.radio is not None:
+            state.radio.go_on(games, values.messages, self._turn)
+
+
+def _copied(table: dict[str, list[Any]]) -> dict[str, list[Any]]:
+    return {name: list(column) for name, column in table.items()}
+
+
+def why_not_begun(game: PlayedGame) -> Iterator[str]:
+    """Yield what keeps the games of a batch from beginning where their game is, in words."""
+    values, last = game.internals.state, game.settings()["max_turns"]
+    if last is not None and game.turn >= last:
+        yield "a game of no more turns"
+    if game.over is not None:
+        yield "a game that is over"
+    if not all(map(fits_float, game.scores.values())):
+        yield "scores that are no numbers"
+    if not game.turn:
+        return
+    if any(name not in game.ctx.agent.agents for name in values.players):
+        yield "agents that were deleted"
+    if game.ctx.graph.storage.snapshot().closed:
+        yield "roads that are closed since the start"
+    if any(one.phase == "before" for one in game.rules):
+        yield "rules of the phase 'before', which need to know the last moves"
+    yield from _why_not_placed(game)
+
+
+def _why_not_placed(game: PlayedGame) -> Iterator[str]:
+    by_metres, block = game.settings()["speed_unit"] != "edges", game.ctx.agent.block
+    has_node = game.ctx.graph.graph.has_node
+    for agent in [one for one in agents_of(game) if one.type is not AgentType.AERIAL]:
+        row, started = block.row_of(agent.name), game.internals.start_of(agent)
+        place = block.progress[row]
+        if not (has_node(started) and has_node(block.previous[row])):
+            yield f"agent {agent.name!r}, which has been where no node is any more"
+        if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
+            yield f"agent {agent.name!r}, which is on an edge as no agent of such a game"
+
+
+def fits_float(score: object) -> bool:
+    """Whether a score is a number that arrays have as it is."""
+    return isinstance(score, float) or (isinstance(score, int) and abs(score) <= _MOST_EXACT)
