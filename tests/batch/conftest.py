@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from gamms.game.batch import games
+from gamms.game import turn
+from gamms.game.batch import arrivals, games
 
 sys.path.insert(0, str(Path(__file__).parent))  # for the scenarios beside
 
@@ -15,6 +16,15 @@ def agents_are_asked_in_few_games():
     """Ask strategies and call rules in array turns of few games, too, which are faster one by one."""
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(games, "why_slower", lambda *_, **__: None)
+        yield
+
+
+@pytest.fixture(autouse=True, scope="session")
+def agents_arrive_few_times_in_a_turn():
+    """Let agents that go to and fro on edges of no length wait soon, which else takes long."""
+    with pytest.MonkeyPatch.context() as patch:
+        for module in (turn, arrivals):
+            patch.setattr(module, "MOST_ARRIVALS", 20)
         yield
 
 

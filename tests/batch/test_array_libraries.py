@@ -72,7 +72,7 @@ def installed():
     return found
 
 
-@settings(LAWS, max_examples=12)
+@settings(LAWS, max_examples=9)
 @given(
     drawn=games(),
     seeds=st.lists(st.integers(0, 2**62), min_size=1, max_size=3),

@@ -8,9 +8,6 @@ from hypothesis import strategies as st
 from random_games import TEAMS, Drawn, games
 from random_players import LEAVE, ONE_BY_ONE
 
-from gamms.game import turn
-from gamms.game.batch import arrivals
-
 LAWS = settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 # Games are too large to be made smaller in reasonable time; from its tenth example on Hypothesis mostly repeats parts.
 LARGE = settings(LAWS, max_examples=7, phases=[Phase.generate])
@@ -58,15 +55,6 @@ class Outside:
             node = state["legal"][move if move < len(state["legal"]) else 0]
             state["action"] = {"node_id": node, "do": do} if do else node
             state.get("outbox", []).extend({"channel": name, "to": None, "body": body} for name, body in said)
-
-
-@pytest.fixture(autouse=True, scope="module")
-def agents_arrive_few_times_in_a_turn():
-    """Let agents that go to and fro on edges of no length wait soon, which else takes long."""
-    with pytest.MonkeyPatch.context() as patch:
-        for module in (turn, arrivals):
-            patch.setattr(module, "MOST_ARRIVALS", 20)
-        yield
 
 
 begun_again = st.lists(
