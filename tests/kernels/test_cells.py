@@ -62,6 +62,7 @@ def test_a_disc_over_everything_is_left_to_a_scan():
     cells = kernels.build_cells(np.random.default_rng(0).uniform(0, 1, (1000, 2)))
     assert kernels.candidate_rows(cells, 0.0, 0.0, 1e6) is None
     assert kernels.candidate_rows(cells, 0.0, 0.0, float("inf")) is None
+    assert kernels.rows_between(cells, (0.5, -1e6), (0.5, 1e6)) is None
 
 
 def compared(a, b, limit):

@@ -1,7 +1,7 @@
 """Where agents start: by the rules of their team, and by draws that do not depend on the numbers of others."""
 
 from itertools import combinations
-from math import dist, inf
+from math import dist, hypot, inf
 
 import pytest
 from hypothesis import given, settings
@@ -78,10 +78,19 @@ def test_another_number_moves_neither_the_other_team_nor_those_before(red, more,
     assert few.items() <= many.items()
 
 
-def test_agents_with_a_node_count_for_the_others(made):
+def test_agents_may_stand_exactly_as_far_apart_as_is_asked():
+    apart = hypot(0.5, 0.5)  # the square of which is rounded up
+    teams = {"red": {"count": 2, "apart": apart}}
+    scenario = Scenario(max_turns=1, map={"grid": {"width": 2, "height": 2, "spacing": 0.5}}, teams=teams)
+    assert dist(*places(scenario).values()) == apart
+
+
+def test_agents_with_a_node_count_for_the_others():
     teams = {"red": {"agents": [{"name": "a", "node": 12}, {"name": "b"}, {"name": "c"}], "apart": 20.0}}
     found = places(played_on(5, 5, teams))
     assert all(dist(*pair) >= 20.0 for pair in combinations(found.values(), 2))
+    teams["red"] = {"agents": [{"name": "a", "node": 4}, {"name": "b", "node": 0}], "count": 7}
+    assert len(set(places(played_on(3, 3, teams)).values())) == 9
 
 
 def test_a_seed_decides_and_a_call_may_choose_it():
