@@ -8,6 +8,7 @@ import gamms
 from gamms.errors import BadType, BadValue
 from gamms.ir.scenery import SceneryKind
 from gamms.osm import create_osm_graph, obstacle_from_file, obstacle_from_osm, scenery_from_file, scenery_from_osm
+from gamms.scenario import Scenario
 
 DATA = Path(__file__).parent / "data" / "kluuvi.osm.gz"
 PLACE = "Kluuvi, Helsinki"
@@ -59,3 +60,18 @@ def test_the_scenery_of_a_place_is_that_of_a_file_of_it():
         assert set(in_file.kinds.tolist()) >= set(named.kinds.tolist())
         assert SceneryKind.GREEN in named.kinds
         assert len(scenery_from_osm(PLACE, ctx, buildings=False).buildings.ids) == 0
+
+
+def test_a_scenario_is_played_in_a_place_with_its_walls_and_scenery(server):
+    place = {"location": PLACE, "osm_type": "drive", "buildings": True, "barriers": True, "scenery": True}
+    scenario = Scenario(map={"place": place}, teams={"red": {"count": 1}})
+    with scenario.build() as ctx:
+        streets, crs, scenery = ctx.graph.columns(), ctx.graph.crs, ctx.graph.graph.scenery
+        x, y = streets.xy.mean(axis=0)
+        asked = len(server.asked)
+        walls = obstacle_from_osm(PLACE, crs=crs, barriers=True)
+        assert len(list(ctx.graph.get_obstacle_faces(1e5, x, y))) == len(list(walls))
+        assert len(scenery.buildings.ids) == 0  # they are walls
+    with scenario.replace(**{"map.place.offline": True}).build() as ctx:
+        assert ctx.graph.columns().node_ids.tolist() == streets.node_ids.tolist()
+    assert len(server.asked) == asked
