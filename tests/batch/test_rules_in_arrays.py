@@ -76,6 +76,12 @@ def test_agents_that_are_out_of_a_game_by_metres_meet_no_other_on_streets(same_a
     same_as_one_by_one(scenario.replace(**{f"teams.{team}.speed": 17.0 for team in ("red", "blue")}), SEEDS)
 
 
+def test_agents_that_arrive_by_metres_while_others_are_stopped_are_met_there(same_as_one_by_one):
+    settings, conflicts = {"speed_unit": "metres"}, {"capacity": 1, "among": "team"}
+    scenario = scene([TAG], side=3, max_turns=12, settings=settings, conflicts=conflicts)
+    same_as_one_by_one(scenario.replace(**{"teams.red.speed": 13.0, "teams.blue.speed": 17.0}), SEEDS[:2])
+
+
 def test_games_that_are_reset_are_paid_for_what_happens_in_them_alone():
     with scene([rule("hold", nodes=list(range(25)), turns=1, ends=False), TAG, rule("payoff", table=PAY)]).batch(
         2
