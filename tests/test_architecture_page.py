@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[1]
 SRC = ROOT / "src" / "gamms"
 PAGES = [ROOT / "docs" / "architecture.md", ROOT / "CONTRIBUTING.md", ROOT / "docs" / "glossary.md"]
 ROW = re.compile(r"^\| (.+?) \| (.+?) \| (.*?) \| (.+?) \|$", re.MULTILINE)
