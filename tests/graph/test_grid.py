@@ -8,6 +8,7 @@ import pytest
 
 import gamms
 from gamms.errors import BadType, BadValue, TooLarge
+from gamms.graph.networkx_bridge import Grid
 
 
 def test_a_grid_has_its_nodes_row_by_row(ctx):
@@ -38,6 +39,16 @@ def test_a_grid_is_that_of_networkx(n, m):
     assert {data["length"] for _, _, data in G.edges(data=True)} <= {10.0}
 
 
+@pytest.mark.parametrize(("n", "m"), [(1, 1), (1, 7), (6, 1), (4, 5)])
+def test_a_grid_that_is_attached_without_networkx_is_the_same(open_ctx, tmp_path, n, m):
+    for name, made in (("one", Grid(n, m, 7.5)), ("other", gamms.graph.grid(n, m, 7.5))):
+        ctx = open_ctx()
+        ctx.graph.attach_networkx_graph(made)
+        ctx.graph.save(tmp_path / name)
+    one, other = tmp_path.iterdir()
+    assert one.read_bytes() == other.read_bytes()
+
+
 def test_the_edges_of_a_grid_have_attributes_of_their_own():
     G = gamms.graph.grid(2, 2)
     G.edges[0, 1]["length"] = 99.0
@@ -63,9 +74,12 @@ def test_an_impossible_grid_is_refused(arguments, kind, hint):
         gamms.graph.grid(*arguments)
 
 
-def test_a_plain_grid_loads_no_shapely():
+def test_a_plain_grid_loads_no_shapely_and_that_of_a_scenario_no_networkx():
     code = (
         "import sys, gamms\n"
+        "from gamms.scenario import Scenario\n"
+        "Scenario(map={'grid': {'width': 3, 'height': 4}}, teams={'red': {'count': 1}}, max_turns=1).play()\n"
+        "assert 'networkx' not in sys.modules\n"
         "with gamms.create_context(logger_config={'level': 'CRITICAL'}) as ctx:\n"
         "    ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 4))\n"
         "    assert len(ctx.graph.graph) == 12\n"

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 Scalar = str | int | float | bool | None
 Table = dict[str, list[Scalar]]
-_NOT_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_NOT_IN_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"  # takes a while to compile
 _ESCAPED = "backslashreplace"  # of halves of surrogate pairs
 _MOST_COLUMNS = 1_900  # SQLite allows 2,000
 _DECIMALS = 9  # of degrees: a tenth of a millimetre
@@ -234,11 +234,11 @@ def _data(kind: str, row: Mapping[str, Scalar]) -> str:
 
 
 def _xml(value: Scalar) -> str:
-    return escape(_NOT_IN_XML.sub("\ufffd", value if isinstance(value, str) else repr(value)), quote=False)
+    return escape(re.sub(_NOT_IN_XML, "\ufffd", value if isinstance(value, str) else repr(value)), quote=False)
 
 
 def _xml_name(name: str) -> str:
-    return re.sub(r"[\t\n\r]", lambda blank: f"&#{ord(blank[0])};", escape(_NOT_IN_XML.sub("\ufffd", name)))
+    return re.sub(r"[\t\n\r]", lambda blank: f"&#{ord(blank[0])};", escape(re.sub(_NOT_IN_XML, "\ufffd", name)))
 
 
 def _graphml_type(values: Iterable[Scalar]) -> str:

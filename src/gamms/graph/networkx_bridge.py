@@ -19,6 +19,7 @@ from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.limits import refuse_above
 from gamms.text import shown
+from gamms.typing.map_storage import IGraphSource
 
 if TYPE_CHECKING:
     import networkx as nx
@@ -105,22 +106,55 @@ def grid(n: int, m: int, spacing: float = 10.0) -> "nx.DiGraph[int]":
         BadValue (ValueError), BadType (TypeError): an impossible number.
         TooLarge (BadValue): it would take more memory than is allowed.
     """
-    rows, columns, step = _side(n, "n"), _side(m, "m"), as_positive(spacing, "spacing")
-    refuse_above(rows * columns * _NODE_BYTES, f"A grid of {rows} x {columns} nodes")
-    ids = np.arange(rows * columns).reshape(rows, columns)
-    y, x = np.indices(ids.shape).astype(np.float64) * step
-    starts = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])
-    ends = np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()])
-    order = np.argsort(starts, kind="stable")  # node by node: the one to the right, then the one above
-    pairs = np.column_stack([starts, ends])[order]
-    both_ways = np.column_stack([pairs, pairs[:, ::-1]]).reshape(-1, 2)
+    columns, _ = Grid(n, m, spacing).as_columns()
     import networkx as nx
 
     made: Any = nx.DiGraph()
-    places = zip(x.ravel().tolist(), y.ravel().tolist(), strict=True)
-    made.add_nodes_from((node, {"x": a, "y": b}) for node, (a, b) in enumerate(places))
-    made.add_edges_from(both_ways.tolist(), length=step)
-    return made  # type: ignore[no-any-return] # its stubs refuse pairs that are lists
+    made.add_nodes_from((node, {"x": x, "y": y}) for node, (x, y) in enumerate(columns.xy.tolist()))
+    ends = zip(columns.sources.tolist(), columns.targets.tolist(), strict=True)
+    made.add_edges_from(
+        (*pair, {"length": length}) for pair, length in zip(ends, columns.lengths.tolist(), strict=True)
+    )
+    return made  # type: ignore[no-any-return] # as this is Any
+
+
+class Grid(IGraphSource):
+    """A street grid as `grid` describes it, in columns: attached without networkx.
+
+    Raises:
+        BadValue (ValueError), BadType (TypeError): an impossible number.
+        TooLarge (BadValue): it would take more memory than is allowed.
+    """
+
+    def __init__(self, n: int, m: int, spacing: float = 10.0) -> None:
+        self._rows, self._columns, self._step = _side(n, "n"), _side(m, "m"), as_positive(spacing, "spacing")
+        refuse_above(self._rows * self._columns * _NODE_BYTES, f"A grid of {self._rows} x {self._columns} nodes")
+
+    def as_columns(self) -> tuple[GraphColumns, None]:
+        """Return the nodes row by row, and the edges by the nodes at their ends."""
+        ids = np.arange(self._rows * self._columns).reshape(self._rows, self._columns)
+        y, x = np.indices(ids.shape).astype(np.float64) * self._step
+        one = np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()])
+        other = np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()])
+        sources, targets = np.concatenate([one, other]), np.concatenate([other, one])
+        order = np.lexsort((targets, sources))
+        offsets, out_edges = kernels.group_rows(sources[order], ids.size)
+        columns = GraphColumns(
+            node_ids=ids.ravel(),
+            xy=np.column_stack([x.ravel(), y.ravel()]),
+            edge_ids=np.arange(len(order)),
+            sources=sources[order],
+            targets=targets[order],
+            lengths=np.full(len(order), self._step),
+            offsets=offsets,
+            out_edges=out_edges,
+            polylines={},
+            node_attributes={},
+            edge_attributes={},
+            revision=0,
+            crs=None,
+        )
+        return columns, None
 
 
 def _side(value: int, name: str) -> int:

@@ -6,7 +6,7 @@ from pathlib import Path
 from gamms import osm
 from gamms.context import Context, create_context
 from gamms.errors import nearest
-from gamms.graph import grid
+from gamms.graph.networkx_bridge import Grid
 from gamms.graph.storage import MapSnapshot
 from gamms.scenario.code import Library, called, inside
 from gamms.scenario.documents import ScenarioError, at
@@ -99,7 +99,7 @@ def load(map: Map, folder: Path | None, library: Library) -> MapSnapshot:
     kind = kind_of(map)
     with create_context(logger_config=quiet()) as ctx, at(f"map.{kind}"):
         if map.grid is not None:
-            ctx.graph.attach_networkx_graph(grid(map.grid.height, map.grid.width, map.grid.spacing))
+            ctx.graph.attach_networkx_graph(Grid(map.grid.height, map.grid.width, map.grid.spacing))
         elif map.helsinki is not None:
             osm.helsinki(ctx, **given_values(map.helsinki))
         elif map.place is not None:
