@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from inspect import Signature
     from pathlib import Path
 
+    import numpy as np
+
+    Array = np.ndarray[Any, np.dtype[Any]]
+
 T = TypeVar("T")
 E = TypeVar("E", bound=Enum)
 
@@ -64,6 +68,75 @@ def as_ids(values: object, name: str) -> list[int]:
         listed: list[int] = values.tolist()  # type: ignore[attr-defined] # of NumPy
         return listed
     return [as_int(one, f"Each of {name}") for one in as_items(values, name, "integers")]
+
+
+_KINDS = {"integers": ("iu", "int64"), "booleans": ("b", "bool"), "numbers": ("iufb", "float64")}
+
+
+def as_array(given: object, name: str, form: str, shape: tuple[int, ...] | None = None) -> "Array":
+    """Return an array of what a caller passed: an array, one value, or lists of these; maybe the same array.
+
+    Args:
+        given: what was passed.
+        name: of the argument.
+        form: "integers", "booleans" or "numbers".
+        shape: to which it must broadcast; None: any.
+
+    Raises:
+        BadType: it holds something else, or lists of several lengths.
+        BadValue: it has another shape.
+    """
+    import numpy as np
+
+    kinds, dtype = _KINDS[form]
+    try:
+        array = np.asarray(given)
+    except (ValueError, TypeError):  # lists of several lengths, or what has no length
+        array = np.empty(1, object)
+    if array.dtype.kind not in kinds:
+        if array.size or given is None:
+            raise BadType(f"{name} must be an array of {form}, not {shown(given)}.")
+        array = array.astype(dtype)
+    return array if shape is None or array.shape == shape else as_one_shape({name: array}, shape)[0]
+
+
+def as_one_shape(arrays: Mapping[str, Any], shape: tuple[int, ...] | None = None) -> "list[Array]":
+    """Return arrays, by the names of arguments, broadcast to one shape, or to the one that is wanted.
+
+    Raises:
+        BadValue: they cannot be.
+    """
+    import numpy as np
+
+    try:
+        if shape is None:
+            return [*np.broadcast_arrays(*arrays.values())]
+        return [np.broadcast_to(array, shape) for array in arrays.values()]
+    except ValueError:
+        has = " and ".join(f"{name} has the shape {array.shape}" for name, array in arrays.items())
+        raise BadValue(f"{has}, which does not broadcast to {shape or 'one shape'}.") from None
+
+
+def as_numbers_of(given: object, name: str, count: int, kind: str) -> "Array":
+    """Return an array of the numbers of things, such as the rows of nodes, which are numbered from 0.
+
+    Args:
+        given: what was passed.
+        name: of the argument.
+        count: how many such things there are.
+        kind: what they are, such as "nodes".
+
+    Raises:
+        BadType: these are no integers.
+        BadValue: there is no such thing.
+    """
+    numbers = as_array(given, name, "integers")
+    # NOTE: one comparison, for a negative number is a large one without its sign (benchmarks: learning).
+    signed = numbers.astype("int64", copy=False)
+    if signed.size and signed.view("uint64").max() >= count:
+        wrong = signed[(signed < 0) | (signed >= count)]
+        raise BadValue(f"{name}: there is no number {wrong.flat[0]} of {count} {kind}, which are numbered from 0.")
+    return signed
 
 
 def as_bool(value: object, name: str) -> bool:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms import kernels
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch import routes
 from gamms.game.batch.routes import RouteTable
 from gamms.game.streets import Streets
@@ -178,3 +178,41 @@ def test_long_ways_that_are_known_stay_known_where_others_ask_from_farther_away(
             routes = games.observe("red").routes()
             assert routes.distances(np.array([1]), np.array([0])).tolist() == [13]
             assert routes.distances(np.array([1, 6]), np.array([0, 0])).tolist() == [13, 8]
+
+
+ROWS = {
+    "a row that is not there": (99, BadValue, "there is no number 99 of 25 nodes"),
+    "a negative row": (-1, BadValue, "there is no number -1 of 25 nodes"),
+    "a row beyond 63 bits": (np.array([1 << 63], np.uint64), BadValue, "of 25 nodes"),
+    "floats": ([1.0], BadType, "must be an array of integers, not"),
+    "booleans": (np.array([True]), BadType, "must be an array of integers"),
+    "lists of several lengths": ([[0], [0, 1]], BadType, "must be an array of integers"),
+    "another shape": ([1, 2, 3], BadValue, "which does not broadcast to one shape"),
+}
+
+
+@pytest.mark.parametrize("case", ROWS)
+def test_what_is_no_row_of_a_node_is_refused(case):
+    rows, kind, message = ROWS[case]
+    here = np.array([0, 1])
+    with scene().batch(2) as games:
+        view = games.observe("red")
+        routes, flows = view.routes(), view.flows()
+        pairs = (routes.distances, routes.actions, flows.edges)
+        for ask in (*pairs, *(lambda one, other, ask=ask: ask(other, one) for ask in pairs)):
+            with pytest.raises(kind, match=message):
+                ask(rows, here)
+        for ask in (lambda one: flows.walks(one, 2), lambda one: flows.within(one, 10.0)):
+            if case != "another shape":
+                with pytest.raises(kind, match=message):
+                    ask(rows)
+        assert routes.distances(here, here).tolist() == [0.0, 0.0]
+
+
+def test_rows_that_are_not_asked_for_may_be_any():
+    with scene().batch(2) as games:
+        routes = games.observe("red").routes()
+        found = routes.distances(np.array([-1, 0]), np.array([99, 0]), asked=np.array([False, True]))
+        assert found.tolist() == [0.0, 0.0]
+        with pytest.raises(BadType, match="asked must be an array of booleans"):
+            routes.distances(0, 0, asked=[1])

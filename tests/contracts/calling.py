@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 import gamms
+import gamms.belief
 import gamms.osm
 import gamms.recorder
 import gamms.recordings
@@ -55,6 +56,28 @@ _ODD: list[Callable[[], Any]] = [  # functions, because iterators and arrays are
     lambda: np.zeros((2, 2)), lambda: np.array([None, {}]), lambda: type, lambda: Ellipsis, lambda: SensorType.RANGE,
     lambda: lambda *_: None, lambda: Path("missing"), lambda: Path("none/missing"), Path.cwd, Unreadable,
 ]
+_ODD_ARRAYS: list[Callable[[], Any]] = [  # for arguments that are arrays, of (2 games, 2 agents) and 9 nodes
+    lambda: np.ones((2, 2), np.int64), lambda: np.ones((2, 2), np.bool_), lambda: np.full((2, 9), 0.5),
+    lambda: np.array([-1]), lambda: np.array([9]), lambda: np.array([1 << 62]), lambda: np.array([1 << 63], np.uint64),
+    lambda: np.array([np.nan]), lambda: np.array([True]), lambda: np.array([]), lambda: np.array([1, 2], object),
+    lambda: np.array(["a"]), lambda: np.zeros((3, 2), np.int64), lambda: np.arange(20)[::9], lambda: [[0], [0, 1]],
+    lambda: np.full((9, 2), -1.0), lambda: np.broadcast_to(np.int64(1), (2, 2)), lambda: np.datetime64("2026-01-01"),
+]
+_ARRAYS = frozenset((  # arguments that are
+    "actions", "agents", "allowed", "asked", "bodies", "body", "chosen", "columns", "detection_probability", "found",
+    "games", "ids", "likelihoods", "limits", "masses", "n", "node", "node_ids", "nodes", "not_shown", "scores", "seen",
+    "seen_nodes", "sources", "targets", "to", "values", "where", "which", "xy",
+))
+_IN_ARRAYS: dict[str, tuple[str, ...]] = {  # the verbs of what plays in arrays, as programs call them
+    "batch": ("step", "reset", "columns", "load", "observe", "observe_agent", "result", "table"),
+    "view": ("action_to", "do", "send", "heard", "seen", "seen_nodes", "only", "of", "in_games", "routes",
+             "vector"),
+    "view.draw": ("below",), "view.enemies()": ("of",), "view.streets": ("rows",),
+    "view.routes()": ("distances", "actions"), "view.flows()": ("walks", "diffuse", "within", "edges"),
+    "filter": ("update", "weigh", "weigh_states", "predict", "probability"), "games filter": ("update", "reset"),
+    "team": ("set", "move", "sense", "__getitem__"),
+    "ctx.graph.routes": ("k_shortest_paths", "isochrones", "nearest", "tables", "nearest_edge"),
+}
 _USUAL: dict[str, Any] = {  # what makes a call go far with one argument odd
     "name": "ann", "agent": "ann", "agent_name": "ann", "sensor_id": "near", "node_id": 1, "edge_id": 1, "face_id": 1,
     "source": 0, "target": 8, "sources": [0], "targets": [8], "x": 1.0, "y": 1.0, "d": 5.0, "radius": 15.0, "turn": 1,
@@ -62,7 +85,8 @@ _USUAL: dict[str, Any] = {  # what makes a call go far with one argument odd
     "faces": np.ones((1, 4, 3)), "tr": (1, 1, 3), "tl": (5, 1, 3), "br": (1, 1, 0), "bl": (5, 1, 0), "type": 1,
     "kind": "seen", "key": ("module", "name"), "metres": 5.0, "taggers": "red", "tagged": "blue", "nodes": [0, 1, 2],
     "start": 0, "stop": 2, "fps": 10, "width": 40, "height": 30, "n": 2, "m": 2, "near": 0, "lat": 60.0, "lon": 25.0,
-    "node": 2, "p": 0.5, "read": lambda _: 1, "bases": {},
+    "node": 2, "p": 0.5, "deed": "scan", "channel": "radio", "names": "near",
+    "weight": "length", "column": "energy", "read": lambda _: 1, "bases": {},
     "flags": {"red": 0, "blue": 8}, "filepath": "map.osm", "turns": 3, "layer_id": 10, "artist": {"x": 1.0, "y": 1.0},
     "data": {"x": 1}, "fn": lambda _: 1, "strategies": {"red": gamms.strategies.stay}, "obj": object(), "reason": "end",
     "table": "moves", "color": (1, 2, 3), "origin": (0.0, 0.0, 1.0), "points": [(0, 0), (1, 1)], "tolerance": 1.0,
@@ -148,14 +172,17 @@ class World:
             ("recording", self._recording),
             ("scenario", gamms.scenario.Scenario(**_SCENARIO)),
         ]
+        self._in_arrays = _played_in_arrays(ctx)
         self._calls = [
             *((name, target, member) for name, target in self._targets for member in _members(name, target)),
             *((function.__module__, None, function) for function in _FUNCTIONS),
+            *((name, self._in_arrays[name], verb) for name, verbs in _IN_ARRAYS.items() for verb in verbs * 3),
         ]
 
     def close(self) -> None:
         """End the game."""
         self._recording.close()
+        self._in_arrays["batch"].close()
         with contextlib.suppress(Exception):  # the faults that `end` tells
             self._ctx.terminate()
 
@@ -226,6 +253,8 @@ class World:
     def _value(self, name: str, *, is_kept: bool = False) -> Any:
         if name == "ctx" and self._chance.random() < 0.8:
             return self._ctx
+        if name in _ARRAYS and self._chance.random() < 0.5:
+            return self._chance.choice(_ODD_ARRAYS)()
         if name in _USUAL and self._chance.random() < 0.4:
             return _USUAL[name]
         return self._odd(is_kept=is_kept)
@@ -259,6 +288,14 @@ class World:
 _SCENARIO: dict[str, Any] = {"map": {"grid": {"width": 3, "height": 3}}, "teams": {"red": {"count": 1}}}
 
 
+_IN_BATCHES: dict[str, Any] = {
+    "map": {"grid": {"width": 3, "height": 3}},
+    "teams": {name: {"count": 2, "strategy": "gamms.strategies:random_walk"} for name in ("red", "blue")},
+    "settings": {"deeds": {"scan": {"node": "node"}}},
+    "channels": {"radio": {"range_m": 30.0}},
+}
+
+
 def _game() -> Any:
     ctx = gamms.create_context(seed=1, logger_config={"level": "CRITICAL"})
     ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
@@ -273,6 +310,27 @@ def _game() -> Any:
     ctx.agent.create_agent("bob", start_node_id=8, team="blue", sensors=["far"], strategy=stay, speed=2)
     ctx.agent.create_agent("kite", type="AERIAL", start_node_id=4, speed=1.0, sensors=["below"], **red)
     return ctx
+
+
+def _played_in_arrays(ctx: Any) -> dict[str, Any]:
+    """Games in arrays and what they give to programs, and what asks for many nodes or agents of a context at once."""
+    games = gamms.scenario.Scenario(**_IN_BATCHES).batch(2)
+    view = games.observe("red")
+    view.deeds, view.outboxes = [], []
+    columns, model = view.streets.columns, gamms.belief.random_walk()
+    return {
+        "batch": games,
+        "view": view,
+        "view.draw": view.draw,
+        "view.enemies()": view.enemies(),
+        "view.streets": view.streets,
+        "view.routes()": view.routes(),
+        "view.flows()": view.flows(),
+        "filter": gamms.belief.Filter(ctx, model, ["ann", "bob"]),
+        "games filter": gamms.belief.GamesFilter(columns, model, 2, 2),
+        "team": ctx.agent.create_team("crowd", [0, 1]),
+        "ctx.graph.routes": ctx.graph.routes,
+    }
 
 
 def _members(where: str, target: object) -> list[str]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent.agent import Agent, Attribute, BaseAgent
-from gamms.arguments import as_bool, as_function_of, as_ids, as_key, as_mapping, as_name, as_range
+from gamms.arguments import as_array, as_bool, as_function_of, as_ids, as_key, as_mapping, as_name, as_range
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import AgentBlock
@@ -233,8 +233,8 @@ class Team:
         """
         if as_name(column, "an attribute") == "node_ids":
             raise BadValue("Members are put on nodes by 'current_node_id', and go along edges by team.move(node_ids).")
-        chosen = np.ones(len(self), np.bool_) if where is None else np.asarray(where)
-        if chosen.dtype != np.bool_ or chosen.shape != (len(self),):
+        chosen = np.ones(len(self), np.bool_) if where is None else as_array(where, "where= of a team", "booleans")
+        if chosen.shape != (len(self),):
             raise BadType(f"where= of a team is an array ({len(self)},) of booleans, not {shown(where)}.")
         phase_of(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
         listed, rows, places = each_of(values, len(self), column), self._selection(), np.flatnonzero(chosen).tolist()

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_ids, as_items, as_range
+from gamms.arguments import as_array, as_count, as_ids, as_items, as_key, as_mapping, as_numbers_of, as_range
 from gamms.belief.ground import Ground, ground_of
 from gamms.belief.motion import Chain, Motion, as_motion, chain_of
 from gamms.errors import BadValue, UnknownName
@@ -50,6 +50,7 @@ class Masses:
 
     def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
         """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
+        likelihoods = _likelihoods(likelihoods, self.masses.shape)
         masses, totals = self.masses.copy(), np.ones(self.masses.shape[1])
         for columns in kernels.column_blocks(masses):
             changed = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
@@ -125,11 +126,14 @@ class Filter(Masses):
             BadType, BadValue: a probability is none.
         """
         seen = self._ground.known_rows(np.array(as_ids(seen_nodes, "seen_nodes"), np.int64))
-        given = detection_probability if isinstance(detection_probability, float | int) else [*detection_probability]
-        chances = np.broadcast_to(np.asarray(given, np.float64), (len(seen),))
+        given: object = detection_probability
+        if isinstance(given, Iterable) and not isinstance(given, np.ndarray):
+            given = [*given]
+        chances = as_array(given, "detection_probability", "numbers", (len(seen),))
         if not ((chances >= 0.0) & (chances <= 1.0)).all():
             raise BadValue(f"detection_probability must be from 0 to 1, not {shown(detection_probability)}.")
-        places, left_out = {} if found is None else dict(found), frozenset(not_shown)
+        places = dict(as_mapping({} if found is None else found, "found"))
+        left_out = frozenset(as_key(name, "Each of not_shown") for name in as_items(not_shown, "not_shown", "names"))
         for name in (*places, *sorted(left_out)):
             if name not in self.targets:
                 raise UnknownName("target", name, self.targets)
@@ -155,8 +159,13 @@ class Filter(Masses):
 
         Returns:
             As `update`.
+
+        Raises:
+            BadType, BadValue: the array has another shape, or a likelihood is negative or NaN.
         """
-        chain, of_states = self.chain, likelihoods[self.chain.rows]
+        chain, shape = self.chain, (self._ground.size, self.masses.shape[1])
+        likelihoods = _likelihoods(likelihoods, shape)
+        of_states = likelihoods[chain.rows]
         between = np.flatnonzero(chain.edges >= 0)
         ends = self._ground.columns.targets[chain.edges[between]]
         of_states[between] = np.maximum(of_states[between], likelihoods[ends])
@@ -172,7 +181,7 @@ class Filter(Masses):
         Raises:
             UnknownName (KeyError): there is no such target.
         """
-        if target not in self.targets:
+        if as_key(target, "The name of a target") not in self.targets:
             raise UnknownName("target", target, self.targets)
         return by_node(self._ground, self.probabilities()[self.targets.index(target)])
 
@@ -213,10 +222,12 @@ class GamesFilter(Masses):
             (games, targets) as `Filter.update`.
 
         Raises:
-            BadValue: an array has another shape, or `seen` has no probabilities.
+            BadType, BadValue: an array has another shape, `seen` has no probabilities, or `found` no rows of nodes.
         """
         games, targets = self._shape
-        chances = np.asarray(seen, np.float64)
+        chances = as_array(seen, "seen", "numbers").astype(np.float64, copy=False)
+        found = None if found is None else as_array(found, "found", "integers")
+        not_shown = None if not_shown is None else as_array(not_shown, "not_shown", "booleans")
         for name, given, shape in (
             ("seen", chances, (games, self._ground.size)),
             ("found", found, self._shape),
@@ -226,6 +237,8 @@ class GamesFilter(Masses):
                 raise BadValue(f"{name} needs the shape {shape}, not {given.shape}.")
         if not ((chances >= 0.0) & (chances <= 1.0)).all():
             raise BadValue("seen must have probabilities from 0 to 1.")
+        if found is not None and found.max(initial=-1) >= self._ground.size:
+            raise BadValue(f"found: there is no row {found.max()}: the map has {self._ground.size} nodes, from 0.")
         likelihoods = np.repeat(self._unseen(1.0 - chances.T), targets, axis=1)
         if not_shown is not None:
             likelihoods[:, not_shown.ravel()] = 1.0
@@ -235,7 +248,12 @@ class GamesFilter(Masses):
         return self.weigh_states(likelihoods).reshape(self._shape)
 
     def reset(self, games: IntArray) -> None:
-        """Begin some games again: their targets may be anywhere."""
+        """Begin some games again, by their numbers: their targets may be anywhere.
+
+        Raises:
+            BadType, BadValue: these are no numbers of games.
+        """
+        games = as_numbers_of(games, "games", self._shape[0], "games").reshape(-1)
         masses = self.masses.reshape(-1, *self._shape)
         masses[:, games] = (self.chain.shares / self._ground.size)[:, None, None]
 
@@ -243,6 +261,13 @@ class GamesFilter(Masses):
         """Return how probable each node is, (games, targets, nodes) with the nodes as in the columns."""
         of_nodes = self.chain.by_node.sums(self.masses)[: self._ground.size]
         return of_nodes.T.reshape(*self._shape, self._ground.size).copy()
+
+
+def _likelihoods(given: object, shape: tuple[int, ...]) -> FloatArray:
+    likelihoods: FloatArray = as_array(given, "likelihoods", "numbers").astype(np.float64, copy=False)
+    if likelihoods.shape != shape or not (likelihoods >= 0.0).all():
+        raise BadValue(f"likelihoods are numbers of the shape {shape} that are not negative, not {shown(given)}.")
+    return likelihoods
 
 
 def by_node(ground: Ground, probabilities: FloatArray) -> dict[int, float]:

@@ -14,6 +14,7 @@ from numpy.random import Generator, Philox
 from numpy.random.mtrand import get_bit_generator, set_bit_generator
 
 from gamms import kernels
+from gamms.arguments import as_array, as_one_shape
 from gamms.errors import BadValue
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -194,10 +195,11 @@ class ArrayDraws:
         Raises:
             BadValue: one of `n` is not between 1 and 2 ** 32.
         """
-        bounds = np.asarray(n)
+        bounds = as_array(n, "n of draw.below(n)", "integers")
         if bounds.size and not (bounds.min() >= 1 and bounds.max() <= 1 << 32):
             raise BadValue(f"draw.below(n) needs 1 <= n <= 2 ** 32, not {shown(n)}.")
-        return kernels.below_many(self.bits(), bounds)
+        bits = self.bits()
+        return kernels.below_many(*as_one_shape({"draw": bits, "n": bounds}) if bounds.ndim else (bits, bounds))
 
 
 class TeamDraws(ArrayDraws):

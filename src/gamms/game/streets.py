@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_array, as_numbers_of
 from gamms.errors import UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
 from gamms.typing.routes import RouteQueries
@@ -57,9 +58,10 @@ class Streets:
         """Return the rows of nodes.
 
         Raises:
+            BadType: they are no integers.
             UnknownName (KeyError): one is not on the map.
         """
-        wanted, known = np.asarray(ids, np.int64), self.columns.node_ids
+        wanted, known = as_array(ids, "ids of nodes", "integers").astype(np.int64, copy=False), self.columns.node_ids
         if self._order is None and wanted.size and wanted.view(np.uint64).max() < len(known):
             return wanted
         if self._order is None:
@@ -70,6 +72,15 @@ class Streets:
         missing = wanted[known[found] != wanted] if len(known) else wanted
         if missing.size:
             raise UnknownName("node", int(missing.flat[0]))
+        return found
+
+    def checked(self, rows: object, name: str) -> IntArray:
+        """Return rows of nodes that a caller passed; `streets.rows(ids)` gives them.
+
+        Raises:
+            BadType, BadValue: they are no integers, or one is not the row of a node.
+        """
+        found: IntArray = as_numbers_of(rows, name, len(self.counts), "nodes")
         return found
 
     @property

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gamms import arguments
-from gamms.arguments import as_float, as_int
+from gamms.arguments import as_array, as_float, as_int
 from gamms.errors import BadType, BadValue
 from gamms.graph.tables import NodeTable, own
 from gamms.ir.geometry import points_of
@@ -92,11 +92,7 @@ def id_array(values: ArrayLike, name: str) -> IntArray:
         BadType: they are not integers.
         BadValue: they are not one-dimensional.
     """
-    array = np.asarray(values)
-    if array.size == 0:
-        array = array.astype(np.int64)
-    if array.dtype.kind not in "iu":
-        raise BadType(f"{name} must be an array of integers, not of {array.dtype}.")
+    array = as_array(values, name, "integers")
     if array.ndim != 1:
         raise BadValue(f"{name} must be one-dimensional, not of shape {array.shape}.")
     if array.dtype.kind == "u" and array.size and int(array.max()) >= 2**63:

@@ -291,7 +291,8 @@ class Recording(Opened):
         from gamms.recorder import resuming
 
         made = resuming.builders["gamms"](self) if build is None else build
-        return table_of(list(resuming.branches(partial(self.resume, turn), made, strategies or {}, seeds, max_turns)))
+        named = as_mapping({} if strategies is None else strategies, "strategies")
+        return table_of(list(resuming.branches(partial(self.resume, turn), made, named, seeds, max_turns)))
 
     def _live(
         self,

@@ -88,6 +88,8 @@ class Placing:
         Raises:
             ScenarioError: a node is unknown, or so many do not fit; it says how many did.
         """
+        if not len(seeds):
+            return {one.name: np.empty(0, np.int64) for team in self._teams.values() for one in team.members}
         size = max(1, _AT_ONCE // max(1, len(self.map.ids)))
         parts = [self._rows(seeds[first : first + size]) for first in range(0, len(seeds), size)]
         ids = {name: self.map.ids[np.concatenate([part[name] for part in parts])] for name in self._teams}

@@ -10,12 +10,14 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_float, as_int, as_range
+from gamms.arguments import as_count, as_float, as_int, as_items, as_range
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.ir import geometry
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 
+_FARTHEST = 1e150  # coordinates; the squares of greater distances are beyond floats
 RememberedT = TypeVar("RememberedT", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
 
 
@@ -278,7 +280,7 @@ class RouteQueries:
             UnknownName (KeyError): there is no such node.
             BadValue (ValueError): a limit is negative or NaN.
         """
-        reach = [as_range(limit, "A limit") for limit in limits]
+        reach = [as_range(limit, "A limit") for limit in as_items(limits, "limits", "numbers")]
         found = self._routes.distances(sources, None, weight, max(reach)) if reach else {}
         ids, far = np.array([*found], np.int64), np.array([*found.values()], np.float64)
         return [ids[far <= limit] for limit in reach]
@@ -357,6 +359,8 @@ class RouteQueries:
             BadValue (ValueError): the place or the distance is none, or there are no edges and no `within`.
         """
         place = as_float(x, "x"), as_float(y, "y")
+        if max(map(abs, place)) > _FARTHEST:
+            raise BadValue(f"x and y of a place are {_FARTHEST:g} at most, not {shown(place)}.")
         limit = inf if within is None else as_range(within, "within")
         columns = self._columns()
         if not len(columns.edge_ids) and within is None:

@@ -5,6 +5,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.arguments import as_key
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
 from gamms.game.channels import Channel, receivers_of
@@ -101,7 +102,7 @@ class Radio(GameLog[list[_Sent]]):
         self, channel: str, where: BoolArray, games: IntArray, agents: IntArray, to: object, body: object, order: int
     ) -> Outbox:
         """Return what agents send in these games, checked, as `ArrayView.send`; `order` is the place among theirs."""
-        if channel not in self.channels:
+        if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
         at, which = np.nonzero(where)
         senders, team_of = agents[which], self._roster.team_of
@@ -113,6 +114,10 @@ class Radio(GameLog[list[_Sent]]):
             receivers = self._named(to, where.shape)[at, which].tolist()
         elif to is not None and not receivers_of(_as_key(to), self.teams):
             raise UnknownName("agent or team", to, [*self.teams, *self._roster.teams])
+        if isinstance(body, np.ndarray) and body.shape[:2] != where.shape:
+            raise BadValue(
+                f"The first axes of an array of bodies are {where.shape}, games and agents: not {body.shape}."
+            )
         bodies = body[at, which].tolist() if isinstance(body, np.ndarray) else [body] * len(at)
         for one in bodies if isinstance(body, np.ndarray) and body.dtype == object else [body] * (len(at) > 0):
             if not isinstance(one, np.ndarray) and (flaw := why_not_plain(one)):
@@ -159,7 +164,7 @@ class Radio(GameLog[list[_Sent]]):
 
     def heard(self, channel: str, games: IntArray, turns: IntArray, agents: IntArray, asked: BoolArray) -> Heard:
         """Return what agents hear by a channel in the turn that comes; see `Heard`."""
-        if channel not in self.channels:
+        if as_key(channel, "The name of a channel") not in self.channels:
             raise UnknownName("channel", channel, self.channels)
         number, none = places_of(games, len(self._of_game)), np.zeros(0, np.int64)
         found, places = [Heard(none, none, none, [], none, none > 0)], [none]

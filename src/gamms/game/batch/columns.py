@@ -7,6 +7,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_key
 from gamms.errors import UnknownName
 from gamms.game.batch.libraries import Tensor
 from gamms.game.result import Result
@@ -175,7 +176,7 @@ class Roster(NamedTuple):
 
     def members(self, team: Hashable) -> IntArray:
         """Return the numbers of the agents of a team, ascending."""
-        if team not in self.teams:
+        if as_key(team, "A team") not in self.teams:
             raise UnknownName("team", team, self.teams)
         return np.flatnonzero(self.team_of == self.teams.index(team))
 

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.arguments import as_array, as_key, as_one_shape
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.columns import GameLog, Roster, joined_rows, some_rows
 from gamms.game.deeds import DeclaredField, field_of
@@ -93,7 +94,7 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
     def fields_of(self, deed: str) -> Mapping[str, DeclaredField]:
         """Return the fields of a deed."""
         known = self.declared
-        if deed not in known:
+        if as_key(deed, "The name of a deed") not in known:
             raise UnknownName("deed" if known else "deed, as ctx.game.deeds declares none:", deed, known)
         return known[deed]
 
@@ -144,12 +145,12 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
             values = np.asarray(given)
             if values.dtype.kind not in kinds:
                 raise BadType(f"{name} must be of the kind {field.kind!r}, not {shown(given)}.")
-            return np.broadcast_to(values, where.shape)[chosen].astype(dtype)
+            return as_one_shape({name: values}, where.shape)[0][chosen].astype(dtype)
         column, check = np.empty(len(chosen[0]), object), self._check
         if given is None or check is None:
             return column
         if isinstance(given, np.ndarray):
-            each = np.broadcast_to(given, where.shape)[chosen].tolist()
+            each = as_one_shape({name: given}, where.shape)[0][chosen].tolist()
             column[:] = [None if one is None else check(one, field, name) for one in each]
         else:
             column[:] = [check(given, field, name)] * len(column)
@@ -159,10 +160,12 @@ class DeclaredDeeds(GameLog[tuple[IntArray, list[ArrayDeeds]]]):
         self, given: object, field: DeclaredField, name: str, where: BoolArray, chosen: tuple[IntArray, IntArray]
     ) -> Column:
         """Return numbers of agents or rows of nodes, which are not checked by the scalar form."""
-        values, most = np.asarray(given), len(self._roster.names if field.kind == "agent" else self._streets.counts)
-        if values.dtype.kind not in "iu":
-            raise BadType(f"{name} must be {field.kind}s by their numbers, not {shown(given)}.")
-        rows = np.broadcast_to(values, where.shape)[chosen].astype(np.int64)
+        most = len(self._roster.names if field.kind == "agent" else self._streets.counts)
+        try:
+            values = as_array(given, name, "integers")
+        except BadType:
+            raise BadType(f"{name} must be {field.kind}s by their numbers, not {shown(given)}.") from None
+        rows = as_one_shape({name: values}, where.shape)[0][chosen].astype(np.int64)
         wrong = rows[(rows < (0 if field.is_required else -1)) | (rows >= most)]
         if len(wrong):
             raise BadValue(

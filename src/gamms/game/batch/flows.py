@@ -6,7 +6,7 @@ How far it is and which action leads there is in `routes.py`; what is believed o
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_float, as_int, as_range
+from gamms.arguments import as_array, as_count, as_float, as_int, as_one_shape, as_range
 from gamms.errors import BadValue, TooLarge
 from gamms.game.batch.surroundings import KnownRows
 from gamms.game.streets import Streets
@@ -48,17 +48,20 @@ class Flows:
 
         Returns:
             (turns + 1, …) rows; the first are `nodes`.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes.
         """
-        steps = as_count(turns, "turns", least=0)
+        nodes, steps = self._streets.checked(nodes, "nodes"), as_count(turns, "turns", least=0)
         key = kernels.purpose_key(as_int(seed, "seed"), "walks")
-        walkers = np.arange(nodes.size, dtype=np.uint64).reshape(nodes.shape)
-        found = np.empty((steps + 1, *nodes.shape), np.int64)
-        found[0] = nodes
+        walkers = np.arange(nodes.size, dtype=np.uint64)
+        found = np.empty((steps + 1, nodes.size), np.int64)
+        found[0] = nodes.ravel()
         for turn in range(steps):
             here = found[turn]
             chosen = kernels.below_many(kernels.draw_bits_many(key, walkers, turn), self._streets.counts[here])
             found[turn + 1] = self._streets.step(here, chosen)
-        return found
+        return found.reshape(steps + 1, *nodes.shape)
 
     def diffuse(self, masses: FloatArray, turns: int = 1, stay: float | None = None) -> FloatArray:
         """Return probabilities after random walks: those of `belief.Filter.predict` with `belief.random_walk(stay)`.
@@ -72,6 +75,7 @@ class Flows:
             BadValue: the last axis is not that of the nodes, or `stay` is no probability.
         """
         nodes = len(self._streets.counts)
+        masses = as_array(masses, "masses", "numbers")
         if masses.shape[-1:] != (nodes,):
             raise BadValue(f"masses need {nodes} nodes as their last axis, not the shape {masses.shape}.")
         chance = None if stay is None else as_float(stay, "stay")
@@ -108,8 +112,10 @@ class Flows:
             (…, nodes)
 
         Raises:
+            BadType, BadValue: they are no rows of nodes.
             TooLarge: that would take more than 256 MB.
         """
+        nodes = self._streets.checked(nodes, "nodes")
         size, most = len(self._streets.counts), as_range(limit, "limit")
         if nodes.size * size > _MOST_DENSE:
             raise TooLarge(
@@ -133,10 +139,16 @@ class Flows:
         Args:
             sources: rows.
             targets: rows; both broadcast to one shape.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
         """
-        starts, which = np.unique(sources, return_inverse=True)
-        shape = np.broadcast_shapes(sources.shape, targets.shape)
-        number, ends = np.broadcast_to(which.reshape(sources.shape), shape), np.broadcast_to(targets, shape)
+        rows = self._streets.checked(sources, "sources")
+        starts, which = np.unique(rows, return_inverse=True)
+        number, ends = as_one_shape(
+            {"sources": which.reshape(rows.shape), "targets": self._streets.checked(targets, "targets")}
+        )
+        shape = ends.shape
         found, most = np.empty(shape), len(self._edges)
         for first in range(0, len(starts), most):
             lines = self._searched(starts[first : first + most])

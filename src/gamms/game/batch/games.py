@@ -8,7 +8,18 @@ from typing import Any, Literal, NamedTuple, Self, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_choice, as_count, as_int, as_items, as_mapping, as_name, as_path
+from gamms.arguments import (
+    as_array,
+    as_bool,
+    as_choice,
+    as_count,
+    as_int,
+    as_items,
+    as_key,
+    as_mapping,
+    as_name,
+    as_path,
+)
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of
@@ -324,8 +335,9 @@ class Batch:
         Raises:
             BadType, BadValue: the games are not played in NumPy's arrays, or these are no moments of such games.
         """
-        for key, points in (scores or {}).items():
-            if np.shape(points) not in {(), (len(self),)}:
+        as_mapping(columns, "columns")
+        for key, points in as_mapping({} if scores is None else scores, "scores").items():
+            if as_array(points, f"Scores of {shown(key)}", "numbers").shape not in {(), (len(self),)}:
                 raise BadValue(f"Scores of {shown(key)} are numbers of {len(self)} games, not {shown(points)}.")
         self._arrays("load").state.load(columns, as_count(turn, "turn", least=0), scores or {})
         self._begun[:] = -1
@@ -352,7 +364,7 @@ class Batch:
         Raises:
             UnknownName (KeyError): there is no such agent.
         """
-        if name not in self._roster.names:
+        if as_key(name, "The name of an agent") not in self._roster.names:
             raise UnknownName("agent", name, self._roster.names)
         return self._view(np.array([self._roster.names.index(name)]))
 
@@ -507,7 +519,10 @@ class Batch:
 
     def _numbers_of(self, which: object) -> list[int]:
         """Return the numbers of games, which are given as such, or by booleans; None: of all."""
-        games = np.arange(len(self)) if which is None else np.asarray(which)
+        try:
+            games = np.arange(len(self)) if which is None else np.asarray(which)
+        except ValueError:  # lists of several lengths
+            games = np.zeros((1, 1))
         if games.ndim != 1 or (games.dtype == np.bool_ and len(games) != len(self)):
             raise BadValue(f"which has numbers of games, or {len(self)} booleans, one for each, not {shown(which)}.")
         if games.dtype == np.bool_:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_mapping
+from gamms.arguments import as_array, as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
@@ -93,8 +93,8 @@ def as_given(value: object, team: Hashable, shape: tuple[int, int], own: Callabl
 
 def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
     """Return flights of so many games and agents as they were given."""
-    flights = np.asarray(given)
-    if flights.shape != (*shape, 3) or flights.dtype.kind not in "iuf" or not np.isfinite(flights).all():
+    flights = as_array(given, what, "numbers")
+    if flights.shape != (*shape, 3) or flights.dtype.kind == "b" or not np.isfinite(flights).all():
         raise BadValue(
             f"{what} are finite numbers (dx, dy, dz), an array {(*shape, 3)}, not {flights.dtype} of the shape "
             f"{flights.shape}."
@@ -103,11 +103,9 @@ def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
 
 
 def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
-    mask = np.asarray(where)
-    if mask.dtype != np.bool_ or mask.shape not in (shape, ()):
-        raise BadValue(
-            f"{what!r} is done by agents: give booleans {shape}, not {mask.dtype} of the shape {mask.shape}."
-        )
+    mask = as_array(where, f"The agents of {what!r}", "booleans")
+    if mask.shape not in (shape, ()):
+        raise BadValue(f"{what!r} is done by agents: give booleans {shape}, not of the shape {mask.shape}.")
     return np.broadcast_to(mask, shape)
 
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from gamms.arguments import as_key
 from gamms.errors import BadValue
 from gamms.game.batch.columns import some_rows
 from gamms.game.batch.routes import RouteTable, shared_routes
@@ -395,7 +396,7 @@ class Movement:
 
     def routes(self, weight: str | None) -> RouteTable:
         """Return the tables of ways by a weight of edges."""
-        if weight not in self._tables:
+        if as_key(weight, "weight") not in self._tables:
             self._tables[weight] = shared_routes(self.streets, weight)
         return self._tables[weight]
 

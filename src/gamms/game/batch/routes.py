@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_array, as_one_shape
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -43,7 +44,14 @@ def shared_routes(streets: Streets, weight: str | None) -> "RouteTable":
 
 def of_asked(ask: Callable[[IntArray, IntArray], Any], sources: IntArray, targets: IntArray, asked: BoolArray) -> Any:
     """Return what a table answers to those that are asked, and 0 to the others; all broadcast to one shape."""
-    starts, ends, which = np.broadcast_arrays(sources, targets, asked)
+    wanted = as_array(asked, "asked", "booleans")
+    starts, ends, which = as_one_shape(
+        {
+            "sources": as_array(sources, "sources", "integers"),
+            "targets": as_array(targets, "targets", "integers"),
+            "asked": wanted,
+        }
+    )
     answers = ask(starts[which], ends[which])
     found = np.zeros(which.shape, answers.dtype)
     found[which] = answers
@@ -108,15 +116,18 @@ class RouteTable:
         """Return how far it is from nodes to others, as `graph.distance` does; rows that broadcast to one shape.
 
         Args:
-            sources: rows of nodes.
+            sources: rows of nodes, as `view.streets.rows(ids)` gives them.
             targets: rows of nodes.
             among: those that targets can be, which tables on devices do not read then; None: any.
             asked: which of the shape that both have need an answer; None: all. The others are any numbers.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
         """
         if asked is not None:
             answers: FloatArray = of_asked(self.distances, sources, targets, asked)
             return answers
-        sources, targets = np.broadcast_arrays(sources, targets)
+        sources, targets = self._checked(sources, targets)
         found = np.empty(sources.shape)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
         with _lock:
@@ -135,14 +146,24 @@ class RouteTable:
 
         Returns:
             Numbers of legal nodes; -1 where there is no path.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes, or do not broadcast to one shape.
         """
-        sources, targets = np.broadcast_arrays(sources, targets)
+        sources, targets = self._checked(sources, targets)
+        if allowed is not None:
+            allowed = as_array(allowed, "allowed", "booleans", (len(self._streets.counts),))
         found = np.empty(sources.shape, np.int64)
         flat, starts, ends = found.reshape(-1), sources.reshape(-1), targets.reshape(-1)
         with _lock:
             for some in self._ready(starts, ends):
                 flat[some] = self._steps(starts[some], ends[some], allowed)
         return found
+
+    def _checked(self, sources: object, targets: object) -> list[IntArray]:
+        """Return rows of nodes that a caller passed, of one shape."""
+        checked = self._streets.checked
+        return as_one_shape({"sources": checked(sources, "sources"), "targets": checked(targets, "targets")})
 
     def following(self, sources: IntArray, targets: IntArray) -> IntArray:
         """Return the row of the next node on the shortest path, (queries,); where there is none, the source."""

@@ -8,6 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_array, as_numbers_of
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.columns import Roster, places_of, some_rows
 from gamms.game.batch.state import GameArrays
@@ -90,8 +91,14 @@ class Seen(NamedTuple):
         return Seen(self.shape, at[first], viewers[first], others[first], nodes[first])
 
     def of(self, chosen: BoolArray | IntArray) -> "Seen":
-        """Return some of the pairs: which, (pairs,), or their places."""
-        return some_rows(self, chosen)
+        """Return some of the pairs: which, (pairs,), or their places.
+
+        Raises:
+            BadType, BadValue: there are no such pairs.
+        """
+        if getattr(chosen, "dtype", None) == np.bool_:
+            return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
+        return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))
 
 
 class Lookout(NamedTuple):

@@ -8,7 +8,7 @@ from typing import Any, Self
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count
+from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Outbox
 from gamms.game.batch.deeds import ArrayDeeds
@@ -201,9 +201,11 @@ class ArrayView(Mapping[str, Any]):
         """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal.
 
         Raises:
+            BadType, BadValue: they are no integers, or do not broadcast to (games, agents).
             UnknownName (KeyError): one is not on the map.
         """
-        return self.movement.action_to(self.choices, self.streets.rows(np.broadcast_to(nodes, self.node.shape)))
+        wanted = as_array(nodes, "nodes", "integers", self.node.shape)
+        return self.movement.action_to(self.choices, self.streets.rows(wanted))
 
     def towards(self, targets: IntArray, which: Any = np.s_[:, :], allowed: BoolArray | None = None) -> IntArray:
         """Return the actions by which agents go towards nodes, as the strategies of `gamms.strategies` do.
@@ -237,18 +239,20 @@ class ArrayView(Mapping[str, Any]):
         Its arrays are those of all agents; what it draws counts for those in its mask.
         """
         narrowed = copy(self)
-        narrowed.mask = self.mask & asked
+        narrowed.mask = self.mask & as_array(asked, "asked", "booleans", self.node.shape)
         narrowed.draw = self.draw.only(narrowed.mask)
         return narrowed
 
     def of(self, agents: IntArray) -> "ArrayView":
         """Return the view of other agents in the same games, by their numbers in the roster, ascending."""
-        return ArrayView(self._state, self.games, agents, self._asked)
+        numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents").reshape(-1)
+        return ArrayView(self._state, self.games, numbers, self._asked)
 
     def in_games(self, which: IntArray) -> "ArrayView":
         """Return the view of the same agents in some of its games, by their places, ascending."""
-        asked = None if self._asked is None else self._asked[which]
-        return ArrayView(self._state, self.games[which], self.agents, asked)
+        places = as_numbers_of(which, "which", len(self.games), "games").reshape(-1)
+        asked = None if self._asked is None else self._asked[places]
+        return ArrayView(self._state, self.games[places], self.agents, asked)
 
     @property
     def xp(self) -> Any:
@@ -279,7 +283,7 @@ class ArrayView(Mapping[str, Any]):
         """
         if self.deeds is None:
             raise BadValue("Deeds are done by strategies that are asked: view.do is not for games.observe.")
-        chosen = np.broadcast_to(np.asarray(where, np.bool_), self.node.shape) & self.mask
+        chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
         for earlier in self.deeds:
             if earlier.kind == deed and chosen[earlier.at, np.searchsorted(self.agents, earlier.agents)].any():
                 raise BadValue(f"An agent does {deed!r} twice in a turn: give each call of view.do other agents.")
@@ -302,7 +306,7 @@ class ArrayView(Mapping[str, Any]):
         if self.outboxes is None or radio is None:
             why = "there are no channels" if radio is None else "it is for strategies that are asked"
             raise BadValue(f"view.send cannot be used: {why}.")
-        chosen = np.broadcast_to(np.asarray(where, np.bool_), self.node.shape) & self.mask
+        chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
         number = len(self.outboxes)
         self.outboxes.append(radio.checked(channel, chosen, self.games, self.agents, to, body, number))
 
@@ -326,7 +330,7 @@ class ArrayView(Mapping[str, Any]):
             UnknownName (KeyError): no agent carries such a sensor that shows agents.
             BadValue: a sensor has no array form.
         """
-        if names not in self._sights:
+        if as_key(names, "The name of a sensor") not in self._sights:
             self._sights[names] = self.looked(names)
         found = self._sights[names]
         return found if self.mask is self._whole else found.of(self.mask[found.at, found.viewers])
@@ -364,7 +368,8 @@ class ArrayView(Mapping[str, Any]):
             BadValue: a sensor has no array form.
             TooLarge: the agents see more than 268 million nodes together.
         """
-        shared, key = self._state.shared, ("nodes", self.agents.tobytes(), names)
+        shared = self._state.shared
+        key = "nodes", self.agents.tobytes(), as_key(names, "The name of a sensor")
         if key not in shared:
             shared[key] = node_lookouts(self.streets, self.roster.agents, self.agents, names)
         return seen_nodes(self.node, self.mask, shared[key], len(self.streets.counts), self._are_ahead)
