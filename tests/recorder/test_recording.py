@@ -552,3 +552,19 @@ def test_what_takes_long_to_read_has_keyframes_more_often(ctx):
     reader = Reader(stream)
     found = {reader.keyframe(turn)[0] for turn in range(reader.turns)}
     assert sorted(found) == [0, 1024]  # after 2,048 events
+
+
+def test_a_memory_that_is_emptied_is_empty_when_the_game_is_resumed():
+    def strategy(state):
+        state["memory"].update(seen=1) if state["turn"] == 0 else state["memory"].clear()
+
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(2, 2))
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=strategy)
+        stream = io.BytesIO()
+        ctx.record.start(stream)
+        ctx.game.run(2)
+        ctx.record.stop()
+    for turns, memory in ((1, {"seen": 1}), (2, {})):
+        with recorder.open(io.BytesIO(stream.getvalue())).resume(turns) as again:
+            assert again.game.internals.state.memories.get("anna", {}) == memory
