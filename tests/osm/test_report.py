@@ -15,6 +15,7 @@ from typer.testing import CliRunner
 import gamms
 from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue
+from gamms.ir.geometry import distances_to
 from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, report
 from gamms.osm.comparison import deviations
 from gamms.osm.network import network_of_columns
@@ -434,3 +435,9 @@ def test_deviations_are_exact_at_every_scale(xy, scale):
     line = LineString(xy[half:])
     expected = [line.distance(Point(node)) for node in xy[:half]]
     assert sorted(found) == pytest.approx(sorted(expected), rel=1e-9, abs=1e-9)
+
+
+def test_the_distance_to_a_straight_line_is_that_to_its_nearest_point_and_it_may_be_a_point():
+    points = np.array([[2.0, 3.0], [-3.0, 4.0], [13.0, -4.0], [3.0, 4.0]])
+    ends = np.array([[10.0, 0.0], [10.0, 0.0], [10.0, 0.0], [0.0, 0.0]])
+    assert distances_to(points, np.zeros((4, 2)), ends).tolist() == [3.0, 5.0, 5.0, 5.0]

@@ -162,6 +162,27 @@ def test_a_spectator_who_is_behind_begins_again_at_a_keyframe(monkeypatch):
         assert sum(len(part) for part, _ in stream._parts) < 8000
 
 
+def sent_by(stream):
+    """All that a stream has given out, as a recording."""
+    return recorder.open(io.BytesIO(stream.opening + b"".join(part for part, _ in stream._parts)))
+
+
+def test_a_player_of_two_agents_sees_what_both_see_though_they_look_one_after_the_other():
+    quiet = {"level": "CRITICAL"}
+    with gamms.create_context(game={"order": [["red"], ["blue"]]}, logger_config=quiet) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(4, 4))
+        ctx.sensor.create_sensor("eyes", "AGENT_RANGE", sensor_range=12.0)
+        for name, node, team in (("red_0", 0, "red"), ("red_1", 1, "red"), ("blue_0", 15, "blue")):
+            ctx.agent.create_agent(name, start_node_id=node, team=team, sensors=["eyes"], strategy=lambda state: None)
+        following = streams.Streams(ctx.graph.columns)
+        ctx.record.follow(following)
+        stream = following.of(web.links.Audience(agents=frozenset({"red_0", "blue_0"})))
+        ctx.game.run(max_turns=3)
+        following.end()
+        with sent_by(stream) as sent:
+            assert [state.agents["name"].tolist() for state in sent] == [["red_0", "blue_0", "red_1"]] * 4
+
+
 def test_a_team_sees_who_came_in_sight_between_the_end_of_a_game_and_the_turn_with_which_it_goes_on():
     with HUNT.build() as ctx:
         following = streams.Streams(ctx.graph.columns)
@@ -172,7 +193,7 @@ def test_a_team_sees_who_came_in_sight_between_the_end_of_a_game_and_the_turn_wi
         ctx.agent.get_agent("blue_0").current_node_id = ctx.agent.get_agent("red_0").current_node_id
         ctx.game.run(max_turns=2)
         following.end()
-        with recorder.open(io.BytesIO(stream.opening + b"".join(part for part, _ in stream._parts))) as sent:
+        with sent_by(stream) as sent:
             known = [state.agents["name"].tolist() for state in sent]
     assert known[0] == ["red_0", "red_1"]
     assert "blue_0" in known[1]
