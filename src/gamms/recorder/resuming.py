@@ -274,8 +274,8 @@ def _history_in(snapshot: Mapping[str, Any]) -> dict[str, Any]:
 
 def _starts_of(begin: Mapping[str, Any]) -> dict[str, Any]:
     """Return where agents began, by the first keyframe of a recording."""
-    if not begin or "starts" in begin:
-        return dict(begin.get("starts", {}))
+    if "starts" in begin:
+        return dict(begin["starts"])
     places = zip(begin["kind"].tolist(), begin["node"].tolist(), begin["position"].tolist(), strict=True)
     at = (tuple(position) if flies else node for flies, node, position in places)
     return dict(zip(begin["names"], at, strict=True))
