@@ -6,7 +6,7 @@ import io
 import networkx as nx
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from recordings import written
 
@@ -192,6 +192,8 @@ def test_each_table_has_its_columns(rec):
 
 
 @settings(deadline=None)
+@example(start=None, stop=1)
+@example(start=1, stop=2)
 @given(start=st.none() | st.integers(0, 12), stop=st.none() | st.integers(0, 12))
 def test_a_range_of_turns_is_what_a_filter_gives(game, start, stop):
     rec = recorder.open(io.BytesIO(game[0]))
