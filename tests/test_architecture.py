@@ -207,6 +207,15 @@ print([m for m in {HEAVY} if m in sys.modules])
     assert subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).strip() == "[]"
 
 
+def test_a_command_loads_what_it_needs_when_it_runs():
+    """All commands are listed without NumPy and without what plays games, as for `gamms --version` and `--help`."""
+    code = "import sys, gamms.cli.commands; print(*sys.modules)"
+    loaded = subprocess.check_output([sys.executable, "-W", "error", "-c", code], text=True).split()
+    packages = {name.split(".")[1] for name in loaded if name.startswith("gamms.")}
+    assert packages - {"Recorder"} == {"_legacy", "cli", "errors", "folders", "limits", "progress", "text"}
+    assert "numpy" not in loaded
+
+
 @pytest.mark.parametrize("path", sorted(SRC.glob("cli/*.py")), ids=shown)
 def test_commands_print_by_way_of_one_file(path):
     text = path.read_text()

@@ -11,7 +11,6 @@ import typer
 from gamms.cli.output import console, echo, recorded, rich_table
 from gamms.errors import MissingExtra
 from gamms.folders import made_folder, write_whole
-from gamms.scenario import ScenarioError
 
 if TYPE_CHECKING:
     from gamms.game import Result
@@ -162,7 +161,7 @@ def _write_page(folder: Path, names: list[str], seed: int | None) -> None:
             echo(f"{name} ...")
             try:
                 cards.append(_card(name, game, seed, folder, str(known[name]) if name in known else ""))
-            except ScenarioError as error:
+            except scenario.ScenarioError as error:
                 if len(games) == 1 or not isinstance(error.__cause__, MissingExtra):
                     raise
                 echo(f"Left out: {name}. {error.__cause__}", err=True)

@@ -2,15 +2,16 @@
 
 import re
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from gamms import demo
 from gamms.cli.output import echo
 from gamms.errors import BadValue
 from gamms.folders import made_folder, write_whole
-from gamms.scenario import Scenario, from_gallery
+
+if TYPE_CHECKING:
+    from gamms.scenario import Scenario
 
 _DEMO = "gamms.demo.strategies"  # what its scenario calls the strategies of the demo
 _WHAT = {"strategies.py": "its strategies, and what is its own", "rules.py": "its own rules"}
@@ -23,6 +24,8 @@ def new(
     ] = "pursuit",
 ) -> None:
     """Write a small game to begin with: a scenario and strategies."""
+    from gamms.scenario import from_gallery
+
     game = from_gallery(source)
     if not re.fullmatch(r"\w[\w-]*", name.name):
         raise BadValue(f"{str(name)!r} cannot be the name of a game: use letters, digits, _ and -.")
@@ -53,12 +56,14 @@ def new(
     echo(f"  gamms run {scenario} --out {name / 'first'}\n  gamms run {scenario} --seeds 0:20")
 
 
-def _text_of(game: Scenario) -> str:
+def _text_of(game: "Scenario") -> str:
     return "" if game.file is None else game.file.read_text(encoding="utf-8")
 
 
-def _code_of(game: Scenario) -> dict[str, Path]:
+def _code_of(game: "Scenario") -> dict[str, Path]:
     """Return the files of a game's own code, by the names of their modules in the scenario."""
+    from gamms import demo
+
     own = {found.module: found.file for found in game.code() if found.file is not None}
     if any(found.module == _DEMO for found in game.code()):
         own[_DEMO] = Path(demo.__file__).parent / "strategies.py"

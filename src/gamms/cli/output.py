@@ -19,11 +19,11 @@ from rich.table import Table
 from gamms.errors import BadValue, GammsError, MissingExtra, install_command, nearest
 from gamms.folders import made_folder, write_whole
 from gamms.limits import allowing, parse_memory
-from gamms.scenario import Scenario, ScenarioError
 from gamms.text import printable, printable_line, reason
 
 if TYPE_CHECKING:
     from gamms.context import Context
+    from gamms.scenario import Scenario
     from gamms.typing import PictureOptions
 
 RECORDING = "game.ggr"
@@ -73,6 +73,8 @@ def explained(error: BaseException) -> str:
     Of a traceback only the user's own frames are left; where there are none, it is an error in GAMMS itself, and all
     of it is printed.
     """
+    from gamms.scenario import ScenarioError
+
     raised = error.__cause__ if isinstance(error, ScenarioError) else error
     lines = [] if raised is None else _own_traceback(raised)
     if raised is error and lines:
@@ -141,7 +143,7 @@ def echo(text: str, *, err: bool = False) -> None:
     typer.echo(printable(text), err=err)
 
 
-def warn(game: Scenario) -> None:
+def warn(game: "Scenario") -> None:
     """Print what may be a mistake in a scenario."""
     for line in game.warnings():
         echo(f"gamms: {line}", err=True)

@@ -20,12 +20,12 @@ from gamms.cli.output import (
     save_pictures,
     warn,
 )
-from gamms.demo import Team
 from gamms.folders import made_folder
 from gamms.text import printable_line
 
 if TYPE_CHECKING:
     from gamms.context import Context
+    from gamms.demo import Team
     from gamms.game import Result
     from gamms.scenario import Scenario
     from gamms.typing import PictureOptions
@@ -254,8 +254,10 @@ def foreign_code(game: "Scenario", chosen: many.Strategies) -> Iterator[str]:
             yield f"{place}: {found}"
 
 
-def _parsed_teams(text: str) -> tuple[Team, Team]:
+def _parsed_teams(text: str) -> "tuple[Team, Team]":
     """Parse two teams from `5`, `5,3` or `cats=5,dogs=3`."""
+    from gamms.demo import Team
+
     parts = [part.strip() for part in text.split(",")]
     parts = parts * 2 if len(parts) == 1 else parts
     try:
@@ -271,7 +273,7 @@ def _parsed_teams(text: str) -> tuple[Team, Team]:
     return first, second
 
 
-def _print_demo(ctx: "Context", played: "Result", sides: tuple[Team, Team], map_name: str) -> None:
+def _print_demo(ctx: "Context", played: "Result", sides: "tuple[Team, Team]", map_name: str) -> None:
     """Print what happened in the demo."""
     from gamms import demo
 

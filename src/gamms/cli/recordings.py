@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 import typer
 from rich.markup import escape
 
-from gamms import plain
 from gamms.cli.output import console, echo, in_words, rich_table, write_page
 from gamms.errors import BadValue
 from gamms.progress import progress
@@ -34,7 +33,7 @@ _Map = Annotated[
 
 def info(file: _File, as_json: Annotated[bool, typer.Option("--json", help="Print JSON.")] = False) -> None:
     """Say what is in a recording."""
-    from gamms import recordings
+    from gamms import plain, recordings
 
     version = recordings.version_of(file)
     found: dict[str, Any] = {"file": file.name, "version": version, "bytes": file.stat().st_size}
