@@ -98,6 +98,9 @@ def test_what_would_be_wrong_is_not_written(file):
     game = scenario.load(file)
     with pytest.raises(scenario.ScenarioError, match=r"teams\.blue\.agents"):
         edited(file, [Change(("teams", "blue", "agents", 0, "node"), 999)], game)
+    for keys in (("teams", "blue", "agents", 2), ("teams", "green", "count")):
+        with pytest.raises(scenario.ScenarioError, match="there is nothing to change"):
+            edited(file, [Change(keys, 5)], game)
     found = edited(file, [Change(("teams", "red", "within"), 40)], game)
     file.write_text(TEXT + "# another program\n")
     with pytest.raises(WriteConflict, match="another program"):

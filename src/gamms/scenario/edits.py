@@ -91,8 +91,8 @@ def edited(file: Path, changes: Sequence[Change], known: Scenario) -> Edit:
     read = documents.from_json if is_json else documents.from_yaml
     after, values = before, read(before)
     for change in changes:
+        values = _changed(values, change.keys, change)  # refuses what is not there
         after = _with_change(after, change, is_json=is_json)
-        values = _changed(values, change.keys, change)
     if _read_again(read, after) != values:
         raise ScenarioError("", f"{file.name} is written so that this change cannot be made in it: make it by hand.")
     game = known.replace(**{str(key): values[key] for key in values if values[key] != known.to_dict().get(key)})
