@@ -23,7 +23,7 @@ def entries_of(ctx, name, others):
         found = graph.get_node(node)
         return (found.x - 20.0) / 20.0, (found.y - 20.0) / 20.0
 
-    x, y = place(state["curr_pos"])
+    x, y = ((one - 20.0) / 20.0 for one in ctx.agent.get_agent(name).xy)
     values = {"x": x, "y": y}
     for number, node in enumerate(state["legal"]):
         there = place(node)
@@ -37,8 +37,10 @@ def entries_of(ctx, name, others):
     return values
 
 
-def test_a_vector_says_what_the_state_says():
-    scenario = scene([TAG], teams=TEAMS, sensors=NEAR)
+@pytest.mark.parametrize(("speed", "unit"), [(None, "edges"), (2.0, "edges"), (7.0, "metres")])
+def test_a_vector_says_what_the_state_says(speed, unit):
+    teams = {"red": {**WALKS, "speed": speed}, "blue": WALKS}
+    scenario = scene([TAG], teams=teams, sensors=NEAR, settings={"speed_unit": unit})
     with scenario.build(seed=2) as ctx, scenario.batch(seeds=[5, 2]) as games:
         for _ in range(8):
             found = games.observe("red").vector(others=2)
@@ -48,6 +50,8 @@ def test_a_vector_says_what_the_state_says():
                 expected = entries_of(ctx, f"red_{number}", 2)
                 values = dict(zip(found.names, found.values[1, number].tolist(), strict=True))
                 assert values == {name: pytest.approx(expected.get(name, 0.0), abs=1e-6) for name in found.names}
+                is_legal = [values[f"action_{k}.is_legal"] for k in range(found.legal.shape[-1])]
+                assert found.legal[1, number].tolist() == is_legal
             games.step()
             ctx.game.step()
 
