@@ -82,6 +82,13 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
         assert games.slow.startswith("unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges")
 
 
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+def test_agents_by_metres_chase_others_along_edges_in_arrays_as_alone(decide, same_as_one_by_one):
+    settings = {"speed_unit": "metres", "decide": decide}
+    scenario = hunted(settings=settings).replace(**{"teams.red.speed": 12.7, "teams.blue.speed": 9.3, "max_turns": 12})
+    same_as_one_by_one(scenario, [1], {"red": MADE["chase"], "blue": MADE["flee"]})
+
+
 def test_mates_of_another_speed_confine_one_in_arrays_as_alone(same_as_one_by_one):
     more = {"teams.red.speed": 3, "teams.red.count": 6, "teams.blue.count": 1, "max_turns": 8}
     scenario = hunted(sight={"sensor_range": 99.0}).replace(**more)
