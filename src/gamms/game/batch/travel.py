@@ -269,6 +269,7 @@ class ByMetres(Movement):
         Args:
             entries: of the edges, in `streets.targets`.
             is_from_node: whether the way begins at the node that was passed last; else at the end of the agent's edge.
+                None of them is that of the agent's edge, or the one back: there it goes towards one of its ends.
         """
         return _ALONG + 2 * entries + is_from_node
 
@@ -415,8 +416,6 @@ class Trip:
         end, on_edge = streets.columns.targets[edge], edge >= 0
         ahead = np.where(first == here, last, by.routes("length").following(here, first))
         is_back = on_edge & (is_from_node > 0) & (ahead != end)
-        ends_there = on_edge & (is_from_node > 0) & (ahead == end) & (first == here)  # at the end of its own edge
-        self._goal[rows[ends_there]], self._last[rows[ends_there]] = end[ends_there], -1
         self._is_back[rows] = is_back
         is_illegal = is_back & (by.back[edge] < 0)
         self.goes[rows[~is_illegal]] = True
