@@ -11,7 +11,7 @@ Read `pages.py` first: what such a file holds; then `live.py`: a game that is se
 play: `people.py`, then `choices.py`, what they are asked, `playing.py`, how that travels, and `study.py`, with
 `participants.py`, who takes part. `places.py` makes the page on which places of a map are chosen, and `place_editor.py`
 serves it. The viewer itself is JavaScript, in `viewer/`, where `main.js` is the first file to read;
-`scripts/build_viewer.py` makes one page of it, `data/viewer.html`, which ships with GAMMS, and `data/places.html`.
+`bundle.py` makes one page of it.
 
 A client: it uses recordings and contexts as any program would.
 """

@@ -9,10 +9,9 @@ import json
 import re
 import zlib
 from collections.abc import Collection, Mapping
-from functools import cache, lru_cache
+from functools import lru_cache
 from html import escape
 from io import BytesIO
-from pathlib import Path
 from struct import Struct
 from typing import Any, Unpack
 
@@ -32,12 +31,12 @@ from gamms.recorder.cut import sides_of
 from gamms.recordings import first_difference, with_sensed
 from gamms.text import shown
 from gamms.typing.recorder import PageOptions, pages
+from gamms.web.bundle import page_called
 
 __all__ = ["page", "page_of_two"]
 
 _OPTIONS = PageOptions.__annotations__.keys()
 _MOST_TRAILS = 200
-_DATA = Path(__file__).parent.parent / "data"
 _KEYFRAME_MOVES = 1 << 14  # between two keyframes, which the viewer reads in some milliseconds
 _FEWEST_TURNS, _MOST_TURNS = 8, 64  # between them
 _UNREAD = {  # kinds of events that the viewer does not read
@@ -148,7 +147,7 @@ def _image(picture: bytes, words: str) -> str:
 
 
 def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
-    """Return a page that ships with GAMMS with what belongs into it, of which each mark is there once.
+    """Return a page with what belongs into it, of which each mark is there once.
 
     Args:
         name: of the page, "viewer" or "places".
@@ -156,13 +155,8 @@ def filled(name: str, parts: Mapping[str, str], data: str) -> bytes:
         data: elements of scripts that are no JavaScript.
     """
     left = {**parts, "data": data}  # in one pass, so that a title that looks like a mark is none
-    text = re.sub(r"\{(\w+)\}", lambda mark: left.pop(mark[1], mark[0]), _page(name))
+    text = re.sub(r"\{(\w+)\}", lambda mark: left.pop(mark[1], mark[0]), page_called(name))
     return text.encode("utf-8", "replace")
-
-
-@cache
-def _page(name: str) -> str:
-    return (_DATA / f"{name}.html").read_text(encoding="utf-8")
 
 
 def as_json(value: object) -> str:

@@ -8,9 +8,7 @@ The page of a participant asks by `/participant` what comes next: consent, waiti
 the round, or the end. A code belongs to the browser that has agreed with it, by a secret that the browser has made.
 """
 
-import base64
 import csv
-import hashlib
 import os
 import re
 import threading
@@ -31,6 +29,7 @@ from gamms.plain import Plain, as_json
 from gamms.scenario import Scenario
 from gamms.text import reason, shown
 from gamms.versions import versions
+from gamms.web.bundle import hash_of
 from gamms.web.choices import CHOSEN, EVENT
 from gamms.web.handle import Handle
 from gamms.web.links import Grant, Links, Refused
@@ -487,8 +486,7 @@ def _page(title: str) -> bytes:
     page = (Path(__file__).parent.parent / "data" / "study.html").read_text(encoding="utf-8")
     for name in ("script", "style"):
         part = page[page.index(f"<{name}>") + len(name) + 2 : page.index(f"</{name}>")]
-        digest = base64.b64encode(hashlib.sha256(part.encode()).digest()).decode()
-        page = page.replace(f"{{{name}_hash}}", f"sha256-{digest}")
+        page = page.replace(f"{{{name}_hash}}", hash_of(part))
     return page.replace("{title}", escape(title)).encode()
 
 
