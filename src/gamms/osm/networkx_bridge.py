@@ -121,11 +121,6 @@ def walking_factor(grade: FloatArray) -> FloatArray:
     return factor
 
 
-def _is_upright(tags: Mapping[str, Any]) -> bool:
-    """Return whether a way is stairs or the like, whose speed takes its climb into account already."""
-    return tags.get("highway") in _UPRIGHT
-
-
 def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[FloatArray, FloatArray] | None:
     """Return the grade of each of some roads, walked there or back, and what it does to the travel time.
 
@@ -135,7 +130,7 @@ def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[
         return None
     grade = grades(network.z, np.column_stack((network.sources, network.targets)), network.lengths)[roads]
     grade = np.where(is_back, -grade, grade)
-    is_upright = np.array([_is_upright(of_way) for of_way in network.tags], np.bool_)[network.ways][roads]
+    is_upright = np.array([of_way.get("highway") in _UPRIGHT for of_way in network.tags], np.bool_)[network.ways][roads]
     return grade, np.where(is_upright | (not network.is_walked), 1.0, walking_factor(grade))
 
 

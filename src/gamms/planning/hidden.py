@@ -44,7 +44,8 @@ class Hidden:
             if name in self._flying
         }
         self._observe()
-        memory = belief.merge(*(part for state in states.values() for part in _memories(state)))
+        both = [(state.get("memory", {}), state.get("team_memory", {})) for state in states.values()]
+        memory = belief.merge(*(part for parts in both for part in parts))
         now: Any = {"memory": memory, **{key: one for key, one in next(iter(states.values())).items() if key == "turn"}}
         known = belief.believed(ctx, now)
         self._turn, self._last_seen = known.turn, known.last_seen
@@ -69,7 +70,8 @@ class Hidden:
             agent.current_node_id = agent.prev_node_id = node
         for name, flyer in self._flying.items():
             if name in self._seen_in_air:
-                _put_in_air(flyer, self._seen_in_air[name])
+                for _ in range(2):  # so that its position before is the same
+                    flyer.position = self._seen_in_air[name]
         return places
 
     def _walked(self, mate: IAgent, key: int) -> int:
@@ -98,15 +100,6 @@ class Hidden:
                 belief.note(self._ctx, state, mate, int(node), share=is_alone)
 
 
-def _memories(state: State) -> tuple[dict[Any, Any], dict[Any, Any]]:
-    return state.get("memory", {}), state.get("team_memory", {})
-
-
 def _drawn(sums: FloatArray, chance: float) -> int:
     """Return which of some numbers is drawn, by their sums so far."""
     return min(int(np.searchsorted(sums, chance * sums[-1], side="right")), len(sums) - 1)
-
-
-def _put_in_air(flyer: Any, place: tuple[float, ...]) -> None:
-    flyer.position = place
-    flyer.position = place  # so that its position before is the same

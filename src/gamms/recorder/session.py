@@ -88,7 +88,7 @@ class RecordingSession:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._versions: tuple[Any, ...] = ()  # of what was recorded, to see in each turn whether anything has changed
-        self._graph, self._visual, self._phase = ctx.graph, ctx.visual, phase_of(ctx)
+        self._graph, self._phase = ctx.graph, phase_of(ctx)
         self._encoder: Encoder = None
         self._has_begun = False  # for good: until the first turn is over, a map may be loaded
         self._logs: list[Log] = []

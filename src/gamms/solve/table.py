@@ -290,10 +290,11 @@ class _Explorer:
             played = self._play(states, chosen, turn)
             rows = np.column_stack((ids[source], action))
             found.rows.append(rows)
-            found.usual.append(self._outcomes(played, turn + 1, rows))
+            after = self._number(played.states, played.winner, turn + 1, rows)
+            found.usual.append(Outcomes(after, played.gains, played.winner))
             if self._world.terms.has_last_rule and self._last is not None and not self._by_turn:
                 late = played if turn == self._last - 1 else self._play_last(states, chosen, self._last - 1)
-                found.last.append(Outcomes(found.usual[-1].after, late.gains, late.winner))
+                found.last.append(Outcomes(after, late.gains, late.winner))
 
     def _decoded(self, action: IntArray, counts: IntArray, sizes: IntArray) -> IntArray:
         """Return the action of each agent, (rows, agents), of numbers of joint actions."""
@@ -346,9 +347,6 @@ class _Explorer:
             f"({where}). Use what decides without draws, such as gamms.rules.by_priority, or estimate by playing many "
             "games: scenario.batch(…)."
         )
-
-    def _outcomes(self, played: Played, turn: int, rows: IntArray) -> Outcomes:
-        return Outcomes(self._number(played.states, played.winner, turn, rows), played.gains, played.winner)
 
     def _number(self, states: States, winner: IntArray, turn: int, parents: IntArray) -> IntArray:
         """Return the numbers of states; new ones are noted."""

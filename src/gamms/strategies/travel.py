@@ -412,12 +412,9 @@ def _patience_left(state: State, known: dict[str, Any], patience: int, *, is_blo
     left = max(0, known["yield"] - 1)
     if blocked >= patience and drawn_fraction(state, "unblock") < 0.5:
         often = min(often + 1, _MOST_OFTEN)
-        return {"blocked": 0, "calm": 0, "often": often, "yield": _turns_drawn(state, often), "ahead": known["ahead"]}
+        turns = 1 + drawn_below(state, 2 ** (often - 1), "unblock")
+        return {"blocked": 0, "calm": 0, "often": often, "yield": turns, "ahead": known["ahead"]}
     return {"blocked": blocked, "calm": calm, "often": often, "yield": left, "ahead": known["ahead"]}
-
-
-def _turns_drawn(state: State, often: int) -> int:
-    return 1 + drawn_below(state, 2 ** (often - 1), "unblock")
 
 
 def _first_node(action: object) -> int | None:

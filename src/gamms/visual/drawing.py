@@ -270,13 +270,9 @@ def _as_points(points: Sequence[Any] | FloatArray) -> FloatArray:
     if array.ndim != 2 or array.shape[1] != 2:
         raise BadValue(f"Points are (x, y) pairs, not an array of shape {array.shape}.")
     if not np.abs(array).max() <= FARTHEST:  # nor NaN
-        raise BadValue(f"A point is not finite or farther away than {FARTHEST:g}: {_first_bad(array)}.")
+        bad = array[~(np.abs(array) <= FARTHEST).all(axis=1)][0].tolist()
+        raise BadValue(f"A point is not finite or farther away than {FARTHEST:g}: {tuple(bad)}.")
     return array
-
-
-def _first_bad(points: FloatArray) -> tuple[float, float]:
-    x, y = points[~(np.abs(points) <= FARTHEST).all(axis=1)][0].tolist()
-    return x, y
 
 
 def _as_extent(value: object, name: str) -> float:

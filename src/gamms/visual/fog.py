@@ -106,11 +106,13 @@ class Fog:
 
     def look(self) -> None:
         """Ask the team's sensors where its agents are now, and hide whom they do not see."""
-        sights = [sight for agent in self._own() if agent.alive for sight in self._sights_of(agent)]
+        carriers = drawing_of(self._ctx).carriers
+        living = [agent for agent in self._own() if agent.alive]
+        sights = [carriers.sight(sensor, agent) for agent in living for sensor in _sensors_of(agent)]
         self._show_sights([sight for sight in sights if sight.sensor.type is not SensorType.NEIGHBOR])
         views = [sight.view or SensorView() for sight in sights]
         columns = self._ctx.graph.columns()
-        own = [agent.current_node_id for agent in self._own() if agent.alive]
+        own = [agent.current_node_id for agent in living]
         is_seen = np.isin(columns.node_ids, own)
         for sight, view in zip(sights, views, strict=True):
             if sight.sensor.type in _FROM_THE_AIR:  # the outline is a shadow, and none past walls
@@ -139,9 +141,6 @@ class Fog:
             return False
         node = self._ctx.graph.graph.get_node(agent.current_node_id)  # by which sensors report it
         return _rounded([node.x, node.y]) in found
-
-    def _sights_of(self, agent: IAgent) -> Iterator[Sight]:
-        return (drawing_of(self._ctx).carriers.sight(sensor, agent) for sensor in _sensors_of(agent))
 
     def _show_sights(self, sights: list[Sight]) -> None:
         """Draw what the team's sensors see, while they are few, and no others."""
