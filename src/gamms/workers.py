@@ -59,9 +59,14 @@ class Worker:
 
     Attributes:
         pid: the number that the system gave it.
+
+    Raises:
+        OSError: it cannot be started.
     """
 
     def __init__(self) -> None:
+        if not sys.executable or getattr(sys, "frozen", False):
+            raise OSError("This program is no Python interpreter that could be started again.")
         environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
         with _ctrl_c_waits():
             self._process = subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us

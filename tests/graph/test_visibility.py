@@ -18,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms import limits
+from gamms import workers as workers_
 from gamms.errors import BadFile, BadType, BadValue, MissingFolder, NotOffered, Outdated, UnknownName
 from gamms.graph import map_file, visibility, visibility_workers
 from gamms.graph.visibility_workers import VisibilityRows, VisibilityTask
@@ -221,12 +222,10 @@ def scene(nodes=200):
     return VisibilityTask(rng.uniform(0, 90, (nodes, 2)), np.zeros((0, 4, 3)), 30.0, 1.6, np.zeros((nodes, 2)))
 
 
-@pytest.mark.parametrize(
-    "script", ["raise SystemExit(3)", "print('not the answer')", "print('abc')", "import sys; sys.stdin.read(9)"]
-)
+@pytest.mark.parametrize("script", ["raise SystemExit(3)", "print('abc')", "import sys; sys.stdin.read(9)"])
 def test_where_a_worker_breaks_down_its_work_is_done_nevertheless(monkeypatch, script):
     expected = visibility_workers.compute_visibility(scene(), 1, lambda _: None)
-    monkeypatch.setattr(visibility_workers, "_SCRIPT", script)
+    monkeypatch.setattr(workers_, "_SCRIPT", script)
     found = visibility_workers.compute_visibility(scene(), 2, lambda _: None)
     assert all(np.array_equal(*columns) for columns in zip(found, expected, strict=True))
 
@@ -266,7 +265,7 @@ def test_ctrl_c_that_does_not_wake_who_waits_for_workers_ends_them_all_the_same(
 
     popen = subprocess.Popen
     monkeypatch.setattr(subprocess, "Popen", begin)
-    monkeypatch.setattr(visibility_workers, "_SCRIPT", "import time; time.sleep(60)")
+    monkeypatch.setattr(workers_, "_SCRIPT", "import time; time.sleep(60)")
     began = time.monotonic()
     with pytest.raises(KeyboardInterrupt):
         visibility_workers.compute_visibility(scene(60), 2, lambda _: None)

@@ -1,18 +1,15 @@
 """Computes which nodes every node sees, from arrays alone: in this process, or in several at once.
 
 Threads do not help: each observer takes a hundred NumPy calls on small arrays, between which only one thread can run.
-The processes of `multiprocessing` would import the user's script again. These import nothing but GAMMS, and each reads
-its share of the work from its input (docs/decisions/0009).
+The processes of `multiprocessing` would import the user's script again; those of `gamms.workers` import GAMMS alone
+(docs/decisions/0009).
 """
 
 import os
-import signal
-import subprocess
-import sys
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from threading import Event
+from threading import Event, local
 from typing import NamedTuple
 
 import numpy as np
@@ -26,8 +23,6 @@ from gamms.ir.obstacles import ObstacleColumns
 _AT_ONCE = 64  # observers
 _FEW = 4096  # observers for whom no process is worth its start
 _SHARE = 4096  # observers for each process, at most; one of them takes about a millisecond
-_HEAD = 5  # numbers before the arrays that a process reads
-_SCRIPT = "from gamms.graph.visibility_workers import serve; serve()"
 
 Span = tuple[int, int]  # first observer, one behind the last
 RowArray = np.ndarray[tuple[int, ...], np.dtype[np.int32]]  # half the memory of other rows; there are many
@@ -48,6 +43,9 @@ class VisibilityRows(NamedTuple):
 
     counts: RowArray  # (observers,)
     rows: RowArray  # (counts.sum(),) node rows, ascending for each observer
+
+
+_NOTHING = VisibilityRows(np.zeros(0, np.int32), np.zeros(0, np.int32))
 
 
 class SightLines:
@@ -87,7 +85,7 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
     """
     nodes = len(task.xy)
     if not nodes:
-        return VisibilityRows(np.zeros(0, np.int32), np.zeros(0, np.int32))
+        return _NOTHING
     if workers is None:
         workers = 1 if nodes < _FEW else os.cpu_count() or 1
     size = _AT_ONCE if workers == 1 else max(_AT_ONCE, min(_SHARE, -(-nodes // (2 * workers))))
@@ -105,26 +103,23 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
 
 def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) -> Generator[VisibilityRows, None, None]:
     """Return what each span sees; where a process cannot be had or breaks down, this process works in its place."""
-    from gamms.workers import result_of
+    from gamms.workers import Worker, WorkerDied, result_of, task_of
 
-    processes: list[subprocess.Popen[bytes]] = []
-    is_over = Event()
+    processes: list[Worker] = []
+    own, is_over = local(), Event()  # each thread has a process
 
     def seen(span: Span) -> VisibilityRows:
-        head = np.array([len(task.xy), *span, task.radius, task.observer_height])
-        question = np.concatenate((head, task.xy.ravel(), task.ground.ravel(), task.corners.ravel())).astype("<f8")
+        is_done, found = False, _NOTHING
         try:
-            processes.append(process := _started())
+            if not hasattr(own, "process"):
+                own.process = Worker()
+                processes.append(own.process)
             if is_over.is_set():
-                process.kill()
-            answer = np.frombuffer(process.communicate(question.tobytes())[0], "<i4").astype(np.int32)
-            counts, rows = np.split(answer, [span[1] - span[0]])
-            is_whole = process.returncode == 0 and len(counts) == span[1] - span[0] and len(rows) == counts.sum()
-            if not is_whole and not is_over.is_set():
-                raise ValueError("the process broke down")  # noqa: TRY301 - as NumPy raises for other answers
-        except (OSError, ValueError):
-            return SightLines(task).seen(*span)
-        return VisibilityRows(counts, rows)
+                own.process.end()
+            is_done, found = own.process.ask(task_of(seen_by, task, span))
+        except (OSError, ValueError, WorkerDied):
+            is_done = False
+        return found if is_done or is_over.is_set() else seen_by(task, span)
 
     with ThreadPoolExecutor(workers) as pool:  # threads that wait for a process each
         try:
@@ -133,29 +128,10 @@ def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) ->
         finally:
             is_over.set()
             for process in processes:
-                process.kill()
+                process.end()
             pool.shutdown(cancel_futures=True)
 
 
-def _started() -> "subprocess.Popen[bytes]":
-    if not sys.executable or getattr(sys, "frozen", False):
-        raise OSError("this program is no Python interpreter that could be started again")
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(path for path in sys.path if path)}
-    return subprocess.Popen(  # noqa: S603 - our own words to the interpreter that runs us
-        [sys.executable, "-c", _SCRIPT],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env=environment,
-    )
-
-
-def serve() -> None:
-    """Work as one of the processes: read a task and a span of observers, and write what these see."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that asks is interrupted, and ends this one
-    numbers = np.frombuffer(sys.stdin.buffer.read(), "<f8").astype(np.float64)
-    nodes, first, last = (int(number) for number in numbers[:3])
-    xy, ground, corners = np.split(numbers[_HEAD:], [2 * nodes, 4 * nodes])
-    faces, (radius, height) = corners.reshape(-1, 4, 3), numbers[3:_HEAD].tolist()
-    task = VisibilityTask(xy.reshape(-1, 2), faces, radius, height, ground.reshape(-1, 2))
-    sys.stdout.buffer.write(np.concatenate(SightLines(task).seen(first, last)).astype("<i4").tobytes())
+def seen_by(task: VisibilityTask, span: Span) -> VisibilityRows:
+    """Return what some observers see."""
+    return SightLines(task).seen(*span)
