@@ -10,7 +10,7 @@ from numbers import Real
 from operator import index
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from gamms.errors import BadType, BadValue, nearest
+from gamms.errors import BadType, BadValue, MissingFolder, nearest
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -406,6 +406,19 @@ def as_path(value: object, name: str) -> "Path":
     from pathlib import Path  # which takes longer to load than most of GAMMS
 
     return Path(text)
+
+
+def as_target(value: object, name: str) -> "Path":
+    """Return the path of a file that is to be written, into a folder that is there.
+
+    Raises:
+        BadType, BadValue: it is no path.
+        MissingFolder (FileNotFoundError): there is no such folder.
+    """
+    file = as_path(value, name)
+    if not file.absolute().parent.is_dir():
+        raise MissingFolder(file.name, file.parent)
+    return file
 
 
 _MANY = 16  # keywords

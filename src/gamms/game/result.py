@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_key, as_path, as_text
-from gamms.errors import BadFile, BadType, Duplicate, MissingFolder, UnknownName, nearest
+from gamms.arguments import as_choice, as_key, as_path, as_target, as_text
+from gamms.errors import BadFile, BadType, Duplicate, UnknownName, nearest
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.messages import message_table
@@ -84,9 +84,7 @@ class Result:
         Raises:
             MissingFolder: there is no such folder.
         """
-        file: Path = as_path(path, "path")
-        if not file.parent.is_dir():
-            raise MissingFolder(file.name, file.parent)
+        file = as_target(path, "path")
         plain = {"format": _FORMAT, **self.to_dict()}
         del plain["timings"]
         write_whole(file, (json.dumps(plain, indent=1) + "\n").encode())

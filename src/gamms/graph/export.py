@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_path
-from gamms.errors import BadType, BadValue, MissingExtra, MissingFolder, UnknownType, nearest
+from gamms.arguments import as_target
+from gamms.errors import BadType, BadValue, MissingExtra, UnknownType, nearest
 from gamms.folders import whole_file, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
@@ -73,13 +73,11 @@ def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str
         MissingExtra (ImportError): its CRS is no zone of UTM, and pyproj is not installed.
         OSError: a file cannot be written.
     """
-    target = as_path(path, "path")
+    target = as_target(path, "path")
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
         raise UnknownType(f"No graph can be written as {target.suffix or 'a file without a suffix'!r}.{hint}")
-    if not target.parent.is_dir():
-        raise MissingFolder(target.name, target.parent)
     return write(target, layers_of(columns, attribution))
 
 

@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_path
-from gamms.errors import BadFile, BadValue, GammsError, MissingFolder, WriteConflict
+from gamms.arguments import as_path, as_target
+from gamms.errors import BadFile, BadValue, GammsError, WriteConflict
 from gamms.folders import write_whole
 from gamms.graph import records
 from gamms.graph.obstacles import Obstacles, checked_face
@@ -172,10 +172,7 @@ def save(path: str | os.PathLike[str], contents: SavedMap) -> None:
         MissingFolder (FileNotFoundError), OSError: the file cannot be written.
     """
     data = encode(contents)
-    target = as_path(path, "path")
-    if not target.parent.is_dir():
-        raise MissingFolder(target.name, target.parent)
-    write_whole(target, data)
+    write_whole(as_target(path, "path"), data)
 
 
 def save_beside(path: str, contents: SavedMap) -> str:

@@ -11,8 +11,8 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int, as_path, as_range
-from gamms.errors import BadFile, BadValue, MissingFolder, Outdated, UnknownName
+from gamms.arguments import as_float, as_int, as_path, as_range, as_target
+from gamms.errors import BadFile, BadValue, Outdated, UnknownName
 from gamms.folders import cache_folder, write_whole
 from gamms.graph import map_file, records
 from gamms.graph.obstacles import Obstacles
@@ -262,9 +262,7 @@ class VisibilityTables:
             asked = as_path(path, "path")
             if asked.is_dir():
                 return _Place(asked / name, is_asked=True)
-            if not asked.parent.is_dir():
-                raise MissingFolder(asked.name, asked.parent)
-            return _Place(asked, is_asked=True, is_ours=not _is_foreign(asked))
+            return _Place(as_target(asked, "path"), is_asked=True, is_ours=not _is_foreign(asked))
         folder = cache_folder("visibility")
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path
-from gamms.errors import BadValue, MissingFolder
+from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target
+from gamms.errors import BadValue
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
@@ -367,10 +367,7 @@ class Recording(Opened):
             ctx.visual.save(path, width, height, dpi=dpi, **options)
 
     def _save_page(self, path: str | os.PathLike[str], options: dict[str, Any]) -> None:
-        target = as_path(path, "path")
-        if not target.parent.is_dir():
-            raise MissingFolder(target.name, target.parent)
-        write_whole(target, pages["gamms"](self, **options))
+        write_whole(as_target(path, "path"), pages["gamms"](self, **options))
 
     def cut(self, path: str | os.PathLike[str] | BinaryIO, team: object, *, overwrite: bool = False) -> None:
         """Write what a team knew as a recording of its own, in which nothing else is; docs/recording.md says what.

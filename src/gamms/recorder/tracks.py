@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_path, as_range
-from gamms.errors import BadValue, MissingFolder, UnknownType, nearest
+from gamms.arguments import as_range, as_target
+from gamms.errors import BadValue, UnknownType, nearest
 from gamms.folders import whole_file
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -73,13 +73,11 @@ def export(path: object, moments: Iterable[Moment], turns: int, created: object,
         created: when the recording began, seconds since 1970.
         turn_seconds: how long a turn takes.
     """
-    target, seconds = as_path(path, "path"), checked_seconds(turn_seconds, turns)
+    target, seconds = as_target(path, "path"), checked_seconds(turn_seconds, turns)
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."
         raise UnknownType(f"No tracks can be written as {target.suffix or 'a file without a suffix'!r}.{hint}")
-    if not target.parent.is_dir():
-        raise MissingFolder(target.name, target.parent)
     began = float(created) if isinstance(created, (int, float)) and 0 <= created < _LONGEST_S * 4 else 0.0
     found = tracks_of(moments, began, seconds)
     if found.latlon is None and write is not _write_csv:

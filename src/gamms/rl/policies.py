@@ -10,8 +10,8 @@ from typing import Annotated, Any, NamedTuple, cast
 import msgspec
 import numpy as np
 
-from gamms.arguments import as_bool, as_context, as_function_of, as_path
-from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile, MissingFolder
+from gamms.arguments import as_bool, as_context, as_function_of, as_path, as_target
+from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile
 from gamms.folders import write_whole
 from gamms.game.batch import ArrayView, array_strategy
 from gamms.ir.graph import FloatArray, IntArray
@@ -121,11 +121,9 @@ def save_policy(
         BadValue: the model does not fit the environment, or the file has another suffix.
         MissingExtra (ImportError): the library of the file is not installed.
     """
-    file = as_path(path, "path")
+    file = as_target(path, "path")
     if file.suffix not in _BY_SUFFIX[:2]:
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
-    if not file.absolute().parent.is_dir():
-        raise MissingFolder(file.name, file.absolute().parent)
     if isinstance(env, Scenario):
         teams = None if team is None else (team,)
         with Learners(env, teams=teams, agent=agent, observation=observation, reward=_no_reward) as learners:

@@ -9,8 +9,8 @@ from types import TracebackType
 from typing import Any, NamedTuple, Self
 from weakref import WeakValueDictionary
 
-from gamms.arguments import as_float, as_int, as_path
-from gamms.errors import BadValue, Duplicate, MissingFolder, NotYet, UnknownName
+from gamms.arguments import as_float, as_int, as_path, as_target
+from gamms.errors import BadValue, Duplicate, NotYet, UnknownName
 from gamms.folders import naming
 from gamms.ir.draw import DrawCommands
 from gamms.limits import refuse_above
@@ -46,18 +46,6 @@ class Sheet(NamedTuple):
     asked: Asked
     dpi: float
     backend: Backend
-
-
-def place(path: str | os.PathLike[str]) -> Path:
-    """Check a path that is to be written to.
-
-    Raises:
-        MissingFolder: its folder does not exist.
-    """
-    path = as_path(path, "path")
-    if not path.parent.is_dir():
-        raise MissingFolder(path.name, path.parent)
-    return path
 
 
 def sheet(name: str | os.PathLike[str], width: int | None, height: int | None, dpi: float) -> Sheet:
@@ -180,7 +168,7 @@ def film_plan(
         BadValue: an unknown format, or a bad number.
         MissingFolder: the folder is not there.
     """
-    path, asked = as_path(path, "path"), sides(width, height, FILM_BYTES)
+    path, asked = as_target(path, "path"), sides(width, height, FILM_BYTES)
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     frames = FRAMES_PER_TURN if frames_per_turn is None else as_int(frames_per_turn, "frames_per_turn")
@@ -189,8 +177,6 @@ def film_plan(
     if (suffix := path.suffix.lower()) not in FILMS:
         known = ", ".join(FILMS)
         raise BadValue(f"Cannot write a film as {path.suffix or path.name!r}; there is: {known}.")
-    if not path.parent.is_dir():
-        raise MissingFolder(path.name, path.parent)
     if suffix == ".mp4" and max(width or 0, height or 0) > _LONGEST_MP4_PX:
         raise BadValue(f"An MP4 has at most {_LONGEST_MP4_PX} pixels at each side, not {width} x {height}.")
     return Plan(path, fps, asked, frames)

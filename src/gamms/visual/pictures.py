@@ -4,6 +4,7 @@ import os
 from base64 import b64encode
 from typing import TYPE_CHECKING, Unpack
 
+from gamms.arguments import as_target
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import ContextTerminated, MissingExtra
 from gamms.typing import IContext, PictureOptions
@@ -82,9 +83,8 @@ class Pictures(Guarded):
             ContextTerminated: the context has ended.
         """
         from gamms.folders import write_whole
-        from gamms.visual import files
 
-        file = files.place(path)
+        file = as_target(path, "path")
         content = self.picture(file, width, height, dpi=dpi, **options)
         write_whole(file, content)
 
