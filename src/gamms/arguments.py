@@ -10,7 +10,7 @@ from numbers import Real
 from operator import index
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
-from gamms.errors import BadType, BadValue, MissingFolder, nearest
+from gamms.errors import BadType, BadValue, MissingFolder, UnknownName, nearest
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -184,6 +184,17 @@ def as_choice(value: object, name: str, known: Sequence[str]) -> str:
     """
     if not isinstance(value, str) or value not in known:
         raise BadValue(f"{name} must be {' or '.join(map(repr, known))}, not {shown(value)}.{nearest(value, known)}")
+    return value
+
+
+def as_known(value: T, kind: str, known: Collection[Any]) -> T:
+    """Return one of the things of a kind that there are.
+
+    Raises:
+        UnknownName (KeyError): there is none of this name; the message has those that there are.
+    """
+    if value not in known:
+        raise UnknownName(kind, value, known)
     return value
 
 
@@ -408,14 +419,14 @@ def as_path(value: object, name: str) -> "Path":
     return Path(text)
 
 
-def as_target(value: object, name: str) -> "Path":
+def as_target(value: object) -> "Path":
     """Return the path of a file that is to be written, into a folder that is there.
 
     Raises:
         BadType, BadValue: it is no path.
         MissingFolder (FileNotFoundError): there is no such folder.
     """
-    file = as_path(value, name)
+    file = as_path(value, "path")
     if not file.absolute().parent.is_dir():
         raise MissingFolder(file.name, file.parent)
     return file

@@ -5,10 +5,10 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_count, as_ids, as_items, as_key, as_mapping, as_numbers_of, as_range
+from gamms.arguments import as_array, as_count, as_ids, as_items, as_key, as_known, as_mapping, as_numbers_of, as_range
 from gamms.belief.ground import Ground, ground_of
 from gamms.belief.motion import Chain, Motion, as_motion, chain_of
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -135,8 +135,7 @@ class Filter(Masses):
         places = dict(as_mapping({} if found is None else found, "found"))
         left_out = frozenset(as_key(name, "Each of not_shown") for name in as_items(not_shown, "not_shown", "names"))
         for name in (*places, *sorted(left_out)):
-            if name not in self.targets:
-                raise UnknownName("target", name, self.targets)
+            as_known(name, "target", self.targets)
         rows = dict(
             zip(places, self._ground.known_rows(np.array(as_ids(places.values(), "found"), np.int64)), strict=True)
         )
@@ -181,8 +180,7 @@ class Filter(Masses):
         Raises:
             UnknownName (KeyError): there is no such target.
         """
-        if as_key(target, "The name of a target") not in self.targets:
-            raise UnknownName("target", target, self.targets)
+        as_known(as_key(target, "The name of a target"), "target", self.targets)
         return by_node(self._ground, self.probabilities()[self.targets.index(target)])
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.arguments import as_int, as_items
+from gamms.arguments import as_int, as_items, as_known
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.experiment.folders import as_columns
@@ -213,8 +213,7 @@ class Rows(Sequence[Row]):
         known = [*self.keys, "seed"]
         keys = list(self.keys) if given is None else as_items(given, "by", "varied keys")
         for key in keys:
-            if key not in known:
-                raise UnknownName("varied key", key, known)
+            as_known(key, "varied key", known)
         return keys
 
     def _as_metric(self, name: str) -> str:

@@ -9,6 +9,7 @@ from gamms.arguments import (
     as_int,
     as_items,
     as_key,
+    as_known,
     as_mapping,
     as_name,
     as_numbers,
@@ -103,8 +104,7 @@ def as_channel(name: object, options: object) -> Channel:
     known = Channel(as_name(name, "a channel"))
     given = {key: one for key, one in as_mapping(options, f"Channel {known.name!r}").items() if one is not None}
     for key in given:
-        if key not in _CHECKS:
-            raise UnknownName(f"keyword of channel {known.name!r}:", key, _CHECKS)
+        as_known(key, f"keyword of channel {known.name!r}:", _CHECKS)
     values = {key: _CHECKS[key](one, f"{key} of channel {known.name!r}") for key, one in given.items()}
     channel = known._replace(**values)
     if channel.range_m is None and channel.hops is None and not channel.line_of_sight:
@@ -144,8 +144,7 @@ def _jammers(value: object, name: str) -> tuple[Jammer, ...]:
 def _jammer(value: object, name: str) -> Jammer:
     given = as_mapping(value, f"Each of {name}")
     for key in given:
-        if key not in Jammer._fields:
-            raise UnknownName(f"key of {name}:", key, Jammer._fields)
+        as_known(key, f"key of {name}:", Jammer._fields)
     if "radius_m" not in given or sum(given.get(key) is not None for key in ("agent", "team", "at")) != 1:
         raise BadValue(f"Each of {name} must be like {_JAMMER}, not {shown(value)}.")
     at, team = given.get("at"), given.get("team")
@@ -250,8 +249,7 @@ def _checked_message(
     for key in (*_KEYS, *message):
         if key not in message:
             raise BadValue(f"There is no {key!r}; a message has {', '.join(map(repr, _KEYS))}.")
-        if key not in _KEYS:
-            raise UnknownName("key of a message:", key, _KEYS)
+        as_known(key, "key of a message:", _KEYS)
     channel = channels.get(as_text(message["channel"], "The channel of a message"))
     if channel is None:
         raise UnknownName("channel", message["channel"], channels)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_bool, as_float, as_int, as_key, as_mapping, as_text
+from gamms.arguments import as_bool, as_float, as_int, as_key, as_known, as_mapping, as_text
 from gamms.errors import BadType, BadValue, UnknownName, nearest
 from gamms.plain import is_same, to_plain, why_not_plain
 from gamms.readonly import ReadOnlyMapping
@@ -42,9 +42,7 @@ def _sensor(value: object, name: str, ctx: HostContext) -> Any:
 
 def _known(value: Any, kind: str, name: str, known: Collection[Any]) -> Any:
     """Return a value that is one of those known."""
-    if value not in known:
-        raise UnknownName(f"{kind} as {name}:", value, known)
-    return value
+    return as_known(value, f"{kind} as {name}:", known)
 
 
 def _plain(value: object, name: str, _: HostContext) -> Any:
@@ -148,8 +146,7 @@ def _checked_fields(deed: str, given: object, declared: Mapping[str, Any], ctx: 
     fields = {key: field_of(kind) for key, kind in declared.items()}
     values = _by_field(deed, given, [key for key, field in fields.items() if field.is_required])
     for key in values:
-        if key not in fields:
-            raise UnknownName(f"field of the deed {deed!r}:", key, fields)
+        as_known(key, f"field of the deed {deed!r}:", fields)
     checked = {}
     for key, field in fields.items():
         name = f"{key!r} of the deed {deed!r}"

@@ -84,7 +84,7 @@ class Result:
         Raises:
             MissingFolder: there is no such folder.
         """
-        file = as_target(path, "path")
+        file = as_target(path)
         plain = {"format": _FORMAT, **self.to_dict()}
         del plain["timings"]
         write_whole(file, (json.dumps(plain, indent=1) + "\n").encode())

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Unpack
 
-from gamms.arguments import as_bool, as_count, as_function_of, as_items, as_key, as_name, as_positive, as_text
+from gamms.arguments import as_bool, as_count, as_function_of, as_items, as_key, as_known, as_name, as_positive, as_text
 from gamms.deciding import Guarded, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
@@ -147,8 +147,7 @@ class Settings(Guarded):
         if not isinstance(given, dict):
             raise BadType(f"game= must be a dict of settings, not {shown(given)}.")
         for name in given:
-            if name not in _CHECKS:
-                raise UnknownName("setting of a game", name, _CHECKS)
+            as_known(name, "setting of a game", _CHECKS)
         checked = {name: _CHECKS[name](name, value) for name, value in given.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, value)

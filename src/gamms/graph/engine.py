@@ -6,9 +6,9 @@ from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
-from gamms.arguments import as_ids
+from gamms.arguments import as_ids, as_known
 from gamms.deciding import Guarded, phase_of, refused_while_deciding
-from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownName, UnknownType, WriteConflict
+from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
 from gamms.graph.finding import Found, Part, StreetNames, Track, bounds, find, inside, region_of, track_of
 from gamms.graph.graph import Graph
 from gamms.graph.obstacles import Obstacles, checked_face, checked_faces
@@ -281,8 +281,7 @@ class GraphEngine(Guarded, IGraphEngine):
             of_street = set(StreetNames({id: edge.get("name") for id, edge in closed.items()}).rows(name).tolist())
             ids = [id for id in ids if id in of_street]
         for id in ids:
-            if id not in closed:
-                raise UnknownName("closed edge", id, closed)
+            as_known(id, "closed edge", closed)
             if self._store.edges.index.row(id) >= 0:
                 raise DuplicateId("an edge", id)
             graph.positions([closed[id]["source"], closed[id]["target"]])

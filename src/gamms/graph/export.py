@@ -73,7 +73,7 @@ def export(path: str | os.PathLike[str], columns: GraphColumns, attribution: str
         MissingExtra (ImportError): its CRS is no zone of UTM, and pyproj is not installed.
         OSError: a file cannot be written.
     """
-    target = as_target(path, "path")
+    target = as_target(path)
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."

@@ -262,7 +262,7 @@ class VisibilityTables:
             asked = as_path(path, "path")
             if asked.is_dir():
                 return _Place(asked / name, is_asked=True)
-            return _Place(as_target(asked, "path"), is_asked=True, is_ours=not _is_foreign(asked))
+            return _Place(as_target(asked), is_asked=True, is_ours=not _is_foreign(asked))
         folder = cache_folder("visibility")
         try:
             folder.mkdir(parents=True, exist_ok=True)

@@ -6,9 +6,9 @@ from math import hypot
 from typing import Any, Literal, TypedDict, Unpack, cast
 
 from gamms import belief, kernels
-from gamms.arguments import as_choice, as_count, as_int
+from gamms.arguments import as_choice, as_count, as_int, as_known
 from gamms.context import Context
-from gamms.errors import BadType, BadValue, MissingKey, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
 from gamms.plain import copied
@@ -141,8 +141,7 @@ class Model:
         """
         given = {} if actions is None else actions
         for name in given:
-            if name not in self.ctx.agent.agents:
-                raise UnknownName("agent", name, self.ctx.agent.agents)
+            as_known(name, "agent", self.ctx.agent.agents)
         with self.game.internals.lending():
             for turn in range(as_count(turns, "turns of play", 0)):
                 self._actions = {} if turn else given
@@ -208,8 +207,7 @@ class Model:
             if key not in made:
                 policy: Any = policies
                 if isinstance(policies, Mapping):
-                    if agent.team not in policies:
-                        raise UnknownName(f"team in {argument}=", agent.team, policies)
+                    as_known(agent.team, f"team in {argument}=", policies)
                     policy = policies[agent.team]
                 made[key] = self._made(policy, argument, own)
             found[name] = made[key]
@@ -292,6 +290,5 @@ def checked_options(options: Mapping[str, object], kind: type) -> None:
         BadType, BadValue: `information` is neither "private" nor "full".
     """
     for name in options:
-        if name not in kind.__annotations__:
-            raise UnknownName("option", name, kind.__annotations__)
+        as_known(name, "option", kind.__annotations__)
     as_choice(options.get("information", "private"), "information", INFORMATION)

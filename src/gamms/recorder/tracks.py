@@ -73,7 +73,7 @@ def export(path: object, moments: Iterable[Moment], turns: int, created: object,
         created: when the recording began, seconds since 1970.
         turn_seconds: how long a turn takes.
     """
-    target, seconds = as_target(path, "path"), checked_seconds(turn_seconds, turns)
+    target, seconds = as_target(path), checked_seconds(turn_seconds, turns)
     write = _FORMATS.get(target.suffix.lower())
     if write is None:
         hint = nearest(target.suffix.lower(), _FORMATS) or f" There are {', '.join(_FORMATS)}."

@@ -9,9 +9,9 @@ from tempfile import TemporaryDirectory
 from typing import Any, Literal
 
 from gamms import recorder, recordings
-from gamms.arguments import as_target
+from gamms.arguments import as_known, as_target
 from gamms.context import Context
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadValue
 from gamms.folders import write_whole
 from gamms.typing import PictureOptions
 from gamms.typing.recorder import pages
@@ -116,7 +116,7 @@ def _save_page(
     path: str | os.PathLike[str], out: Path, options: RenderOptions, map: str | os.PathLike[str] | None
 ) -> int:
     """Write a page; return how many turns it has."""
-    as_target(out, "path")  # fail early
+    as_target(out)  # fail early
     if options.last is not None:
         raise BadValue("A page holds all turns: give --turns FROM: for where it begins.")
     with ExitStack() as made:
@@ -168,7 +168,7 @@ class _Renderer:
         from gamms.visual import files
 
         options = self._options
-        files.sheet(as_target(out, "path"), options.width, options.height, 96.0)  # fail early
+        files.sheet(as_target(out), options.width, options.height, 96.0)  # fail early
         self._play(records, options.last)
         self._begin()
         self._ctx.visual.save(out, options.width, options.height, **self._page)
@@ -223,8 +223,7 @@ class _Renderer:
         if self._fog is not None:
             self._fog.look()
         if options.follow is not None and ctx.visual.followed is None:
-            if options.follow not in ctx.agent.agents:
-                raise UnknownName("agent", options.follow, ctx.agent.agents)
+            as_known(options.follow, "agent", ctx.agent.agents)
             ctx.visual.follow(options.follow, _view(ctx) if options.view is None else options.view)
 
     def _end_turn(self) -> None:

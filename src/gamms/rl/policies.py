@@ -121,7 +121,7 @@ def save_policy(
         BadValue: the model does not fit the environment, or the file has another suffix.
         MissingExtra (ImportError): the library of the file is not installed.
     """
-    file = as_target(path, "path")
+    file = as_target(path)
     if file.suffix not in _BY_SUFFIX[:2]:
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
     if isinstance(env, Scenario):

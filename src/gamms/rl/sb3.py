@@ -10,7 +10,8 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.save_util import load_from_zip_file
 from stable_baselines3.common.vec_env import VecEnv
 
-from gamms.errors import BadValue, UnknownName
+from gamms.arguments import as_known
+from gamms.errors import BadValue
 from gamms.ir.obstacles import BoolArray
 from gamms.rl.gym_envs import GamesEnv
 
@@ -139,8 +140,7 @@ class SlotsEnv(VecEnv):  # type: ignore[misc] # Stable-Baselines3 is not always 
 
     def env_method(self, method_name: str, *_: object, indices: Any = None, **__: object) -> list[Any]:
         """Return what a method gives for each slot: `action_masks`."""
-        if method_name not in _METHODS:
-            raise UnknownName("method of the slots", method_name, _METHODS)
+        as_known(method_name, "method of the slots", _METHODS)
         masks = self._games.action_masks()
         return [masks[slot] for slot in self._get_indices(indices)]
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent import BaseAgent
-from gamms.arguments import as_choice, as_flag, as_int, as_key, as_text
+from gamms.arguments import as_choice, as_flag, as_int, as_key, as_known, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
 from gamms.game.batch.device import DeviceTurn
@@ -485,8 +485,7 @@ def _in_attribute(name: str, kind: str) -> _Limits:
         return lambda one: _as_limit(attributes(one).get(name), f"Attribute {name!r} of {kind} {one}")
 
     def rows(ids: IntArray, attributes: _Attributes) -> IntArray:
-        if name not in attributes:
-            raise UnknownName(f"{kind} attribute", name, attributes)
+        as_known(name, f"{kind} attribute", attributes)
         limits = np.full(len(ids), UNLIMITED)
         for row, value in attributes[name].items():
             limits[row] = _as_limit(value, f"Attribute {name!r} of {kind} {ids[row]}")

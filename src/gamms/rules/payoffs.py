@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.arguments import as_flag, as_float, as_mapping, as_name
+from gamms.arguments import as_flag, as_float, as_known, as_mapping, as_name
 from gamms.context import Context
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.device import in_all_games
@@ -52,8 +52,7 @@ def payoff(table: Mapping[str, Mapping[str, float]], *, zero_sum: bool = False, 
         teams = [team for team in ctx.agent.teams if team is not None]
         for event in ctx.game.events[state["seen"] :]:
             for role, points in checked.get(event["kind"], {}).items():
-                if role not in event:
-                    raise UnknownName(f"field of an event {event['kind']!r}:", role, event)
+                as_known(role, f"field of an event {event['kind']!r}:", event)
                 team = _team_of(ctx, role, event[role])
                 others = [one for one in teams if one != team] if balanced else []
                 if team is None or (balanced and not others):

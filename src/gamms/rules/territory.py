@@ -6,9 +6,9 @@ from typing import Annotated, Any, NamedTuple, cast
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_int, as_name
+from gamms.arguments import as_choice, as_int, as_known, as_name
 from gamms.context import Context
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue
 from gamms.game.batch.device import in_all_games
 from gamms.game.batch.turn import ArrayTurn
 from gamms.ir.graph import IntArray
@@ -133,8 +133,7 @@ class Ground(NamedTuple):
         """
         if not isinstance(self.given, str):
             return self.given
-        if self.given not in facts:
-            raise UnknownName("fact", self.given, facts)
+        as_known(self.given, "fact", facts)
         return cast("Territory", facts[self.given])
 
     def in_arrays(self, turn: ArrayTurn) -> IntArray:

@@ -8,7 +8,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from gamms.arguments import as_bool, as_int, as_items, as_mapping, as_path
+from gamms.arguments import as_bool, as_int, as_items, as_known, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
 from gamms.game.batch.games import ONE_BY_ONE, Batch, BatchSource, MostAgents, as_seeds
@@ -381,8 +381,7 @@ def from_gallery(name: str) -> Scenario:
         UnknownName (KeyError): there is none of this name.
     """
     games = gallery()
-    if name not in games:
-        raise UnknownName("game", name, games)
+    as_known(name, "game", games)
     return load(games[name], allow=ON_REQUEST)
 
 

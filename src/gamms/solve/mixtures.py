@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from gamms import kernels
-from gamms.arguments import as_count
+from gamms.arguments import as_count, as_known
 from gamms.context import Context
-from gamms.errors import BadValue, TooLarge, UnknownName
+from gamms.errors import BadValue, TooLarge
 from gamms.ir.graph import FloatArray
 from gamms.scenario import Scenario
 from gamms.solve.solution import (
@@ -113,9 +113,7 @@ class DoubleOracle:
             UnknownName (KeyError): there is no such team.
         """
         one = self.team if team is None else team
-        if one not in self.teams:
-            raise UnknownName("team that was solved for", one, self.teams)
-        side = self.teams.index(one)
+        side = self.teams.index(as_known(one, "team that was solved for", self.teams))
         return _MixedStrategy(self._game, side, self.mixtures[one])
 
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from gamms import planning, rl
-from gamms.arguments import as_choice, as_count, as_int, as_mapping
-from gamms.errors import BadValue, MissingExtra, UnknownName
+from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping
+from gamms.errors import BadValue, MissingExtra
 from gamms.ir.graph import FloatArray
 from gamms.scenario import Scenario
 from gamms.solve.solution import (
@@ -228,8 +228,7 @@ def nash_conv(
     """
     teams, given = teams_of(scenario, team), as_mapping(strategies, "strategies")
     for one in given:
-        if one not in teams:
-            raise UnknownName("team", one, teams)
+        as_known(one, "team", teams)
     if len(teams) != 2 or len(given) != 2:
         raise BadValue(f"nash_conv needs the strategies of both teams of a game of two, not {list(given)} of {teams}.")
     options: dict[str, Any] = {"turns": turns, "seed": seed, "max_states": max_states}

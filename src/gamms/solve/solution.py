@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_mapping
+from gamms.arguments import as_choice, as_count, as_float, as_function_of, as_int, as_known, as_mapping
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.graph import FloatArray
@@ -299,9 +299,8 @@ class Solution:
         return self._sign * float(self._stages.values[left][number]) + 0.0
 
     def _agent(self, name: str) -> int:
-        if name not in self.table.roster.names:
-            raise UnknownName("agent", name, self.table.roster.names)
-        return self.table.roster.names.index(name)
+        names = self.table.roster.names
+        return names.index(as_known(name, "agent", names))
 
     def _nodes(self, places: Mapping[str, int | None]) -> list[int]:
         nodes: list[int] = np.where(self.table.alive[0], self.table.nodes[0], -1).tolist()
@@ -320,9 +319,8 @@ class Solution:
         return found[0]
 
     def _side_of(self, team: str) -> int:
-        if team not in self.table.setup.teams:
-            raise UnknownName("team that was solved for", team, self.table.setup.teams)
-        return self.table.setup.teams.index(team)
+        teams = self.table.setup.teams
+        return teams.index(as_known(team, "team that was solved for", teams))
 
     # -- play ---------------------------------------------------------------------------------------------------
 

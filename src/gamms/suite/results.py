@@ -7,8 +7,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_path
-from gamms.errors import UnknownName
+from gamms.arguments import as_known, as_path
 from gamms.experiment import Rows, Table
 from gamms.experiment import run as run_experiment
 from gamms.experiment.executors import executor_for
@@ -93,8 +92,7 @@ def _chosen(only: Sequence[str] | None) -> list[Task]:
     wanted = [task.name for task in every] if only is None else list(only)
     known = [*dict.fromkeys(task.name.partition("-")[0] for task in every), *(task.name for task in every)]
     for one in wanted:
-        if one not in known:
-            raise UnknownName("task", one, known)
+        as_known(one, "task", known)
     return [task for task in every if task.name in wanted or task.name.partition("-")[0] in wanted]
 
 

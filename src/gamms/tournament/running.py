@@ -9,8 +9,8 @@ from itertools import combinations
 from pathlib import Path
 from typing import Any
 
-from gamms.arguments import as_bool, as_count, as_int, as_items, as_path, as_positive
-from gamms.errors import BadType, BadValue, GammsError, UnknownName, WriteConflict
+from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
+from gamms.errors import BadType, BadValue, GammsError, WriteConflict
 from gamms.experiment.executors import Here, WorkerPool, executor_for
 from gamms.experiment.folders import Journal
 from gamms.experiment.variants import digest_of, row_id
@@ -126,8 +126,7 @@ def _sides(scenario: Scenario, given: Sequence[str] | None) -> tuple[str, str]:
         raise BadValue(f"The scenario has the teams {', '.join(teams)}. Say by sides= which two of them entries play.")
     sides = teams if given is None else list(as_items(given, "sides", "two teams"))
     for one in sides:
-        if one not in teams:
-            raise UnknownName("team", one, teams)
+        as_known(one, "team", teams)
     if len(sides) != 2 or sides[0] == sides[1]:
         raise BadValue(f"sides must be two teams, not {shown(given)}.")
     return sides[0], sides[1]

@@ -311,9 +311,7 @@ class WindowCamera:
             raise BadValue(f"A screen needs a positive width and height, not {width} x {height}.")
         self._width, self._height = width, height
 
-    def look_at_box(
-        self, low: FloatArray, high: FloatArray, margins: Margins = _NO_MARGINS, *, is_pointed: bool = False
-    ) -> None:
+    def look_at_box(self, low: FloatArray, high: FloatArray, margins: Margins = _NO_MARGINS) -> None:
         """Let everything between two corners be seen, in the middle if that leaves margins of so many pixels."""
         (x, y), (across, up) = ((low + high) / 2).tolist(), (high - low).tolist()
         left, top, right, bottom = margins
@@ -323,7 +321,6 @@ class WindowCamera:
         self._x = x + _shift(right - left, slack[0]) * unit
         self._y = y + _shift(top - bottom, slack[1]) * unit
         self._size = unit * self._width / 2
-        self.is_pointed = self.is_pointed or is_pointed
 
     def move_by(self, right_px: float, down_px: float) -> None:
         """Let the picture follow a hand that moves by so many pixels."""

@@ -205,10 +205,12 @@ class DefaultScene:
         for sight in drawing_of(self._ctx).carriers.sights(MOST_SENSORS):
             if sight.view is None or _is_worth_drawing(sight.view, nodes):
                 found.setdefault(sight.sensor.sensor_id, []).append(sight)
-        colors: dict[str | None, Rgb] = {**self._colors, None: _WITHOUT_CARRIER}
-        colored = {name: [(colors[one.carrier], one.view) for one in sights] for name, sights in found.items()}
+        colored = {name: [(self._color_of(one.carrier), one.view) for one in sights] for name, sights in found.items()}
         self._views = artists_of_sights(self._ctx, colored, self._mark, declared, self._views)
         return dict(self._views)
+
+    def _color_of(self, carrier: str | None) -> Rgb:
+        return _WITHOUT_CARRIER if carrier is None else self._colors[carrier]
 
 
 def sizes_of_sights(unit: float) -> dict[str, float]:

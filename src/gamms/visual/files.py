@@ -168,7 +168,7 @@ def film_plan(
         BadValue: an unknown format, or a bad number.
         MissingFolder: the folder is not there.
     """
-    path, asked = as_target(path, "path"), sides(width, height, FILM_BYTES)
+    path, asked = as_target(path), sides(width, height, FILM_BYTES)
     if not 0.0 < (fps := as_float(fps, "fps")) <= _FASTEST:
         raise BadValue(f"A film needs between 0 and {_FASTEST:g} frames per second, not fps={fps:g}.")
     frames = FRAMES_PER_TURN if frames_per_turn is None else as_int(frames_per_turn, "frames_per_turn")

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
-from gamms.errors import BadType, UnknownName
+from gamms.arguments import as_known
+from gamms.errors import BadType
 from gamms.ir.draw import DrawKind, DrawSpace
 from gamms.ir.geometry import joined_lines
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -59,8 +60,7 @@ def as_choice(ctx: IContext, labels: object) -> Choice:
         raise BadType(f"labels is True, False, {AUTO!r} or a list of names of agents, not {shown(labels)}.")
     names = list(labels)
     for name in names:
-        if name not in ctx.agent.agents:
-            raise UnknownName("agent", name, ctx.agent.agents)
+        as_known(name, "agent", ctx.agent.agents)
     return frozenset(names)
 
 

@@ -84,7 +84,7 @@ class Pictures(Guarded):
         """
         from gamms.folders import write_whole
 
-        file = as_target(path, "path")
+        file = as_target(path)
         content = self.picture(file, width, height, dpi=dpi, **options)
         write_whole(file, content)
 

@@ -155,7 +155,7 @@ class WindowEngine(WindowNames, PictureEngine):
             "l": overlay.toggle_labels,
             "t": overlay.toggle_trails,
             "n": self.toggle_theme,
-            "ESCAPE": self._unpin,
+            "ESCAPE": lambda: self._click(None),
         }
         return Handlers(
             keys=keys,
@@ -170,11 +170,7 @@ class WindowEngine(WindowNames, PictureEngine):
             is_over=self.ctx.is_terminated,
         )
 
-    def _unpin(self) -> None:
-        if not self.overlay.dismiss():
-            self.overlay.unpin()
-
-    def _click(self, at: tuple[float, float]) -> None:
+    def _click(self, at: tuple[float, float] | None) -> None:
         if not self.overlay.dismiss():
             self.overlay.pin(at)
 

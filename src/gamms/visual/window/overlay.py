@@ -163,14 +163,9 @@ class Overlay(Guarded):
     # -- agents under the pointer ----------------------------------------------------------------------------
 
     @refused_while_deciding
-    def pin(self, at: tuple[float, float]) -> None:
-        """Keep the panel of the agent at a point of the screen; where there is none, keep none."""
-        self._pinned = self._agent_at(at)
-
-    @refused_while_deciding
-    def unpin(self) -> None:
-        """Keep no panel."""
-        self._pinned = None
+    def pin(self, at: tuple[float, float] | None) -> None:
+        """Keep the panel of the agent at a point of the screen; where there is none, or for None, keep none."""
+        self._pinned = None if at is None else self._agent_at(at)
 
     def pointed_at(self) -> tuple[list[str], tuple[float, float], float] | None:
         """Return what is known about the agent under the pointer, else about the one that was clicked.
