@@ -46,7 +46,8 @@ def pytest_collection_finish():
 @pytest.fixture(autouse=True)
 def _log_level_of_its_own():
     """Begin every test with the level that the logger of all contexts has in a new process."""
-    logging.getLogger("gamms").setLevel(logging.NOTSET)
+    if (logger := logging.getLogger("gamms")).level != logging.NOTSET:  # setting it asks all loggers of all libraries
+        logger.setLevel(logging.NOTSET)
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from gamms.errors import GammsError
 from gamms.graph import Engine
 
 SETTINGS = settings(
-    max_examples=30,
+    max_examples=16,
     stateful_step_count=50,
     deadline=None,
     derandomize=True,

@@ -12,12 +12,19 @@ import browser
 
 
 @pytest.fixture(scope="session")
-def chromium():
+def started():
     """One page of a headless Chromium, which is used again by all tests."""
     if browser.CHROMIUM is None:
         pytest.skip("Chromium is not installed")
     with browser.browser() as page:
         yield page
+
+
+@pytest.fixture(scope="module")
+def chromium(started):
+    """That page, which is blank after the tests of a file: what plays there would go on while others run."""
+    yield started
+    started.call("Page.navigate", url="about:blank")
 
 
 def walk(state):

@@ -99,7 +99,8 @@ if case == "a test":
     os.environ["CI"] = "1"
 options = {"width": 640, "height": 360, "simulation_time_constant": 0.05, "stay_open": case != "stay_open=False"}
 ctx = gamms.create_context(vis_engine="PYGAME", vis_kwargs=options, logger_config={"level": "ERROR"}, seed=1)
-ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+ctx.graph.graph.add_nodes([0, 1, 2], x=[0, 10, 10], y=[0, 0, 10])
+ctx.graph.graph.add_edges([0, 1, 2], sources=[0, 1, 2], targets=[1, 2, 0])
 ctx.agent.create_agent("anna", start_node_id=0, team="red", strategy=gamms.strategies.random_walk)
 if case == "a loop of one's own":
     for _ in range(2):
