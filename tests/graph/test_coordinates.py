@@ -125,6 +125,7 @@ def test_without_a_crs_degrees_mean_nothing():
     [
         (24.94, 60.17, "order of the coordinates"),  # swapped
         (60.0, -100.0, "outside the area"),
+        (60.0, 40.1, "outside the area"),  # the zone ends at 30 degrees, and may be left by ten
         (0.0, 117.0, "outside the area"),
         (91.0, 25.0, "lat must lie between -90 and 90"),
         (60.0, 400.0, "lon must lie between -360 and 360"),
@@ -138,6 +139,11 @@ def test_degrees_outside_the_projection_are_refused(helsinki, lat, lon, hint):
         helsinki.from_latlon(lat=lat, lon=lon)
     with pytest.raises(BadValue, match=hint):
         helsinki.nearest_node(lat=lat, lon=lon)
+
+
+def test_degrees_beside_the_zone_are_projected(helsinki):
+    for lon in (14.1, 39.9):
+        assert helsinki.to_latlon(*helsinki.from_latlon(lat=60.0, lon=lon)) == pytest.approx((60.0, lon))
 
 
 @pytest.mark.parametrize(("x", "y"), [(1e9, 1e9), (1e300, 0.0), (-3e6, 6e6), (math.inf, 0.0), (0.0, math.nan)])

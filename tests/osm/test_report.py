@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 import gamms
 from gamms.cli import app
 from gamms.errors import BadFile, BadType, BadValue
-from gamms.ir.geometry import distances_to
+from gamms.ir.geometry import distances_to, nearest_on
 from gamms.osm import Report, graph_from_file, graph_from_geojson, graph_from_xml, report
 from gamms.osm.comparison import deviations
 from gamms.osm.network import network_of_columns
@@ -441,3 +441,4 @@ def test_the_distance_to_a_straight_line_is_that_to_its_nearest_point_and_it_may
     points = np.array([[2.0, 3.0], [-3.0, 4.0], [13.0, -4.0], [3.0, 4.0]])
     ends = np.array([[10.0, 0.0], [10.0, 0.0], [10.0, 0.0], [0.0, 0.0]])
     assert distances_to(points, np.zeros((4, 2)), ends).tolist() == [3.0, 5.0, 5.0, 5.0]
+    assert nearest_on(np.zeros((2, 2)), (3.0, 4.0)) == (0.0, 5.0)

@@ -2,6 +2,8 @@
 
 import dataclasses
 import io
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -273,3 +275,10 @@ def test_what_a_program_changes_during_a_replay_is_recorded_with_it():
     with opened(io.BytesIO(stream.getvalue())) as recording:
         assert [state.scores for state in recording] == [{}, {}, {"red": 1}, {"red": 2}]
         assert recording[3].data == {"turn": 1_000_000_000}
+
+
+def test_codes_of_events_are_those_of_the_documented_format():
+    page = (Path(__file__).parents[2] / "docs" / "recording-format.md").read_text(encoding="utf-8")
+    documented = {int(code, 16) for code in re.findall(r"\b0[0-9A-F]{7}\b", page)}
+    assert len(documented) > 30
+    assert documented <= set(EVENTS)

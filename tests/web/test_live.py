@@ -339,6 +339,17 @@ def test_answers_are_sent_without_waiting_for_more(paused):
             seconds = time.monotonic() - begun
 
 
+def test_a_client_that_sends_too_many_messages_is_disconnected(join, paused):
+    from websockets.exceptions import ConnectionClosed
+
+    client = join(paused.url)
+    with pytest.raises(ConnectionClosed) as closed:
+        for _ in range(200):
+            client.say(type="step")  # refused, but no nonsense
+        client.read(lambda client: False, seconds=10.0)
+    assert closed.value.rcvd.code == 1008
+
+
 def hostile(draw):
     """A message that makes no sense, is too large, or comes out of turn."""
     kinds = ["pause", "step", "speed", "restart", "choose", "join", "", 7, None, "__class__", "status"]
