@@ -1,12 +1,15 @@
 """What `gamms` says of itself, and of what goes wrong."""
 
 import re
+from pathlib import Path
 
 import pytest
 from typer.testing import CliRunner
 
+import gamms
 from gamms import cli
-from gamms.cli.output import rich_table
+from gamms.cli.output import explained, rich_table
+from gamms.errors import BadValue
 
 COMMANDS = [
     *(
@@ -207,3 +210,16 @@ def test_a_long_table_says_how_many_rows_it_leaves_out():
     table = rich_table(("number", "square"), [(str(i), str(i * i)) for i in range(1_502)])
     assert [*table.columns[0].cells][-2:] == ["499", "and 1,002 more"]
     assert rich_table(("number",), [("1",)] * 500).row_count == 500
+
+
+def test_an_error_and_its_cause_are_printed_without_frames_of_gamms():
+    try:
+        try:
+            gamms.graph.grid(-1, 2)
+        except BadValue as error:
+            raise ValueError("no such grid") from error
+    except ValueError as error:
+        said = explained(error)
+    assert str(Path(gamms.__file__).parent) not in said
+    assert said.count(f'File "{__file__}", line') == 2
+    assert "BadValue: n must be at least 1, not -1." in said
