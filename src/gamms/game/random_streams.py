@@ -54,7 +54,10 @@ class DrawTable:
         self.seed, self.clock = seed, clock
         self.turn, self.row = -1, list[int]()
         self._names: list[str] = []
-        self._begin, self._rows = 0, list[list[int]]()  # the first turn of the block, and the draws of each
+        self._begin = 0  # the first turn of the block
+        self._rows: BitArray = np.empty(
+            (0, 0), np.uint64
+        )  # the draws of each, as an array: lists would be searched for garbage
         self._of_names = 0  # how many agents those are of
 
     def add(self, name: str) -> int:
@@ -71,10 +74,10 @@ class DrawTable:
             first = kernels.first_key_rows(purpose, kernels.name_keys(self._names))
             keys = kernels.later_key_rows(first, np.arange(turn, turn + turns)[:, None])
             self._begin, self._of_names, at = turn, count, 0
-            self._rows = kernels.bits_at_rows(keys, 0).tolist()
+            self._rows = kernels.bits_at_rows(keys, 0)
         self.turn = turn
         if count:
-            self.row = self._rows[at]
+            self.row = self._rows[at].tolist()
 
 
 class Draws:

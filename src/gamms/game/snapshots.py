@@ -432,5 +432,6 @@ class GameInternals(Guarded):
         """End the game, because its context ends, if that is in the middle of a turn which is not the last one."""
         turns, state = self._parts.turns, self.state
         turns.close()
+        self.draw_start = None  # which holds what has built the game
         if turns.is_playing and state.over is None and not self.is_time_up:
             state.over = {"reason": "closed", "winner": None, "truncated": True}

@@ -234,8 +234,9 @@ class PictureEngine(Guarded, IVisualizationEngine):
 
     @refused_while_deciding
     def terminate(self) -> None:
-        """End the films that are being made."""
+        """End the films that are being made, and forget where agents were."""
         self.pictures.finish_films()
+        self.drawing.motion.forget()
 
 
 class NoEngine(PictureEngine):

@@ -90,8 +90,15 @@ def as_turns(trails: object) -> int:
     return turns
 
 
-# Where agents were at the end of a turn: their names, the nodes or points they were at, and the number of the turn.
-_Turn = tuple[Sequence[str], Sequence[Any], int]
+# Where agents were at the end of a turn: their names, the nodes or points they were at, and the number of the turn; and
+# names and places when it began. One tuple, because two would be searched for garbage in every turn.
+_Turn = tuple[Sequence[str], Sequence[Any], int, Sequence[str], Sequence[Any]]
+
+
+def _by_name(turn: _Turn) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Return name -> where each agent was at the begin of a turn, and at its end."""
+    names, places, _, was, before = turn
+    return dict(zip(was, before, strict=True)), dict(zip(names, places, strict=True))
 
 
 class Motion:
@@ -104,7 +111,7 @@ class Motion:
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
         self.moves = _NO_MOVES
-        self._past: deque[tuple[_Turn, _Turn] | Moves] = deque(maxlen=MOST_TURNS)
+        self._past: deque[_Turn | Moves] = deque(maxlen=MOST_TURNS)
         self._last: _Turn | None = None
         self._structure: int | None = None  # of the agents whose names are those of the last turn
         self._steps: dict[str, Step] = {}
@@ -125,10 +132,12 @@ class Motion:
             self.forget()
             last = None
         if last is None:
-            last, self._structure = (list(positions.names), positions.previous_places, number), None
-        names = last[0] if version is not None and version == self._structure else list(positions.names)
-        now = names, positions.places, number
-        past.append((last, now))
+            self._structure = None
+        was: Sequence[str] = list(positions.names) if last is None else last[0]
+        before: Sequence[Any] = positions.previous_places if last is None else last[1]
+        names = was if version is not None and version == self._structure else list(positions.names)
+        now = names, positions.places, number, was, before
+        past.append(now)
         if len(names) > _MANY:
             while len(past) * len(names) > _MOST_PLACES and len(past) > 1:
                 past.popleft()
@@ -145,17 +154,17 @@ class Motion:
         for place in recent:
             entry = self._past[place]
             if not isinstance(entry, Moves):
-                (was, now), number = (dict(zip(names, places, strict=True)) for names, places, _ in entry), entry[1][2]
+                (was, now), number = _by_name(entry), entry[2]
                 steps = {name: (was.get(name, at), at) for name, at in now.items() if (number, name) not in placed}
                 self._past[place] = self.moves_between({}, steps)
         return [moves for moves in reversed(self._past) if isinstance(moves, Moves)][:turns]
 
-    def _placed_since(self, entry: "tuple[_Turn, _Turn] | Moves") -> set[tuple[int, str]]:
+    def _placed_since(self, entry: _Turn | Moves) -> set[tuple[int, str]]:
         """Return the turn and the name of each agent that was put elsewhere in a turn or later."""
         game = self._ctx.current_game
         if game is None or isinstance(entry, Moves):
             return set()
-        later = takewhile(lambda event: event["turn"] >= entry[1][2], reversed(game.events))
+        later = takewhile(lambda event: event["turn"] >= entry[2], reversed(game.events))
         return {(event["turn"], event["agent"]) for event in later if event["kind"] == "respawned"}
 
     def forget(self, past: Iterable[Moves] = ()) -> None:
@@ -186,10 +195,10 @@ class Motion:
         last = self._past[-1] if self._past else None
         if last is None or isinstance(last, Moves):
             return {}
-        listed = (places for _, places, _ in last if isinstance(places, list))  # arrays hold nodes alone
+        listed = (places for places in (last[4], last[1]) if isinstance(places, list))  # arrays hold nodes alone
         if not any(type(place) is Progress for places in listed for place in places):
             return {}
-        (was, now) = (dict(zip(names, places, strict=True)) for names, places, _ in last)
+        was, now = _by_name(last)
         found = {name: (was.get(name, at), at) for name, at in now.items() if name in steps}
         return {
             name: (before, after)
