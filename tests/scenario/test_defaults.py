@@ -117,3 +117,12 @@ def test_a_default_that_is_written_out_makes_no_other_game():
     usual = digests()
     assert digests(then="respawn", score=1) == usual
     assert {part for part, digest in digests(score=2).items() if digest != usual[part]} == {"rules"}
+
+
+def test_a_default_of_code_in_a_team_that_is_written_out_makes_no_other_game():
+    def digests(**given):
+        land = {"function": "gamms.rules.territory:published", "with": {"nodes": {0: "red"}, **given}}
+        teams = {"red": {"count": 1, "meta": {"land": land}}}
+        return Scenario(map={"grid": {"width": 3, "height": 3}}, teams=teams).digests()
+
+    assert digests(name="territory") == digests() != digests(name="land")

@@ -55,7 +55,7 @@ def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray |
 def rows_between(cells: CellIndex, low: tuple[float, float], high: tuple[float, float]) -> IntArray | None:
     """Return rows of a superset of the points in a rectangle, its rim included; None when a scan of all is cheaper."""
     # A point on the rim must not fall out by rounding.
-    rim = 1e-9 * (abs(low[0]) + abs(low[1]) + abs(high[0]) + abs(high[1]))
+    rim = 1e-9 * max(map(abs, (*low, *high)))
     if (max(high[0] - low[0], high[1] - low[1]) + 2.0 * rim) / cells.size > _MOST_STRIPES:
         return None
     low_x, low_y = (_cell_of(value - rim, start, cells.size) for value, start in zip(low, cells.origin, strict=True))
