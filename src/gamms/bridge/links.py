@@ -18,7 +18,7 @@ from typing import IO, TYPE_CHECKING, Any, Self
 from gamms.arguments import as_count, as_items, as_name
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import LONGEST_LINE, BadLine, Fix, Roads, line_of, parse
-from gamms.errors import BadType, BadValue, MissingExtra, NetworkError
+from gamms.errors import BadType, BadValue, NetworkError, needing
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -308,10 +308,8 @@ class WebSocketServer(Link):
         self, port: int = 0, host: str = "127.0.0.1", *, origins: Sequence[str] = (), clock: Clock | None = None
     ) -> None:
         super().__init__(clock)
-        try:
+        with needing("A WebSocket server", "web"):
             import websockets  # noqa: F401 - it is imported where it is used
-        except ImportError:
-            raise MissingExtra("A WebSocket server", "web") from None
         self._listen = as_address((host, port), "(host, port)", 0)
         self._origins: list[Any] = [None, *(as_name(one, "an origin") for one in as_items(origins, "origins", "texts"))]
         self._viewers: set[ServerConnection] = set()

@@ -12,7 +12,7 @@ import msgspec
 from gamms.arguments import as_name, as_numbers, as_range
 from gamms.bridge.feeds import Clock, Feed, Message
 from gamms.bridge.lines import Fix
-from gamms.errors import BadValue, MissingExtra, NetworkError, nearest
+from gamms.errors import BadValue, NetworkError, nearest, needing
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -223,10 +223,8 @@ def rosbridge(
     if not where.startswith(("ws://", "wss://")):
         raise BadValue(f"The URL of a rosbridge server begins with ws:// or wss://, unlike {shown(url)}.")
     at = as_numbers(origin, "origin", "(x, y)")
-    try:
+    with needing("A connection to rosbridge", "ros"):
         import roslibpy
-    except ImportError:
-        raise MissingExtra("A connection to rosbridge", "ros") from None
     logging.getLogger("roslibpy").addFilter(_once)
 
     class BoundedRos(roslibpy.Ros):  # type: ignore[misc] # roslibpy has no types

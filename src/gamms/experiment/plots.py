@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import MissingExtra
+from gamms.errors import needing
 from gamms.experiment.statistics import Interval
 
 if TYPE_CHECKING:
@@ -26,10 +26,8 @@ def plot(x: str, y: str, hue: str | None, series: dict[Any, list[tuple[Any, Inte
     Raises:
         MissingExtra: matplotlib is not installed.
     """
-    try:
+    with needing("A plot", "plot"):
         import matplotlib.pyplot as plt
-    except ImportError:
-        raise MissingExtra("A plot", "plot") from None
     axes: Axes = plt.subplots(layout="constrained")[1] if ax is None else ax
     places = list(dict.fromkeys(at for points in series.values() for at, _ in points))
     is_number = all(isinstance(at, (int, float)) and not isinstance(at, bool) for at in places)

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadValue, MissingExtra
+from gamms.errors import BadValue, needing
 from gamms.ir.graph import FloatArray, IntArray
 
 _RESAMPLES = 2_000
@@ -189,8 +189,6 @@ def _indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
 
 def _stats() -> Any:
     """Return `scipy.stats`."""
-    try:
+    with needing("An interval or a sample", "accel"):
         import scipy.stats
-    except ImportError:
-        raise MissingExtra("An interval or a sample", "accel") from None
     return scipy.stats

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_target
-from gamms.errors import BadType, BadValue, MissingExtra, UnknownType, nearest
+from gamms.errors import BadType, BadValue, UnknownType, nearest, needing
 from gamms.folders import whole_file, write_whole
 from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
@@ -366,19 +366,15 @@ class Frames:
 
     def to_polars(self) -> "tuple[pl.DataFrame, pl.DataFrame]":
         """Return nodes and edges as data frames of polars (MissingExtra: it is not installed)."""
-        try:
+        with needing("A table for polars", "frames"):
             import polars as pl
-        except ImportError:
-            raise MissingExtra("A table for polars", "frames") from None
         nodes, edges = (pl.DataFrame(part, strict=False) for part in (self._layers.nodes, self._layers.edges))
         return nodes, edges
 
     def to_igraph(self) -> "igraph.Graph":
         """Return a directed graph of igraph; vertex `i` is the i-th node (MissingExtra: igraph is not installed)."""
-        try:
+        with needing("A graph for igraph", "frames"):
             import igraph
-        except ImportError:
-            raise MissingExtra("A graph for igraph", "frames") from None
         ends = np.column_stack((self._columns.sources, self._columns.targets)).tolist()
         parts = {"vertex_attrs": self._layers.nodes, "edge_attrs": self._layers.edges}
         return igraph.Graph(len(self._columns.node_ids), ends, directed=True, **parts)

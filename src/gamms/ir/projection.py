@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import BadValue, MissingExtra
+from gamms.errors import BadValue, needing
 from gamms.ir.graph import FloatArray
 from gamms.text import shown
 
@@ -310,8 +310,6 @@ def _transformer(source: object, target: object) -> Any:
 
 
 def _pyproj() -> Any:
-    try:
+    with needing("Projecting coordinates to other than UTM zones", "osm"):
         import pyproj
-    except ImportError as error:
-        raise MissingExtra("Projecting coordinates to other than UTM zones", "osm") from error
     return pyproj

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import BadValue, MissingExtra
+from gamms.errors import BadValue, needing
 from gamms.ir.graph import GraphColumns
 from gamms.ir.projection import WGS84, project_back_and_forth
 from gamms.limits import refuse_above
@@ -68,10 +68,8 @@ def frame_of(columns: Mapping[str, "np.ndarray[Any, Any]"]) -> "pd.DataFrame":
     Raises:
         MissingExtra (ImportError): pandas is not installed.
     """
-    try:
+    with needing("A table for pandas", "notebook"):
         import pandas as pd
-    except ImportError:
-        raise MissingExtra("A table for pandas", "notebook") from None
     return pd.DataFrame(dict(columns))
 
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, cast
 from urllib.parse import urlsplit
 
 from gamms.arguments import as_text
-from gamms.errors import BadType, BadValue, MissingExtra, MissingKey
+from gamms.errors import BadType, BadValue, MissingKey, needing
 from gamms.plain import Plain
 from gamms.text import printable_line, shown
 
@@ -170,10 +170,8 @@ def _hide_secrets_of(client: "AsyncOpenAI") -> None:
 
 
 def _library() -> Any:
-    try:
+    with needing("Asking a language model", "llm"):
         import openai
-    except ImportError:
-        raise MissingExtra("Asking a language model", "llm") from None
     return openai
 
 

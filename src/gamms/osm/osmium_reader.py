@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, cast
 import numpy as np
 
 from gamms.arguments import as_path
-from gamms.errors import BadFile, GammsError, MissingExtra
+from gamms.errors import BadFile, GammsError, needing
 from gamms.ir.geometry import are_inside
 from gamms.ir.graph import FloatArray
 from gamms.limits import Allowance, refuse_above
@@ -367,10 +367,8 @@ def _source_of(file: Path) -> "io.File":
         BadFile: it is empty, of another kind, damaged, or expands absurdly.
         MissingExtra: osmium is not installed.
     """
-    try:
+    with needing("Reading OpenStreetMap files", "osm"):
         import osmium
-    except ImportError as error:
-        raise MissingExtra("Reading OpenStreetMap files", "osm") from error
     return osmium.io.File(str(file), file_format(file))
 
 

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple, NoReturn, TypeAlias, TypeVar
 from urllib.parse import urlencode, urlsplit
 
 from gamms.arguments import as_positive
-from gamms.errors import BadValue, MissingExtra, NetworkError, PlaceError, TooLarge
+from gamms.errors import BadValue, NetworkError, PlaceError, TooLarge, needing
 from gamms.folders import cache_folder, write_whole
 from gamms.limits import max_memory
 from gamms.osm.settings import setting
@@ -74,10 +74,8 @@ class MapServers:
 
     def __init__(self, name: str, show: Show, *, offline: bool) -> None:
         if not offline:
-            try:
+            with needing("Loading places by name", "osm-online"):
                 import requests  # noqa: F401 - whether it is there
-            except ImportError as error:
-                raise MissingExtra("Loading places by name", "osm-online") from error
         timeout = as_positive(setting("requests_timeout"), "gamms.osm.settings.requests_timeout", hint=" seconds.")
         self._name, self._show, self._offline, self._timeout_s = name, show, offline, timeout
         self._folder = Path(setting("cache_folder") or cache_folder("places"))

@@ -5,7 +5,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from gamms.arguments import as_count
-from gamms.errors import BadValue, MissingExtra
+from gamms.errors import BadValue, needing
 from gamms.game.batch import MostAgents
 from gamms.rl.learners import Learners, Observation, Reward
 from gamms.rl.rendering import RenderMode, engine_of
@@ -52,10 +52,8 @@ def parallel_env(
         BadType, BadValue: an argument is none of these; no rule gives scores, and no reward is given.
         MissingExtra (ImportError): PettingZoo is not installed.
     """
-    try:
+    with needing("An environment of PettingZoo", "rl"):
         from gamms.rl.team_env import TeamEnv
-    except ImportError:
-        raise MissingExtra("An environment of PettingZoo", "rl") from None
     window = engine_of(render_mode)
     teams = (team,) if isinstance(team, str) else team
     learners = Learners(
@@ -97,10 +95,8 @@ def single_agent_env(
         BadType, BadValue: see `parallel_env`.
         MissingExtra (ImportError): Gymnasium is not installed.
     """
-    try:
+    with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import AgentEnv, spec_of
-    except ImportError:
-        raise MissingExtra("An environment of Gymnasium", "rl") from None
     window = engine_of(render_mode)
     learners = Learners(
         scenario,
@@ -156,11 +152,9 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): Gymnasium is not installed.
     """
-    try:
+    with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import GamesEnv
         from gamms.rl.processes import ProcessesEnv
-    except ImportError:
-        raise MissingExtra("An environment of Gymnasium", "rl") from None
     teams = (team,) if isinstance(team, str) else team
     options: dict[str, Any] = {"agent": agent, "others": others, "observation": observation, "reward": reward}
     several = as_count(workers, "workers", least=1) > 1
@@ -187,10 +181,8 @@ def sb3_env(scenario: Scenario, *, num_games: int, **options: Any) -> "SlotsEnv"
         MissingExtra (ImportError): Stable-Baselines3 is not installed.
         UnknownName, BadType, BadValue, TooLarge: see `vector_env`.
     """
-    try:
+    with needing("An environment of Stable-Baselines3", "train"):
         from gamms.rl.sb3 import SlotsEnv
-    except ImportError:
-        raise MissingExtra("An environment of Stable-Baselines3", "train") from None
     return SlotsEnv(vector_env(scenario, num_games=num_games, **options))
 
 
@@ -226,12 +218,10 @@ def torchrl_env(
         TooLarge: the games would not fit into memory.
         MissingExtra (ImportError): TorchRL is not installed.
     """
-    try:
+    with needing("An environment of TorchRL", "torchrl"):
         import torch
 
         from gamms.rl.tensor_env import TensorEnv
-    except ImportError:
-        raise MissingExtra("An environment of TorchRL", "torchrl") from None
     teams = (team,) if isinstance(team, str) else team
     return TensorEnv(
         Learners(

@@ -14,7 +14,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 
-from gamms.errors import BadFile, BadType, BadValue, MissingExtra
+from gamms.errors import BadFile, BadType, BadValue, needing
 from gamms.limits import max_memory
 from gamms.rl.learners import Float32Array
 from gamms.text import shown
@@ -211,10 +211,8 @@ def onnx_logits(model: bytes, what: str) -> tuple[Logits, dict[str, str]]:
         MissingExtra (ImportError): onnxruntime is not installed.
         BadFile: it is no such model, or has weights in other files.
     """
-    try:
+    with needing("A policy in ONNX", "onnx"):
         import onnxruntime
-    except ImportError:
-        raise MissingExtra("A policy in ONNX", "onnx") from None
     if _EXTERNAL.search(model):
         raise BadFile(f"{what} may read its weights from other files, which is refused: save it as one file.")
     options = onnxruntime.SessionOptions()

@@ -11,7 +11,7 @@ import msgspec
 import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_function_of, as_path, as_target
-from gamms.errors import BadFile, BadType, BadValue, MissingExtra, MissingFile
+from gamms.errors import BadFile, BadType, BadValue, MissingFile, needing
 from gamms.folders import write_whole
 from gamms.game.batch import ArrayView, array_strategy
 from gamms.ir.graph import FloatArray, IntArray
@@ -135,10 +135,8 @@ def save_policy(
     if file.suffix == ".onnx":
         _save_onnx(model, file, found)
         return
-    try:
+    with needing("A policy in safetensors", "rl"):
         from safetensors.numpy import save
-    except ImportError:
-        raise MissingExtra("A policy in safetensors", "rl") from None
     network = network_of(model, shared)
     network.check(_entries(found.spaces), found.spaces.numbers)
     described = msgspec.structs.replace(found, network=network.architecture)
@@ -388,10 +386,8 @@ def _read(file: Path, _stamp: tuple[int, int]) -> _Loaded:
         return _Loaded(file, _description(metadata.get(_KEY), file), None, logits)
     if file.suffix in _PICKLES:
         return _Loaded(file, None, network_of(_unpickled(file)), None)
-    try:
+    with needing("A policy in safetensors", "rl"):
         from safetensors import SafetensorError, safe_open
-    except ImportError:
-        raise MissingExtra("A policy in safetensors", "rl") from None
     try:
         with safe_open(file, framework="numpy") as opened:
             kinds = {name: opened.get_slice(name).get_dtype() for name in opened.keys()}  # noqa: SIM118 - it is no dict
@@ -429,7 +425,7 @@ def _description(text: str | None, file: Path) -> Description:
 
 def _unpickled(file: Path) -> Any:
     """Return a model of Stable-Baselines3 or PyTorch; this runs the code that is in the file."""
-    try:
+    with needing(f"The policy {file}", "train"):
         if file.suffix == ".zip":
             from gamms.rl.sb3 import loaded
 
@@ -437,8 +433,6 @@ def _unpickled(file: Path) -> Any:
         from torch import load
 
         return load(file, map_location="cpu", weights_only=False)
-    except ImportError:
-        raise MissingExtra(f"The policy {file}", "train") from None
 
 
 def _save_onnx(model: object, file: Path, found: Description) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from gamms import planning, rl
 from gamms.arguments import as_choice, as_count, as_int, as_known, as_mapping
-from gamms.errors import BadValue, MissingExtra
+from gamms.errors import BadValue, needing
 from gamms.ir.graph import FloatArray
 from gamms.scenario import Scenario
 from gamms.solve.solution import (
@@ -281,10 +281,8 @@ def openspiel(
             conflicts.
         MissingExtra (ImportError): OpenSpiel is not installed.
     """
-    try:
+    with needing("A game of OpenSpiel", "solve"):
         from gamms.solve.teams_game import TeamsGame
-    except ImportError:
-        raise MissingExtra("A game of OpenSpiel", "solve") from None
     teams, share = teams_of(scenario, team), checked_discount(reward, discount)
     if len(teams) != 2:
         raise BadValue(f"A game of {len(teams)} teams is no game of OpenSpiel here: only those of two are.")
@@ -352,10 +350,8 @@ def _learned(
     """Return a response that a policy has learned."""
     if reward not in ("score", "turns"):
         raise BadValue(f"method='learn' is for reward='score' or 'turns', not {shown(reward)}: use method='exact'.")
-    try:
+    with needing("A best response that is learned", "train"):
         from sb3_contrib import MaskablePPO
-    except ImportError:
-        raise MissingExtra("A best response that is learned", "train") from None
     gets = _gain if reward == "score" else _turn
     env = rl.sb3_env(scenario, num_games=_TRAINED_GAMES, team=team, others=others, reward=gets, seed=seed)
     try:

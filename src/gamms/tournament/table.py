@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import MissingExtra
+from gamms.errors import needing
 from gamms.experiment.statistics import Interval, mean_interval
 from gamms.text import printable_line
 from gamms.tournament.games import Row
@@ -121,10 +121,8 @@ class Table:
         Raises:
             MissingExtra: openskill is not installed.
         """
-        try:
+        with needing("A rating", "tournament"):
             from openskill.models import PlackettLuce
-        except ImportError:
-            raise MissingExtra("A rating", "tournament") from None
         model = PlackettLuce()
         known = {name: model.rating(name=name) for name in self.entries}
         places = {seed: place for place, seed in enumerate(dict.fromkeys(row["seed"] for row in self.rows))}

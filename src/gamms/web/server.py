@@ -32,7 +32,7 @@ from time import monotonic, sleep, thread_time
 from typing import TYPE_CHECKING, Any, Protocol
 
 from gamms.arguments import as_int
-from gamms.errors import BadType, BadValue, GammsError, MissingExtra, NetworkError
+from gamms.errors import BadType, BadValue, GammsError, NetworkError, needing
 from gamms.plain import Plain
 from gamms.text import shown
 from gamms.web.idle import Client, Idle, Watched
@@ -208,13 +208,11 @@ class Server:
     """
 
     def __init__(self, site: Site, *, host: str = "127.0.0.1", port: int = 0, allow_network: bool = False) -> None:
-        try:
+        with needing("A live view in the browser", "web"):
             import starlette  # noqa: F401 - to say it now if it is missing; so does the last one
             import uvicorn
             import websockets  # noqa: F401
             from uvicorn.protocols.http.h11_impl import H11Protocol
-        except ImportError:
-            raise MissingExtra("A live view in the browser", "web") from None
         is_local = _is_loopback(host)
         if not (is_local or allow_network):
             raise BadValue(

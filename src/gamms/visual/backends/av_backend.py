@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gamms.errors import MissingExtra
+from gamms.errors import needing
 from gamms.visual.backends.coverage import ByteArray, PaintedFrame, PixelArray
 
 if TYPE_CHECKING:
@@ -88,10 +88,8 @@ class Mp4:
     """
 
     def __init__(self, path: Path, width: int, height: int, fps: float) -> None:
-        try:
+        with needing("Writing an MP4 film", "video"):
             import av
-        except ImportError as error:
-            raise MissingExtra("Writing an MP4 film", "video") from error
         from fractions import Fraction
 
         from av.video.reformatter import VideoReformatter

@@ -7,7 +7,7 @@ import io
 import re
 from typing import TYPE_CHECKING, Any
 
-from gamms.errors import BadValue, MissingExtra
+from gamms.errors import BadValue, needing
 from gamms.ir.draw import DrawCommands, DrawKind
 from gamms.visual.appearance import Rgba
 from gamms.visual.backends.pillow_backend import image_size
@@ -33,11 +33,9 @@ def pdf(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
         MissingExtra: ReportLab is not installed.
         BadValue: an image cannot be read.
     """
-    try:
+    with needing("Writing a PDF file", "viz"):
         from reportlab.pdfbase import pdfmetrics, ttfonts
         from reportlab.pdfgen.canvas import Canvas
-    except ImportError as error:
-        raise MissingExtra("Writing a PDF file", "viz") from error
     pdfmetrics.registerFont(ttfonts.TTFont(_FAMILY, str(FONT)))
     data, unit = io.BytesIO(), _INCH / dpi
     paper = camera.width * unit, camera.height * unit

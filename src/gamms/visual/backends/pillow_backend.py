@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import MissingExtra
+from gamms.errors import needing
 from gamms.visual.backends.coverage import ByteArray, PaintedFrame
 
 if TYPE_CHECKING:
@@ -20,10 +20,8 @@ _SPREAD = (0, 85, 170, 255)
 
 def _image_module() -> Any:
     """Return Pillow's `Image`."""
-    try:
+    with needing("Writing a PNG or GIF file", "viz"):
         from PIL import Image
-    except ImportError as error:
-        raise MissingExtra("Writing a PNG or GIF file", "viz") from error
     return Image
 
 
