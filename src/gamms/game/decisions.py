@@ -85,8 +85,7 @@ class TeamArrays:
         Raises:
             BadValue: every node of the graph is legal.
         """
-        counts: RowArray = self._listed().counts
-        return counts
+        return self._listed().counts
 
     def choose(self, actions: object) -> IntArray:
         """Return the nodes that actions lead to: the k-th legal node of each agent, 0 being its own.
@@ -149,8 +148,7 @@ class TeamArrays:
         if self.offsets is None:
             return np.zeros(len(nodes), np.bool_)
         matches = self.targets == np.repeat(nodes, np.diff(self.offsets))
-        found: np.ndarray[Any, np.dtype[np.bool_]] = np.logical_or.reduceat(matches, self.offsets[:-1])
-        return found
+        return np.logical_or.reduceat(matches, self.offsets[:-1])
 
 
 ArrayPlan = Callable[[TeamArrays], Any]

@@ -419,8 +419,7 @@ def _add_place(error: Exception, named: NamedRule, phase: str, state: GameState)
 
 
 def _rank_of(named: NamedRule) -> int:
-    rank: int = getattr(named.rule, "rank", 0)
-    return rank
+    return getattr(named.rule, "rank", 0)
 
 
 def _artist_of(named: NamedRule) -> str | None:

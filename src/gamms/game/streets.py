@@ -80,8 +80,7 @@ class Streets:
         Raises:
             BadType, BadValue: they are no integers, or one is not the row of a node.
         """
-        found: IntArray = as_numbers_of(rows, name, len(self.counts), "nodes")
-        return found
+        return as_numbers_of(rows, name, len(self.counts), "nodes")
 
     @property
     def axes(self) -> FloatArray:
@@ -133,8 +132,7 @@ class Streets:
         """Return where actions lead, each the number of a legal node."""
         _, width, steps, offsets = self._narrow
         places = (rows * width if width else offsets.take(rows)) + actions.astype(np.int64, copy=False)
-        found: IntArray = rows + steps.take(places, mode="clip")
-        return found
+        return rows + steps.take(places, mode="clip")
 
     def action_to(self, rows: IntArray, targets: IntArray) -> IntArray:
         """Return the number of a legal node, by rows; -1 where it is not legal."""

@@ -295,8 +295,7 @@ class Graph(Guarded, IGraph):
 
     def positions(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> FloatArray:
         """Return coordinates (nodes, 2) of several nodes."""
-        xy: FloatArray = self._store.nodes.array("xy")[self._rows(node_ids)]
-        return xy
+        return self._store.nodes.array("xy")[self._rows(node_ids)]
 
     def ground(self, node_ids: Sequence[int] | np.ndarray[Any, Any]) -> NodeGround | None:
         """Return the ground at several nodes, by their `z` and `underground`; None for a map that has neither."""

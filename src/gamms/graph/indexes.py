@@ -60,8 +60,7 @@ class NodeGrid:
             rows = rows[is_near]
         if self._nodes.dead:
             rows = rows[self._nodes.array("alive")[rows] != 0]
-        found: IntArray = np.sort(rows)
-        return found
+        return np.sort(rows)
 
     def nearest(self, x: float, y: float) -> int:
         """Return the living node row nearest to (x, y), the first of several; there must be one."""

@@ -145,8 +145,7 @@ class Visibility(Shareable, IVisibility):
         is_seen = np.zeros(len(self._ids), np.bool_)
         is_seen[self._seen(self._row(observer_id))] = True
         asked = ids if isinstance(ids, np.ndarray) else list(ids)
-        found: BoolArray = is_seen[self._index.rows(records.id_array(asked, "ids"), "node")]
-        return found
+        return is_seen[self._index.rows(records.id_array(asked, "ids"), "node")]
 
     def from_node(self, node_id: int) -> IntArray:
         """Return ids of the nodes that are visible from a node, itself included."""

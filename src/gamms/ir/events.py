@@ -53,8 +53,7 @@ class Moves(NamedTuple):
     @property
     def pairs(self) -> IntArray:
         """The ints of a log, (2 * agents,)."""
-        pairs: IntArray = np.column_stack((self.movers.numbers, self.nodes)).astype(np.int64).reshape(-1)
-        return pairs
+        return np.column_stack((self.movers.numbers, self.nodes)).astype(np.int64).reshape(-1)
 
 
 REPLAYED = -1  # never written: a record of version 2 that is replayed, and what was noted when it happened

@@ -175,8 +175,7 @@ def _is_in_zone(lonlat: FloatArray, crs: str) -> "np.ndarray[Any, np.dtype[np.bo
     west, east = (zone.west, zone.east) if zone else _area_of_use(crs)
     width = (east - west) % 360.0 or 360.0  # an area may straddle the date line
     off_middle = np.abs((lonlat[:, 0] - west - width / 2.0 + 180.0) % 360.0 - 180.0)
-    is_in: np.ndarray[Any, np.dtype[np.bool_]] = off_middle <= width / 2.0 + _BEYOND
-    return is_in
+    return off_middle <= width / 2.0 + _BEYOND
 
 
 def _area_of_use(crs: str) -> tuple[float, float]:

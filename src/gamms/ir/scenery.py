@@ -61,8 +61,7 @@ class Scenery:
 
     def are_areas(self) -> BoolArray:
         """Return which shapes, (shapes,), are areas."""
-        areas: BoolArray = self.kinds < SceneryKind.WATERWAY
-        return areas
+        return self.kinds < SceneryKind.WATERWAY
 
 
 def no_scenery() -> Scenery:

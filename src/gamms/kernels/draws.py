@@ -161,8 +161,7 @@ def fraction(bits: int) -> float:
 
 def fraction_many(bits: BitArray) -> FloatArray:
     """Return what `fraction` returns for each: (draws,)."""
-    found: FloatArray = (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53
-    return found
+    return (bits >> np.uint64(11)).astype(np.float64) * 2.0**-53
 
 
 def normals(bits: Iterable[int]) -> FloatArray:

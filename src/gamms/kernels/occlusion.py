@@ -75,8 +75,7 @@ def visible(corners: FloatArray, origin: FloatArray, targets: FloatArray) -> Boo
 
 def _axes(vectors: FloatArray) -> FloatArray:
     """Vectors (lines, …, 3) as (5, …, lines): x, y, z, and x, y once more, which makes cross products short."""
-    axes: FloatArray = vectors.T.take(_WRAPPED, axis=0)
-    return axes
+    return vectors.T.take(_WRAPPED, axis=0)
 
 
 _WRAPPED = np.array([0, 1, 2, 0, 1])
@@ -119,8 +118,7 @@ def _extent(vectors: FloatArray) -> FloatArray:
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Cross products (3, …)."""
-    product: FloatArray = a[1:4] * b[2:5] - a[2:5] * b[1:4]
-    return product
+    return a[1:4] * b[2:5] - a[2:5] * b[1:4]
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:

@@ -302,8 +302,7 @@ def filter_of_words(text: str) -> WayFilter | None:
         raise BadValue(
             f"The graph was filtered by {shown(text)}, a function of yours. Give report(…, filter=), as before."
         )
-    given: WayFilter | None = json.loads(text) if text else None
-    return given
+    return json.loads(text) if text else None
 
 
 def _of_values(given: Mapping[str, object]) -> Callable[[Mapping[str, str]], bool]:

@@ -106,8 +106,7 @@ def travel_times(network: RoadNetwork, speeds: FloatArray) -> FloatArray:
 def grades(z: FloatArray, ends: IntArray, lengths: FloatArray) -> FloatArray:
     """Return the rise of each edge from its first to its second end, as a share of its length."""
     rise = z[ends[:, 1]] - z[ends[:, 0]]
-    grade: FloatArray = np.divide(rise, lengths, out=np.zeros(len(lengths)), where=lengths > 0.0)
-    return grade
+    return np.divide(rise, lengths, out=np.zeros(len(lengths)), where=lengths > 0.0)
 
 
 def walking_factor(grade: FloatArray) -> FloatArray:
@@ -117,8 +116,7 @@ def walking_factor(grade: FloatArray) -> FloatArray:
     proportional to exp(-3.5 |grade + 0.05|), the greatest on a gentle way down.
     """
     steep = np.clip(grade, -_STEEPEST, _STEEPEST)
-    factor: FloatArray = np.exp(3.5 * (np.abs(steep + 0.05) - 0.05))
-    return factor
+    return np.exp(3.5 * (np.abs(steep + 0.05) - 0.05))
 
 
 def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[FloatArray, FloatArray] | None:

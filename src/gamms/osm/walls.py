@@ -35,8 +35,7 @@ def _floor(heights: FloatArray, owner: IntArray, shapes: Shapes) -> FloatArray:
     lowest = np.full(len(shapes), np.inf)
     np.minimum.at(lowest, owner, heights)
     is_area = shapely.get_dimensions(shapes) == _AREA
-    floor: FloatArray = np.where(is_area[owner], lowest[owner], heights)
-    return floor
+    return np.where(is_area[owner], lowest[owner], heights)
 
 
 class Tolerance(NamedTuple):

@@ -55,8 +55,7 @@ class State:
         """Return where the agents are, (agents, 2), map units: on nodes, on edges, or in the air; NaN: nowhere."""
         from gamms.recorder import tracks  # which few need
 
-        places: FloatArray = tracks.Places().of(self.agents, self._map().columns())[:, :2]
-        return places
+        return tracks.Places().of(self.agents, self._map().columns())[:, :2]
 
 
 def state_of(

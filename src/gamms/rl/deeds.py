@@ -138,8 +138,7 @@ class DeedChoices:
 
     def _edges_from(self, node: int) -> IntArray:
         columns = self._columns
-        edges: IntArray = columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]]
-        return edges
+        return columns.out_edges[columns.offsets[node] : columns.offsets[node + 1]]
 
     def _values(self, field: DeclaredField, known: Sequence[Any], options: IntArray, view: ArrayView) -> Any:
         """Return the values of a field, (games, agents), as `ArrayView.do` takes them."""

@@ -147,8 +147,7 @@ class MovesInArrays:
     def _are_nodes(self) -> BoolArray:
         """Return which agents begin and end on nodes, rather than edges."""
         nodes = len(self.turn.streets.counts)
-        are_nodes: BoolArray = (self.starts % self._nodes < nodes) & (self.ends % self._nodes < nodes)
-        return are_nodes
+        return (self.starts % self._nodes < nodes) & (self.ends % self._nodes < nodes)
 
     def _games_with_swaps(self) -> IntArray:
         """Return the games in which two agents want to exchange nodes."""
@@ -359,8 +358,7 @@ def _first_each(ranks: IntArray | BitArray, contest: RowArray, places: RowArray 
     first = np.empty(len(places), np.int64)
     those = contest.take(equals)
     first[those] = equals  # of several the one that is written last
-    first_ones: IntArray = equals.compress(first.take(those) == equals)
-    return first_ones
+    return equals.compress(first.take(those) == equals)
 
 
 def _in_the_way(starts: IntArray, ends: IntArray, size: int) -> IntArray | None:

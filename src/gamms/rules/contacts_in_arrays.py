@@ -375,13 +375,11 @@ class _Straight:
 
     def may_be_near(self, starts: IntArray, ends: IntArray) -> BoolArray:
         """Return which pairs of nodes are near each other; of shapes that are broadcast."""
-        found: BoolArray = self._squares(starts, ends) <= self._limit * self._limit
-        return found
+        return self._squares(starts, ends) <= self._limit * self._limit
 
     def distances(self, starts: IntArray, ends: IntArray) -> FloatArray:
         """Return how far nodes are apart."""
-        found: FloatArray = np.sqrt(self._squares(starts, ends))
-        return found
+        return np.sqrt(self._squares(starts, ends))
 
     def _squares(self, starts: IntArray, ends: IntArray) -> FloatArray:
         dx, dy = self._x[starts] - self._x[ends], self._y[starts] - self._y[ends]

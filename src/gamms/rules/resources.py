@@ -344,8 +344,7 @@ def _lengths_in_arrays(turn: ArrayTurn, ends: IntArray) -> FloatArray:
 def _goes(turn: ArrayTurn, edges: IntArray) -> BoolArray:
     """Return which agents cover something, given the edges that they go to the end of."""
     legs = None if turn.paths is None else turn.paths.legs
-    goes: BoolArray = (edges > 0) | (False if legs is None else (legs.begin != legs.end).any(axis=-1))
-    return goes
+    return (edges > 0) | (False if legs is None else (legs.begin != legs.end).any(axis=-1))
 
 
 def _edges_in_arrays(turn: ArrayTurn, starts: IntArray, ends: IntArray) -> FloatArray:

@@ -263,8 +263,7 @@ class _Team:
         """The rows of the nodes that the team may start on and that are not given to one of its agents, ascending."""
         near = np.unpackbits(self._near.astype("<u2", copy=False).view(np.uint8), bitorder="little")
         near[list(self.fixed.values())] = 0
-        rows: list[int] = np.flatnonzero(near).tolist()
-        return rows
+        return np.flatnonzero(near).tolist()
 
     @cached_property
     def _near(self) -> WordArray:

@@ -101,8 +101,7 @@ class Scenario:
             ScenarioError: it cannot be loaded.
         """
         with named(self.file, self._raw):
-            columns: GraphColumns = self._loaded().columns
-            return columns
+            return self._loaded().columns
 
     def map_snapshot(self) -> MapSnapshot:
         """Return graph and obstacles, to be copied into a context by `ctx.graph.storage.copy_from`.

@@ -135,8 +135,7 @@ class FlyingSensor(Sensor):
             near = np.flatnonzero(np.einsum("ij,ij->i", offsets, offsets) <= self.range * self.range)
         if self.fov >= 2.0 * pi:
             return near
-        found: IntArray = near[kernels.in_view(offsets[near], axis, self.fov)]
-        return found
+        return near[kernels.in_view(offsets[near], axis, self.fov)]
 
 
 class AerialSensor(FlyingSensor):

@@ -487,8 +487,7 @@ class AgentSensor(DetectingSensor, GroundSensor):
         return [row for row, is_in in zip(rows, are_in, strict=True) if is_in]
 
     def _offsets(self, place: Place, rows: list[int]) -> FloatArray:
-        offsets: FloatArray = self._memory.nearby.xy(rows) - coordinates(self.ctx, place)
-        return offsets
+        return self._memory.nearby.xy(rows) - coordinates(self.ctx, place)
 
 
 class OccludedAgentSensor(OccludedSensor, AgentSensor):

@@ -115,8 +115,7 @@ class NearbyAgents:
         """Return where some agents are on the map (rows, 2)."""
         positions = self._ctx.agent.positions
         if not positions.travellers:
-            found: FloatArray = self.places()[rows]
-            return found
+            return self.places()[rows]
         xy = self._xy_of(positions, rows)
         for i, row in enumerate(rows):
             xy[i] = self._travellers.place(positions, row) or xy[i]

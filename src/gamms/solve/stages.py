@@ -102,8 +102,7 @@ class Stages:
         later = self.values[left if self.table.by_turn else left - 1]
         is_last = left == 1 and self.table.last_turn is not None and rewards.last is not None
         now = rewards.last if is_last and rewards.last is not None else rewards.usual
-        found: FloatArray = now[rows] + rewards.discount * later[self.table.usual.after[rows]]
-        return found
+        return now[rows] + rewards.discount * later[self.table.usual.after[rows]]
 
     def play(self, shape: Shape, left: int) -> Play:
         """Return how both teams play best in the states of a shape, with so many turns left.

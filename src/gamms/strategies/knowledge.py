@@ -442,8 +442,7 @@ def may_hold(view: ArrayView, which: Tensor) -> bool:
 def asked(view: ArrayView, actions: IntArray, form: ArrayStrategy, which: BoolArray) -> IntArray:
     """Return the actions with those of a form for some agents, (games, agents); it is not asked if there are none."""
     some = view.only(which)
-    found: IntArray = view.xp.where(some.mask, form(some), actions) if may_hold(view, some.mask) else actions
-    return found
+    return view.xp.where(some.mask, form(some), actions) if may_hold(view, some.mask) else actions
 
 
 def moves_to(view: ArrayView, targets: IntArray, fallback: ArrayStrategy, known: IntArray | None = None) -> IntArray:

@@ -61,8 +61,7 @@ class Routes(ABC):
 
         One that is greater than `within` may be infinite as well.
         """
-        found: float = self.distances_to(end, weight)[row]
-        return found
+        return self.distances_to(end, weight)[row]
 
     def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
         """Return the distances (roots, others) from rows to others, or to them where reversed; override for speed."""

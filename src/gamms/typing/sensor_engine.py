@@ -160,8 +160,7 @@ _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 
 def owner_of(sensor: ISensor) -> str | None:
     """Return the name of the agent that carries a sensor, where the sensor knows it under the name of 1.0.0."""
-    owner: str | None = getattr(sensor, "_owner", None)
-    return owner
+    return getattr(sensor, "_owner", None)
 
 
 def is_sensor(value: object) -> bool:

@@ -233,8 +233,7 @@ def _is_disc(ctx: IContext, artist: IArtist) -> bool:
 
 def data_of(artist: IArtist) -> dict[str, Any]:
     """Return what an artist draws."""
-    data: dict[str, Any] = artist.data
-    return data
+    return artist.data
 
 
 def state_of(name: str, artist: IArtist) -> Any:

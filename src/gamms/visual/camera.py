@@ -84,8 +84,7 @@ class Camera(NamedTuple):
 
     def to_screen(self, points: FloatArray) -> FloatArray:
         """Return world points (points, 2) in pixels."""
-        screen: FloatArray = (points - (self.left, self.top)) * (self.scale, -self.scale)
-        return screen
+        return (points - (self.left, self.top)) * (self.scale, -self.scale)
 
 
 class Look(NamedTuple):

@@ -236,8 +236,7 @@ def beside(dots: Dots, sizes: FloatArray) -> FloatArray:
     )
     middle = dots.centers[:, None] + away + SIDES * sizes[:, None] / 2
     half = np.broadcast_to(sizes[:, None] / 2, middle.shape)
-    found: FloatArray = np.concatenate([middle - half, middle + half], axis=2)
-    return found
+    return np.concatenate([middle - half, middle + half], axis=2)
 
 
 def are_free(

@@ -190,8 +190,7 @@ def written(choice: Mapping[str, Plain]) -> dict[str, Plain]:
 
 def messages_of(choice: Choice) -> list[Any]:
     """Return the messages that a choice sends."""
-    messages: list[Any] = [] if choice.action is None else json.loads(choice.action).get("messages", [])
-    return messages
+    return [] if choice.action is None else json.loads(choice.action).get("messages", [])
 
 
 def as_action(choice: Mapping[str, Any]) -> Any:

@@ -274,5 +274,4 @@ def _step(xy: "np.ndarray[Any, Any]") -> float:
 
 
 def _rounded(places: "np.ndarray[Any, Any]", step: float) -> "np.ndarray[Any, Any]":
-    rounded: np.ndarray[Any, Any] = np.round(places / step) * step
-    return rounded
+    return np.round(places / step) * step

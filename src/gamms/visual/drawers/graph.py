@@ -99,8 +99,7 @@ def _edges_between(columns: GraphColumns, here: int, ends: set[int]) -> "np.ndar
     [begin] = np.flatnonzero(columns.node_ids == here)
     edges = columns.out_edges[columns.offsets[begin] : columns.offsets[begin + 1]]
     targets = columns.node_ids[columns.targets[edges]].tolist()
-    rows: np.ndarray[Any, np.dtype[np.int64]] = edges[[target in ends for target in targets]]
-    return rows
+    return edges[[target in ends for target in targets]]
 
 
 _Outline = list[list[float]]  # corners (x, y)

@@ -65,8 +65,7 @@ def _arc(start: tuple[float, float], end: tuple[float, float]) -> FloatArray:
     """Return points (points, 2) from start to end that bend to the left, so that there and back are two arcs."""
     first, way = np.array(start), np.subtract(end, start)
     aside = np.array([-way[1], way[0]]) * _HEIGHT
-    points: FloatArray = first + _BEND[:, None] * way + (4.0 * _BEND * (1.0 - _BEND))[:, None] * aside
-    return points
+    return first + _BEND[:, None] * way + (4.0 * _BEND * (1.0 - _BEND))[:, None] * aside
 
 
 def legend_of_messages(ctx: IContext, of: Collection[str] | None = None) -> Rows | None:
