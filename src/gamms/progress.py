@@ -1,9 +1,11 @@
-"""A line on the terminal that says what a slow call is doing; silent everywhere else."""
+"""What slow calls do for who waits: a line on the terminal that says how far they are, and Ctrl-C between two steps."""
 
+import signal
 import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from threading import current_thread, main_thread
 
 Show = Callable[[str], None]  # shows a text
 _CLEAR = "\r\x1b[K"
@@ -30,3 +32,32 @@ def progress(patience_s: float = 1.0) -> Iterator[Show]:
         if shown:
             terminal.write(_CLEAR)
             terminal.flush()
+
+
+@contextmanager
+def uninterrupted(*, at_most_once: bool = False) -> Iterator[None]:
+    """Let Ctrl-C wait until the block is done: what it does is then neither left out nor done twice.
+
+    Args:
+        at_most_once: raise at the second Ctrl-C, since the block may take long.
+    """
+    before = signal.getsignal(signal.SIGINT) if current_thread() is main_thread() else None
+    if before is None:  # Ctrl-C goes to the main thread, and perhaps not to Python
+        yield
+        return
+    came: list[int] = []
+
+    def note(number: int, _: object) -> None:
+        came.append(number)
+        if at_most_once and len(came) > 1:
+            came.clear()
+            signal.signal(signal.SIGINT, before)
+            signal.raise_signal(signal.SIGINT)
+
+    signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+        if came:
+            signal.raise_signal(signal.SIGINT)

@@ -1,5 +1,7 @@
 """Many games at once: each is the game that would be played alone."""
 
+import signal
+from contextlib import suppress
 from math import inf
 
 import numpy as np
@@ -522,3 +524,81 @@ def test_seeds_of_a_reset_are_as_many_as_its_games():
 def test_games_that_are_played_one_by_one_have_no_columns():
     with scene().batch(2, one_by_one=True) as games, pytest.raises(BadValue, match="one_by_one"):
         games.columns()
+
+
+def alarm():
+    """Yield whether to raise, at moments that are sent; a generator, for what else remembers is refused."""
+    asked, at = 0, frozenset()
+    while True:
+        sent = yield asked in at
+        if sent is None:
+            asked += 1
+        else:
+            asked, at = 0, sent
+
+
+ALARM = alarm()
+next(ALARM)
+
+
+def walk_and_ring(state):
+    node = state["legal"][state["draw"].below(len(state["legal"]))]
+    if ALARM.send(None):
+        raise ZeroDivisionError
+    state["action"] = node
+
+
+def walk_and_press(state):
+    node = state["legal"][state["draw"].below(len(state["legal"]))]
+    if ALARM.send(None):
+        raise KeyboardInterrupt
+    state["action"] = node
+
+
+PLAYED = {
+    "arrays": (70, {}),
+    "few": (4, {}),
+    "one by one": (4, {"one_by_one": True}),
+    "alone": (1, {"one_by_one": True}),
+}
+
+
+@pytest.mark.parametrize("how", PLAYED)
+@pytest.mark.parametrize("by_turns", [False, True])
+@pytest.mark.parametrize("walk", [walk_and_ring, walk_and_press])
+def test_games_in_which_a_strategy_raises_go_on_as_if_it_had_not(how, by_turns, walk, tmp_path):
+    number, more = PLAYED[how]
+    game, team = scene(max_turns=9), {"red": walk}
+    ALARM.send(frozenset())
+    results = [plain(game.play(seed=1 + i, strategies=team)) for i in range(number)]
+    ALARM.send(frozenset({11, 20, 11 + 3 * number}))
+    with game.batch(number, seed=1, record=True, strategies=team, **more) as games:
+        for _ in range(20):
+            with suppress(ZeroDivisionError, KeyboardInterrupt):
+                if by_turns:
+                    games.step()
+                else:
+                    games.run()
+            assert len(set(games.turn.tolist())) == 1 or not by_turns
+        assert [plain(games.result(i)) for i in range(number)] == results
+        games.record(0, tmp_path / "game.ggr")
+        with recorder.open(tmp_path / "game.ggr") as recording:
+            assert len(recording) == 9
+
+
+def test_ctrl_c_comes_between_two_turns_of_a_batch():
+    def press(ctx):
+        if ctx.game.turn in (3, 5) and ctx.seed == 7:
+            signal.raise_signal(signal.SIGINT)
+        ctx.game.scores["red"] += 1
+
+    with scene(max_turns=8).build(seed=1) as ctx:
+        ctx.game.add(press)
+        with ctx.game.batch(40, seed=1) as games:
+            for turn in (3, 5):
+                with pytest.raises(KeyboardInterrupt):
+                    while True:
+                        games.step()
+                assert set(games.turn.tolist()) == {turn}
+            games.run()
+            assert set(games.scores["red"].tolist()) == {8}

@@ -1,6 +1,6 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
 from functools import cache
 from typing import Any
@@ -224,6 +224,12 @@ class LazySlots(Sequence[AgentSlot]):
         twin = copy(self)
         twin._make, twin._made = make, {}
         return twin
+
+
+def restart_draws(slots: Iterable[AgentSlot]) -> None:
+    """Let agents draw in this turn as if they had not drawn yet."""
+    for slot in slots:
+        slot.go_to((None, None))
 
 
 def made_slots(slots: Sequence[AgentSlot]) -> Sequence[AgentSlot]:

@@ -20,7 +20,7 @@ from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
 from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
 from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
-from gamms.game.slots import AgentSlot, LazySlots, made_slots
+from gamms.game.slots import AgentSlot, LazySlots, made_slots, restart_draws
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -158,12 +158,8 @@ class TurnEngine:
     def snapshot(self) -> dict[str, tuple[Any, Any]]:
         """Return what agents have drawn in this turn outside of it, for `restore`."""
         self.update_counts()
-        drawn = {}
-        for slot in () if self._order is None else made_slots(self._order.slots):
-            marks = slot.marks()
-            if marks != (None, None):
-                drawn[slot.name] = marks
-        return drawn
+        made = () if self._order is None else made_slots(self._order.slots)
+        return {slot.name: marks for slot in made if (marks := slot.marks()) != (None, None)}
 
     def restore(self, drawn: dict[str, tuple[Any, Any]]) -> None:
         """Continue from a state that was restored."""
@@ -225,13 +221,13 @@ class TurnEngine:
             BadValue: the order of play leaves out a team.
         """
         state, order = self._state, self.order()
+        if order.unlisted is not None:
+            raise BadValue(
+                f"ctx.game.order leaves out team {shown(order.unlisted.team)}, of which agent "
+                f"{order.unlisted.name!r} is. Add the team to one of its lists."
+            )
         self._groups, self.is_moving = order.groups, True
         try:
-            if order.unlisted is not None:
-                raise BadValue(
-                    f"ctx.game.order leaves out team {shown(order.unlisted.team)}, of which agent "
-                    f"{order.unlisted.name!r} is. Add the team to one of its lists."
-                )
             first = state.parts_played or 0
             turn = self._play_part(order, first, observers, rules)
             if len(order.parts) > 1:
@@ -240,6 +236,9 @@ class TurnEngine:
             if self._outgoing:
                 agents = [slot.agent for slot in self.order().slots]
                 state.messages += sent(self._ctx, agents, self._outgoing, state.turn)
+        except BaseException:  # what was drawn is drawn again when the turn is played
+            restart_draws(made_slots((self._order or order).slots))
+            raise
         finally:
             self.is_moving = False
             if self._outgoing:

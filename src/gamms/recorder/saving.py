@@ -2,10 +2,9 @@
 
 import atexit
 import os
-import signal
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
-from threading import Event, Lock, Thread, current_thread, main_thread
+from collections.abc import Callable
+from contextlib import suppress
+from threading import Event, Lock, Thread
 from time import sleep
 
 INTERVAL_S = 0.25
@@ -102,20 +101,3 @@ def _background() -> _Background:
     if not _backgrounds or _backgrounds[-1].process != os.getpid():
         _backgrounds.append(_Background())
     return _backgrounds[-1]
-
-
-@contextmanager
-def uninterrupted() -> Iterator[None]:
-    """Let Ctrl-C wait until the block is done: what is written is then neither lost nor there twice."""
-    before = signal.getsignal(signal.SIGINT) if current_thread() is main_thread() else None
-    if before is None:  # Ctrl-C goes to the main thread, and perhaps not to Python
-        yield
-        return
-    came: list[int] = []
-    signal.signal(signal.SIGINT, lambda number, _: came.append(number))
-    try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-        if came:
-            signal.raise_signal(signal.SIGINT)

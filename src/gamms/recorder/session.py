@@ -18,13 +18,14 @@ from gamms.ir import events as kinds
 from gamms.ir.events import Log
 from gamms.ir.journal import PLAIN
 from gamms.plain import Plain
+from gamms.progress import uninterrupted
 from gamms.recorder import keyframes, sensed
 from gamms.recorder.changes import DrawingChanges, GameChanges, SensorChanges, StrategyChanges
 from gamms.recorder.detached import DetachedState
 from gamms.recorder.errors import Damaged
 from gamms.recorder.journals import SessionJournal, SkippedValues
 from gamms.recorder.maps import is_map_of
-from gamms.recorder.saving import Saving, uninterrupted
+from gamms.recorder.saving import Saving
 from gamms.typing.context import HostContext
 
 _OTHER_AGENT = object()

@@ -38,6 +38,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
+from gamms.progress import uninterrupted
 from gamms.text import shown
 from gamms.typing import AgentType
 
@@ -150,6 +151,8 @@ class Batch:
     ) -> BoolArray:
         """Play one turn of all games that are not over; return which go on, (games,).
 
+        Ctrl-C waits until the turn is played; a second one does not.
+
         Args:
             actions: team -> integers (games, agents of the team in the order of their names): the numbers of the nodes
                 in `state["legal"]` that they go to, 0 to stay. Teams that are not there play their own strategies.
@@ -164,8 +167,7 @@ class Batch:
         Raises:
             UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
             BadType, BadValue: actions are not such integers, or not legal; no game has played then, and no rule was
-                called. Where a rule before the turn has made one illegal, these rules were, and games that are played
-                one by one may have played.
+                called. Where a rule before the turn has made one illegal, these rules were.
             TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
@@ -177,15 +179,24 @@ class Batch:
         if self._apart is not None and given:
             games = [number for number in self.detached if self._apart.over(number) is None]
             self._apart.check(self._on_host(given), np.array(games, np.int64))
-        with self._watched():
-            self._engine.step(given if is_there else self._on_host(given))
-        if given and self._log is None:
-            self._was_given = True
+        before, is_played = self._engine.turns(), False
+        with uninterrupted(at_most_once=True):
+            try:
+                with self._watched():
+                    self._engine.step(given if is_there else self._on_host(given))
+                is_played = True
+            finally:
+                if is_played or (self._engine.turns() > before).any():  # or a rule has raised when all had moved
+                    self._note(given)
+            self._play_apart()
+        return self._put(~self._engine.is_over)
+
+    def _note(self, given: dict[Hashable, Given]) -> None:
+        """Note the actions of a turn that was played."""
         if self._log is not None:
             self._log.append(given)
+        self._was_given |= self._log is None and bool(given)
         self._steps += 1
-        self._play_apart()
-        return self._put(~self._engine.is_over)
 
     def _play_apart(self, *, to_the_end: bool = False) -> None:
         """Let the turn engine play the games that have left the arrays, from their starts to where the others are."""
@@ -270,12 +281,14 @@ class Batch:
             self._is_said = True
             self._source.game.ctx.logger.warning(f"A batch is played one game after the other, because of {self.slow}.")
         before = engine.turns()
-        for game in np.flatnonzero(~engine.is_over).tolist():
-            engine.run(game)
-            if show is not None:
-                show(f"game {game + 1} of {len(self)}")
-        if self._log is not None:
-            self._log += [{}] * int((engine.turns() - before).max())
+        try:
+            for game in np.flatnonzero(~engine.is_over).tolist():
+                engine.run(game)
+                if show is not None:
+                    show(f"game {game + 1} of {len(self)}")
+        finally:
+            if self._log is not None:
+                self._log += [{}] * int((engine.turns() - before).max())
 
     def reset(self, which: Any = None, *, seeds: Iterable[int] | None = None) -> None:
         """Begin games again.

@@ -74,11 +74,23 @@ class OneByOneEngine:
         self._is_observed[game] = False
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over."""
+        """Play one turn of all games that are not over; of several none is played where one raises."""
         playing = np.flatnonzero(~self.is_over)
         self.check(given, playing)
-        for number in playing.tolist():
-            self.step_game(number, given)
+        if len(playing) == 1:  # NOTE: a snapshot for each turn would slow it down
+            self.step_game(int(playing[0]), given)
+            return
+        self._put_aside()
+        before = [*self._snapshots], [*self._results], [*self._over], self._turns.copy(), [*self._scores]
+        try:
+            for number in playing.tolist():
+                self.step_game(number, given)
+        except BaseException:
+            self._acting.end()
+            self.loaded = None
+            self._snapshots, self._results, self._over, self._turns, self._scores = before
+            self._is_observed[playing] = False
+            raise
 
     def check(self, given: Mapping[Hashable, Given], games: IntArray) -> None:
         """Refuse what cannot be done in one of some games as they are now, before any is played."""
@@ -110,16 +122,28 @@ class OneByOneEngine:
                 game.step()
             except BaseException:
                 self._acting.end()
+                if game.turn > self._turns[number]:  # a rule has raised when all had moved
+                    self._store(number)
                 raise
         self._store(number)
         self._refuse_hidden()
 
     def run(self, number: int) -> None:
-        """Play a game to its end."""
+        """Play a game to its end; after an interrupt it is where it was before."""
+        if number == self.loaded:
+            self._put_aside()
+        before = self._snapshots[number]
         game = self.load(number)
         last = None if self._last is None else max(0, self._last - game.turn)
-        with self._named(number):
-            game.run(last)
+        try:
+            with self._named(number):
+                game.run(last)
+        except Exception:
+            self._store(number)
+            raise
+        except BaseException:
+            self.loaded, self._snapshots[number] = None, before
+            raise
         self._store(number)
         self._refuse_hidden()
 
@@ -256,10 +280,8 @@ class OneByOneEngine:
         game, snapshot = self._game, self._snapshots[number]
         if self.loaded == number:
             return game
-        self._acting.end()
-        if self.loaded is not None and self._over[self.loaded] is None:
-            self._snapshots[self.loaded] = game.snapshot()
-        self.loaded, self._snapshots[number] = None, None
+        self._put_aside()
+        self._snapshots[number] = None
         if snapshot is None:
             game.reset(seed=self.seeds[number])
             self._acting.end()
@@ -267,6 +289,13 @@ class OneByOneEngine:
             game.restore(snapshot)
         self.loaded = number
         return game
+
+    def _put_aside(self) -> None:
+        """Keep the game that the context has as a snapshot."""
+        self._acting.end()
+        if self.loaded is not None and self._over[self.loaded] is None:
+            self._snapshots[self.loaded] = self._game.snapshot()
+        self.loaded = None
 
     def _store(self, number: int) -> None:
         """Keep what has become of the game that the context has."""

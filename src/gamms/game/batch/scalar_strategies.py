@@ -25,7 +25,7 @@ from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes
 from gamms.game.order import Legality, Part, ResolvedAction
 from gamms.game.random_streams import DrawTable
-from gamms.game.slots import AgentSlot
+from gamms.game.slots import AgentSlot, restart_draws
 from gamms.game.snapshots import copies_of
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.graph import IntArray
@@ -225,7 +225,12 @@ class ScalarStrategies:
             sent.extend((int(turn.games[at]), message) for message in messages)
 
         needs_game = any(self._needs_game[number] for number in numbers)
-        self._context.ask(turn, "the strategies of agents", ask, needs_game=needs_game)
+        try:
+            self._context.ask(turn, "the strategies of agents", ask, needs_game=needs_game)
+        except BaseException:
+            for players in filter(None, self._players):  # as in a game alone
+                restart_draws(players.slots.values())
+            raise
         ends = np.array(node, np.int64).reshape(view.node.shape)
         return self._actions(view, ends), state.deeds.from_plain(deeds, turn.node), self._outboxes(sent), routes
 
