@@ -364,6 +364,28 @@ def test_an_error_of_a_strategy_names_game_agent_and_turn():
         assert "turn 2" in notes
 
 
+@pytest.mark.parametrize("more", [{}, {"xp": np}])
+def test_an_error_of_an_array_form_names_it_and_the_turn(more):
+    @gamms.array_strategy
+    def fall(view):
+        if (view.turn == 2).any():
+            raise ZeroDivisionError("fell")
+        return view.counts * 0
+
+    with scene().batch(3, strategies={"red": fall}, **more) as games:
+        with pytest.raises(ZeroDivisionError) as caught:
+            games.run()
+        assert caught.value.__notes__ == ["In the strategy fall of a batch, in turn 2."]
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(gamms.array_rule(lambda turn: 1 // int(turn.turn[0] != 2)), name="falls")
+        with ctx.game.batch(3, **more) as games:
+            games.step()
+            games.reset([2])
+            with pytest.raises(ZeroDivisionError) as caught:
+                games.step()
+        assert caught.value.__notes__ == ["In the rule 'falls' (phase 'after') of a batch, in turns 1 to 2."]
+
+
 @pytest.mark.parametrize("order", [None, [["red"], ["blue"]]])
 def test_agents_on_edges_are_observed_where_they_are(order):
     scenario = scene(settings={"speed_unit": "metres", "order": order})

@@ -88,6 +88,8 @@ def test_walks_are_spread_as_probabilities_diffuse():
         ends = view.flows().walks(np.full(20_000, 7), 3)[-1]
         masses = view.flows().diffuse(np.eye(25)[7], 3)
         assert np.bincount(ends, minlength=25) / 20_000 == pytest.approx(masses, abs=0.02)
+        for kind in (int, bool):
+            assert (view.flows().diffuse(np.eye(25, dtype=kind)[7], 3) == masses).all()
 
 
 def test_what_cannot_be_is_refused(monkeypatch):

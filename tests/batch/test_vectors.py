@@ -7,7 +7,7 @@ import pytest
 from batch_scenes import scene
 
 import gamms
-from gamms.errors import BadValue
+from gamms.errors import BadValue, TooLarge
 
 NEAR = {"near": {"type": "AGENT_RANGE", "sensor_range": 25.0}}
 WALKS = {"count": 3, "strategy": "gamms.strategies:random_walk", "sensors": ["near"]}
@@ -54,6 +54,12 @@ def test_a_vector_says_what_the_state_says(speed, unit):
                 assert found.legal[1, number].tolist() == is_legal
             games.step()
             ctx.game.step()
+
+
+@pytest.mark.parametrize("others", [10**8, 10**15])
+def test_vectors_that_do_not_fit_into_memory_are_refused(others):
+    with scene().batch(2) as games, pytest.raises(TooLarge, match=f"ectors of {others} others would take about"):
+        games.observe("red").vector(others=others)
 
 
 def test_vectors_of_dead_agents_are_zero_and_only_to_stay_is_legal():

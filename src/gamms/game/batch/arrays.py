@@ -26,7 +26,7 @@ from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, rememb
 from gamms.game.batch.sight import DELAYS, reports_late, sees_from_edges, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings, NotTakenUp
 from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved
-from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart
+from gamms.game.batch.turn import IN_ARRAYS_ALONE, ArrayRule, ArrayTurn, TurnPart, in_turns
 from gamms.game.batch.view import BOARDS, COVERS, FITS, IS_BLIND, MAY_SKIP, SPEEDS, ArrayView
 from gamms.game.deeds import checked_value
 from gamms.game.messages import ANTENNA, Scene
@@ -418,7 +418,7 @@ class ArrayEngine:
         try:
             form(turn)
         except Exception as error:
-            error.add_note(f"In the rule {named.name!r} (phase {named.phase!r}) of a batch.")
+            error.add_note(f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn)}.")
             raise
 
     def view(self, agents: IntArray) -> ArrayView:

@@ -14,7 +14,7 @@ from gamms.game.batch.grounds import Ground
 from gamms.game.batch.movement import Moves, Route
 from gamms.game.batch.sight import DELAYS
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.turn import ArrayTurn, in_turns
 from gamms.game.batch.view import ArrayView
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
@@ -144,7 +144,7 @@ class Asking:
                     if asked is not None:
                         self._state.drawn[np.ix_(turn.games, agents)] = view.draw.count
                 except Exception as error:
-                    error.add_note(f"In the strategy {group.name} of a batch.")
+                    error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn)}.")
                     raise
         scalar = self._here.asked
         agents = np.zeros(0, np.int64) if scalar is None else scalar.agents[~is_decided[scalar.agents]]

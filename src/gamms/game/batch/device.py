@@ -22,7 +22,7 @@ from gamms.game.batch.movement import Movement
 from gamms.game.batch.scalar_rules import collectors_of
 from gamms.game.batch.sight import reports_elsewhere, turns_with_its_agent
 from gamms.game.batch.state import GameArrays
-from gamms.game.batch.turn import ArrayTurn
+from gamms.game.batch.turn import ArrayTurn, in_turns
 from gamms.game.batch.view import IS_LEGAL, PORTABLE, ArrayView
 from gamms.game.settings import NamedRule
 from gamms.ir.graph import IntArray
@@ -299,7 +299,8 @@ class DeviceEngine(ArrayEngine):
             actions = form(view)
             return view.as_actions(actions, group.name) if is_legal else view.checked(actions, group.name)
         except Exception as error:
-            error.add_note(f"In the strategy {group.name} of a batch.")
+            turns = self.state.turn[~self.is_over]
+            error.add_note(f"In the strategy {group.name} of a batch, {in_turns(turns)}.")
             raise
 
     def _asked_on_host(self, group: Group, agents: IntArray) -> Tensor:

@@ -76,6 +76,8 @@ class Flows:
         """
         nodes = len(self._streets.counts)
         masses = as_array(masses, "masses", "numbers")
+        if masses.dtype.kind != "f":
+            masses = masses.astype(np.float64)
         if masses.shape[-1:] != (nodes,):
             raise BadValue(f"masses need {nodes} nodes as their last axis, not the shape {masses.shape}.")
         chance = None if stay is None else as_float(stay, "stay")

@@ -529,3 +529,9 @@ def _once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
     _, first = np.unique(np.column_stack((at, agents)), axis=0, return_index=True)
     kept = np.sort(first)
     return at[kept], agents[kept]
+
+
+def in_turns(turns: IntArray) -> str:
+    """Say in which turn some games are, (games,), for notes on errors."""
+    known = np.unique(turns).tolist() or [0]
+    return f"in turn {known[0]}" if len(known) == 1 else f"in turns {known[0]} to {known[-1]}"

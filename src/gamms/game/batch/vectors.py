@@ -11,6 +11,7 @@ from gamms.game.batch.sight import Seen
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.limits import max_memory, refuse_above
 
 OWN = ("x", "y")  # from the centre of the map
 OTHER = ("is_seen", "is_mate", "dx", "dy")  # of each other agent; offsets from the agent to the node of the other
@@ -51,6 +52,7 @@ class Encoder:
         low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.zeros(2))
         self._scale, self._centre = float((high - low).max()) / 2.0 or 1.0, (low + high) / 2.0
         self._others, self._actions = others, actions
+        refuse_above(200.0 * (actions + others), f"Vectors of {others} others")  # of their names
         self._places = self._placed(xy)  # (nodes, 2)
         self.names = (
             *OWN,
@@ -58,6 +60,7 @@ class Encoder:
             *(f"other_{number}.{name}" for number in range(others) for name in OTHER),
         )
         if is_plain:
+            self._refuse_too_many(len(xy))
             is_legal = np.arange(streets.legal.shape[1]) < streets.counts[:, None]
             self._of_node = self._moving(self._places, streets.legal, is_legal)
             self._is_legal: BoolArray = self._of_node[:, self._legal_entries] > 0.0
@@ -82,6 +85,7 @@ class Encoder:
                 edge.
             xy: (games, agents, 2) where they are; None: on their nodes.
         """
+        self._refuse_too_many(node.size)
         own = None if xy is None else self._placed(xy)
         if legal is None:
             values, is_legal = self._of_node[node], self._is_legal[node]
@@ -101,6 +105,12 @@ class Encoder:
             values[~mask] = 0.0
             is_legal[..., 1:] &= mask[..., None]
         return Vectors(values, self.names, mask, is_legal)
+
+    def _refuse_too_many(self, vectors: int) -> None:
+        """Refuse vectors that would not fit into memory."""
+        bytes_ = 4.0 * vectors * len(self.names)
+        if bytes_ > max_memory():
+            refuse_above(bytes_, f"{vectors} vectors of {self._others} others")
 
     @property
     def _legal_entries(self) -> slice:

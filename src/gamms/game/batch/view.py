@@ -425,6 +425,7 @@ class ArrayView(Mapping[str, Any]):
 
         Raises:
             BadValue: an agent may go to more than 4096 nodes.
+            TooLarge: vectors of so many others would not fit into memory.
         """
         return self.encoded(as_count(others, "others", least=0), None)
 
