@@ -5,7 +5,6 @@ import logging
 import re
 import traceback
 
-import openai
 import pytest
 from loopback import KEY, Refusal, free_port, new_game, outcomes
 
@@ -22,6 +21,13 @@ LEAKS = {  # what a server may do to get a key into what others read
     "a message": lambda request: {"move": 1, "messages": [{"channel": "radio", "to": None, "body": f"it is {KEY}!"}]},
 }
 REFUSED = json.dumps({"error": {"message": f"Incorrect API key provided: {KEY}"}}).encode()
+
+
+def client_of(**given):
+    """A client of the library, which takes 0.7 s to load: not where tests are only collected."""
+    import openai
+
+    return openai.AsyncOpenAI(**given)
 
 
 def raising(refusal):
@@ -46,7 +52,7 @@ def test_a_server_that_sends_the_key_back_gets_it_nowhere(server, tmp_path, capl
         return next(leaks)(request)
 
     server.script = script
-    client = openai.AsyncOpenAI(base_url=server.url, api_key=KEY) if is_own else server.url
+    client = client_of(base_url=server.url, api_key=KEY) if is_own else server.url
     options = {} if is_own else {"key_variable": "LOOPBACK_KEY"}
     strategy = Strategy(client, "m", "Go.", attempts=1, calls=tmp_path / "calls.jsonl", **options)
     with caplog.at_level(logging.DEBUG), new_game(strategy) as ctx:
@@ -130,7 +136,7 @@ def test_a_server_that_needs_no_key_gets_none(server, monkeypatch):
 
 def test_secrets_in_headers_and_addresses_of_a_client_are_hidden_too(server, caplog):
     secret = "header-secret-98765"
-    client = openai.AsyncOpenAI(
+    client = client_of(
         base_url=server.url,
         api_key="none",
         default_headers={"api-key": secret},
@@ -152,7 +158,7 @@ def test_a_key_that_a_function_gives_is_hidden_too(server):
         return secret
 
     server.script = lambda _: f"it is {secret}"
-    client = openai.AsyncOpenAI(base_url=server.url, api_key=key)
+    client = client_of(base_url=server.url, api_key=key)
     with new_game(Strategy(client, "m", "Go.", attempts=2)) as ctx:
         result = ctx.game.run(1)
     assert server.headers[0]["authorization"] == f"Bearer {secret}"
