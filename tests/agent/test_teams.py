@@ -60,6 +60,8 @@ def test_values_are_set_where_a_mask_says(ctx):
         team["fuel"][0] = 9
     with pytest.raises(BadValue, match="fuel: one value, or 3"):
         team.set("fuel", [1, 2])
+    with pytest.raises(BadValue, match="ud800: one value, or 3"):
+        team.set("\ud800", [1, 2])
     with pytest.raises(BadType, match="where="):
         team.set("fuel", 1, where=[0, 1, 1])
     with pytest.raises(UnknownName, match="fuel"):

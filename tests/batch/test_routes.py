@@ -209,6 +209,14 @@ def test_what_is_no_row_of_a_node_is_refused(case):
         assert routes.distances(here, here).tolist() == [0.0, 0.0]
 
 
+def test_what_is_no_name_of_a_weight_is_refused():
+    with scene().batch(2) as games:
+        view = games.observe("red")
+        for ask in (view.routes, lambda weight: view.flows().within(np.array([0]), 10.0, weight)):
+            with pytest.raises(BadType, match="weight must be"):
+                ask({})
+
+
 def test_rows_that_are_not_asked_for_may_be_any():
     with scene().batch(2) as games:
         routes = games.observe("red").routes()

@@ -17,7 +17,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
 from gamms.kernels.draws import BitArray
-from gamms.text import shown
+from gamms.text import printable_line, shown
 from gamms.typing import IContext
 from gamms.typing.actions import as_heading
 from gamms.typing.sensor_engine import ISensor, is_sensor
@@ -392,5 +392,5 @@ def each_of(values: object, count: int, name: str) -> list[Any]:
         return [values.item() if isinstance(values, np.generic) else values] * count
     listed: list[Any] = values.tolist() if isinstance(values, np.ndarray) else list(values)  # type: ignore[call-overload]
     if len(listed) != count:
-        raise BadValue(f"{name}: one value, or {count}, one for each agent; not {len(listed)}.")
+        raise BadValue(f"{printable_line(name)}: one value, or {count}, one for each agent; not {len(listed)}.")
     return listed

@@ -6,7 +6,7 @@ How far it is and which action leads there is in `routes.py`; what is believed o
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_count, as_float, as_int, as_one_shape, as_range
+from gamms.arguments import as_array, as_count, as_float, as_int, as_key, as_one_shape, as_range
 from gamms.errors import BadValue, TooLarge
 from gamms.game.batch.surroundings import KnownRows
 from gamms.game.streets import Streets
@@ -124,7 +124,7 @@ class Flows:
                 f"{nodes.size} masks of {size} nodes are too large. Ask for fewer games, or for distances between "
                 "nodes: view.routes().distances."
             )
-        if (weight, most) not in self._reached:
+        if (as_key(weight, "weight"), most) not in self._reached:
             if len(self._reached) >= _MOST_LIMITS:
                 self._reached.clear()
             self._reached[weight, most] = KnownRows(size, lambda some: self._in_reach(some, most, weight))
