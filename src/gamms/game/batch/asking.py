@@ -147,8 +147,7 @@ class Asking:
                     error.add_note(f"In the strategy {group.name} of a batch, {in_turns(view.turn)}.")
                     raise
         scalar = self._here.asked
-        agents = np.zeros(0, np.int64) if scalar is None else scalar.agents[~is_decided[scalar.agents]]
-        if scalar is not None and len(agents):
+        if scalar is not None and len(agents := scalar.agents[~is_decided[scalar.agents]]):
             actions[:, agents], done, sent, self._routes = scalar.decide(turn, agents, asked)
             deeds += done
             self.outboxes += sent
