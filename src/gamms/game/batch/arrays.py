@@ -11,7 +11,7 @@ import numpy as np
 from gamms.errors import BadValue
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
-from gamms.game.batch.begun import Beginning, why_not_begun
+from gamms.game.batch.begun import Beginning, remembers, why_not_begun
 from gamms.game.batch.channels import Outbox, Radio, why_not_sent
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -22,7 +22,7 @@ from gamms.game.batch.grounds import Ground, ViewOfGrounds, is_other_by_roads, k
 from gamms.game.batch.movement import Anywhere, Movement, Moves
 from gamms.game.batch.rule_fork import OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
-from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, remembers, why_not_asked
+from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
 from gamms.game.batch.sight import DELAYS, reports_late, sees_from_edges, turns_with_its_agent, why_not_seen
 from gamms.game.batch.state import GameArrays, Headings, NotTakenUp
 from gamms.game.batch.travel import ByMetres, movement_of, why_not_moved

@@ -11,7 +11,7 @@ from gamms.game.batch.state import STOPPED, Arrays, GameArrays
 from gamms.game.slots import COUNTED
 from gamms.ir.agents import Motion
 from gamms.ir.graph import IntArray
-from gamms.typing import AgentType
+from gamms.typing import AgentType, IAgent
 
 Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]
 """Returns what the array form of a rule keeps of the game of a context: key -> name -> an array of one game."""
@@ -100,6 +100,8 @@ def why_not_begun(game: PlayedGame) -> Iterator[str]:
         yield "roads that are closed since the start"
     if any(one.phase == "before" for one in game.rules):
         yield "rules of the phase 'before', which need to know the last moves"
+    if game.settings()["decide"] == "arrival" and any(remembers(game, agent) for agent in agents_of(game)):
+        yield "strategies that remember something, where agents decide at arrivals"
     yield from _why_not_placed(game)
 
 
@@ -113,6 +115,13 @@ def _why_not_placed(game: PlayedGame) -> Iterator[str]:
             yield f"agent {agent.name!r}, which has been where no node is any more"
         if place is not None and (by_metres != (place.motion != Motion.NONE) or not (by_metres or agent.speed)):
             yield f"agent {agent.name!r}, which is on an edge as no agent of such a game"
+
+
+def remembers(game: PlayedGame, agent: IAgent) -> bool:
+    """Whether an agent of a game that has begun, or its team, has something in its memory."""
+    values, nothing = game.internals.state, dict[Any, Any]()
+    known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
+    return game.turn > 0 and any(one != nothing for memory in known for one in memory.values())
 
 
 def fits_float(score: object) -> bool:

@@ -420,13 +420,6 @@ def _counts_looks(sensor: ISensor) -> bool:
     return hasattr(sensor, "notice") and bool(sensor.notice.needs_look)
 
 
-def remembers(game: PlayedGame, agent: IAgent) -> bool:
-    """Whether an agent of a game that has begun, or its team, has something in its memory."""
-    values, nothing = game.internals.state, dict[Any, Any]()
-    known = values.memories.get(agent.name, nothing), values.team_memories.get(agent.team, nothing)
-    return game.turn > 0 and any(one != nothing for memory in known for one in memory.values())
-
-
 def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are_called: bool) -> str | None:
     """Return why so many games, of which some agents are asked one by one, would be slower in arrays; None: not."""
     plans = game.settings()["plans"]
