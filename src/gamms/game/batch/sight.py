@@ -96,6 +96,8 @@ class Seen(NamedTuple):
         Raises:
             BadType, BadValue: there are no such pairs.
         """
+        if not hasattr(self.at, "strides"):  # of another library
+            return some_rows(self, chosen)
         if getattr(chosen, "dtype", None) == np.bool_:
             return some_rows(self, as_array(chosen, "chosen", "booleans", self.at.shape))
         return some_rows(self, as_numbers_of(chosen, "chosen", len(self.at), "pairs").reshape(-1))

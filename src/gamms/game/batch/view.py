@@ -239,7 +239,7 @@ class ArrayView(Mapping[str, Any]):
         Its arrays are those of all agents; what it draws counts for those in its mask.
         """
         narrowed = copy(self)
-        narrowed.mask = self.mask & as_array(asked, "asked", "booleans", self.node.shape)
+        narrowed.mask = self.mask & asked
         narrowed.draw = self.draw.only(narrowed.mask)
         return narrowed
 
