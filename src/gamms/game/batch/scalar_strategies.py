@@ -344,17 +344,11 @@ class ScalarStrategies:
                 agent = agents.agents[self._state.roster.names[number]]
                 access = agents.storage.turn_access(agent)
                 slot = AgentSlot(agent, access, state, table, facts, settings, forks)
-                slot.carried = tuple(
-                    (
-                        one[0],
-                        lambda _: None,
-                        one[2],
-                        self._cells[one[0]][number],
-                        None,
-                    )  # arrays have said what it shows
-                    if number in self._cells.get(one[0], ())
-                    else one
-                    for one in slot.carried
+                slot.carried = tuple(  # of some, arrays have said what they show
+                    (name, lambda _: None, sensor, self._cells[name][number], None)
+                    if number in self._cells.get(name, ())
+                    else (name, sense, sensor, result, lists)
+                    for name, sense, sensor, result, lists in slot.carried
                 )
                 players.slots[number] = slot
         if self._counting:
