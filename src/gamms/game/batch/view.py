@@ -238,6 +238,8 @@ class ArrayView(Mapping[str, Any]):
 
         Its arrays are those of all agents; what it draws counts for those in its mask.
         """
+        if isinstance(self.node, np.ndarray):
+            asked = as_array(asked, "asked", "booleans", self.node.shape)
         narrowed = copy(self)
         narrowed.mask = self.mask & asked
         narrowed.draw = self.draw.only(narrowed.mask)
