@@ -4,8 +4,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from gamms.errors import needing
 from gamms.experiment.statistics import Interval
+from gamms.extras import needing
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
