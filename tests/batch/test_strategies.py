@@ -82,10 +82,14 @@ def test_agents_with_speeds_in_edges_go_as_far_in_arrays_as_alone(speeds, same_a
         assert games.slow.startswith("unblock(first(flee(ctx, None), goto(ctx, 11)), after=1), with speeds in edges")
 
 
-@pytest.mark.parametrize("decide", ["turn", "arrival"])
-def test_agents_by_metres_chase_others_along_edges_in_arrays_as_alone(decide, same_as_one_by_one):
-    settings = {"speed_unit": "metres", "decide": decide}
-    scenario = hunted(settings=settings).replace(**{"teams.red.speed": 12.7, "teams.blue.speed": 9.3, "max_turns": 12})
+@pytest.mark.parametrize(
+    ("decide", "sight"), [("turn", {}), ("arrival", {}), ("turn", {"position_noise_m": 8.0})], ids=str
+)
+def test_agents_by_metres_chase_others_along_edges_in_arrays_as_alone(decide, sight, same_as_one_by_one):
+    settings = {"speed_unit": "metres", "decide": decide}  # where reports err, to the nodes that they name
+    scenario = hunted(sight=sight, settings=settings).replace(
+        **{"teams.red.speed": 12.7, "teams.blue.speed": 9.3, "max_turns": 12}
+    )
     same_as_one_by_one(scenario, [1], {"red": MADE["chase"], "blue": MADE["flee"]})
 
 

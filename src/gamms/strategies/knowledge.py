@@ -481,7 +481,7 @@ def moves_to_agents(view: ArrayView, seen: Seen, targets: IntArray, fallback: Ar
     _, first = np.unique(seen.at[pairs] * targets.shape[1] + seen.viewers[pairs], return_index=True)
     pairs = pairs[first]
     its = view.games[seen.at[pairs]], seen.others[pairs]
-    on = by.edge[its] >= 0
+    on = (by.edge[its] >= 0) & (view.streets.columns.sources[by.edge[its]] == seen.nodes[pairs])
     pairs, its = pairs[on], (its[0][on], its[1][on])
     which = seen.at[pairs], seen.viewers[pairs]
     actions = no_actions(view)
