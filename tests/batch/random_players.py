@@ -78,8 +78,7 @@ LEAVE = re.compile(
     "it is not known what is kept under 'toll'"
 )
 ONE_BY_ONE = re.compile(
-    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'|"
-    "remember something, where agents decide at arrivals"
+    "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'"
 )
 
 

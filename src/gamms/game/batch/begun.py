@@ -100,8 +100,6 @@ def why_not_begun(game: PlayedGame) -> Iterator[str]:
         yield "roads that are closed since the start"
     if any(one.phase == "before" for one in game.rules):
         yield "rules of the phase 'before', which need to know the last moves"
-    if game.settings()["decide"] == "arrival" and any(remembers(game, agent) for agent in agents_of(game)):
-        yield "strategies that remember something, where agents decide at arrivals"
     yield from _why_not_placed(game)
 
 
