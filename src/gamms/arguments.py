@@ -94,7 +94,7 @@ def as_array(given: object, name: str, form: str, shape: tuple[int, ...] | None 
     except (ValueError, TypeError):  # lists of several lengths, or what has no length
         array = np.empty(1, object)
     if array.dtype.kind not in kinds:
-        if array.size or given is None:
+        if array.size:
             raise BadType(f"{name} must be an array of {form}, not {shown(given)}.")
         array = array.astype(dtype)
     return array if shape is None or array.shape == shape else as_one_shape({name: array}, shape)[0]

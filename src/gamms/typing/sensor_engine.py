@@ -152,7 +152,7 @@ class LiveData(Sequence[Any]):
 
 
 # A sensor as an agent asks it: its name in the state, the call that senses, the sensor, its `live_result`; and what it
-# has for each node, where a look only makes a list of that, for whoever looks often.
+# has for each node, where a look only copies that into a list, for agents that look often.
 Carried = tuple[str, Callable[[int], None], ISensor, Any, Mapping[int, Sequence[int]] | None]
 
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")

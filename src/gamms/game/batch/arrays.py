@@ -256,7 +256,7 @@ class ArrayEngine:
         return np.flatnonzero(is_played)
 
     def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over; they leave if a form is to remember what it was not told."""
+        """Play one turn of all games that are not over; they leave if a form lacks what it keeps of earlier turns."""
         playing = self._playing().tolist()
         try:
             self._step(given)

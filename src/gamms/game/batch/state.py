@@ -212,7 +212,7 @@ class GameArrays:
         stops: (games, agents) how often an agent was tagged, put back or eliminated.
         kept: what rules and strategies remember: key -> name -> an array whose first axis is the games.
         first: what they remember of a game that has begun, likewise, as arrays of one game.
-        has_begun: whether games begin after some turns, of which forms must have been told what to remember.
+        has_begun: whether games begin after some turns; what forms keep of these must be in `first` then.
         collected: game -> name -> columns of what was collected.
         facts: what rules have published, by name, in a form that each says.
         events: of all games.
