@@ -1,6 +1,10 @@
 """Films: frames by count and never by the clock, agents that glide along their streets, whole files or none."""
 
 import logging
+import os
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import av
 import numpy as np
@@ -133,6 +137,35 @@ def test_the_same_turns_give_the_same_bytes(tmp_path, suffix):
         return (tmp_path / name).read_bytes()
 
     assert filmed(f"one{suffix}") == filmed(f"two{suffix}")
+
+
+FILM_OF_A_SQUARE = """
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+
+from gamms.visual.backends.av_backend import Mp4
+
+path, picture = Path(sys.argv[1]), np.random.default_rng(1).integers(0, 1 << 24, (200, 320), np.uint32)
+film = Mp4(path, 320, 200, 30)
+for left in range(0, 60, 4):
+    picture[80:100, left : left + 20] = 255
+    film.add(SimpleNamespace(bgrx=picture.copy))
+film.finish()
+sys.stdout.buffer.write(path.read_bytes())
+"""
+
+
+def test_films_do_not_depend_on_what_was_in_memory_before(tmp_path):
+    def filmed(fill):
+        command = [sys.executable, "-c", FILM_OF_A_SQUARE, str(tmp_path / f"{fill}.mp4")]
+        return subprocess.check_output(command, env={**os.environ, "MALLOC_PERTURB_": str(fill)})  # of glibc
+
+    with ThreadPoolExecutor() as pool:
+        zeros, ones, others = pool.map(filmed, (0, 1, 128))
+    assert zeros == ones == others
 
 
 def test_odd_sizes_are_rounded_up_for_mp4(plain, tmp_path):
