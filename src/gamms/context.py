@@ -3,8 +3,9 @@
 import logging
 import os
 from collections.abc import Callable, Mapping
+from copy import deepcopy
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_int, as_mapping, as_member, as_path, as_text
@@ -319,6 +320,19 @@ class Context(Guarded, typing.IContext):
         turn = 0 if self._game is None else self._game.turn
         return (
             f"Context(seed={self._seed}, nodes={len(self.graph.graph)}, agents={len(self.agent.agents)}, turn={turn})"
+        )
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "Context":
+        """Copy the context with all of its engines."""
+        twin = memo[id(self)] = object.__new__(type(self))
+        twin.__dict__.update(deepcopy(self.__dict__, memo))
+        return twin
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be pickled, also as a part of a view, an agent or an engine."""
+        raise BadType(
+            "A context cannot be pickled, and neither can what belongs to it; copy.deepcopy copies it. To continue a "
+            "game in another process, build its scenario there, or record it and use Recording.resume."
         )
 
     def __enter__(self) -> Self:

@@ -342,6 +342,11 @@ def test_a_device_that_is_not_there_is_refused(place):
         scene().batch(2, device="cuda")
 
 
+def test_a_device_without_memory_is_refused():
+    with pytest.raises(BadValue, match=r"device='meta' cannot hold .* \(torch: Cannot copy out of meta tensor"):
+        scene().batch(2, xp=library("torch"), device="meta")
+
+
 def test_games_are_played_on_the_device(place):
     with gamms.create_context() as ctx:
         ctx.graph.graph.add_node({"id": 0, "x": 0.0, "y": 0.0})

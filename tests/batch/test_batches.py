@@ -1,5 +1,7 @@
 """Many games at once: each is the game that would be played alone."""
 
+import copy
+import pickle
 import signal
 from contextlib import suppress
 from math import inf
@@ -624,3 +626,10 @@ def test_ctrl_c_comes_between_two_turns_of_a_batch():
                 assert set(games.turn.tolist()) == {turn}
             games.run()
             assert set(games.scores["red"].tolist()) == {8}
+
+
+@pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy])
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_a_batch_says_that_its_scenario_is_to_be_pickled(copied, one_by_one):
+    with scene().batch(2, one_by_one=one_by_one) as games, pytest.raises(BadType, match="Pickle its scenario"):
+        copied(games)

@@ -3,7 +3,10 @@
 import copy
 import pickle
 
+import pytest
+
 import gamms
+from gamms.errors import BadType
 
 
 def world():
@@ -72,6 +75,16 @@ def test_a_graph_is_pickled_by_what_it_holds():
         ]
         assert graph.node_attributes(1) == {"tags": ["a"]}
         assert list(graph.neighborhoods[1]) == [1, 2, 0]
+
+
+@pytest.mark.parametrize("part", ["graph", "agent", "game"])
+def test_what_belongs_to_a_context_says_that_it_cannot_be_pickled(part):
+    with world() as ctx:
+        for pickled in (ctx, getattr(ctx, part), ctx.agent.get_agent("anna")):
+            with pytest.raises(
+                BadType, match=r"context cannot be pickled.*copy\.deepcopy copies it.*Recording\.resume"
+            ):
+                pickle.dumps(pickled)
 
 
 def test_both_engines_list_the_same_stores():

@@ -2,6 +2,7 @@
 
 import copy
 import io
+import pickle
 
 import networkx as nx
 import numpy as np
@@ -570,3 +571,12 @@ def test_a_memory_that_is_emptied_is_empty_when_the_game_is_resumed():
     for turns, memory in ((1, {"seen": 1}), (2, {})):
         with recorder.open(io.BytesIO(stream.getvalue())).resume(turns) as again:
             assert again.game.internals.state.memories.get("anna", {}) == memory
+
+
+@pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy])
+def test_an_open_file_says_that_its_path_is_to_be_passed_on(copied, tmp_path):
+    stream = io.BytesIO(played()[0])
+    (tmp_path / "game.ggr").write_bytes(stream.getvalue())
+    with recorder.open(tmp_path / "game.ggr") as recording, pytest.raises(BadType, match="pass on its path"):
+        copied(recording)
+    assert len(copy.deepcopy(recorder.open(stream))) == 8

@@ -5,7 +5,7 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import BinaryIO, Self
+from typing import Any, BinaryIO, Self, SupportsIndex
 
 from gamms.arguments import as_path
 from gamms.errors import BadType
@@ -29,6 +29,12 @@ class Opened:
 
     def __init__(self, owned: BinaryIO | None) -> None:
         self._owned = owned
+
+    def __reduce_ex__(self, protocol: SupportsIndex) -> Any:
+        """Refuse to be pickled or copied with an open file."""
+        if self._owned is not None:
+            raise BadType("An open file can neither be pickled nor copied: pass on its path, and open it again there.")
+        return super().__reduce_ex__(protocol)
 
     def __enter__(self) -> Self:
         return self

@@ -4,7 +4,7 @@ import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from itertools import chain, count, islice
-from typing import Any, Literal, NamedTuple, Self, TypeVar
+from typing import Any, Literal, NamedTuple, NoReturn, Self, TypeVar
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from gamms.arguments import (
     as_name,
     as_path,
 )
-from gamms.errors import BadValue, UnknownName
+from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of
 from gamms.game.batch.device import DeviceEngine, engine_for
@@ -108,13 +108,13 @@ class Batch:
             self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds), self._roster)
         scalar = [f"{one}, which is called game by game" for one in called_one_by_one(source.game)]
         scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
-        if scalar and not self._is_one_by_one:
+        if scalar and self.is_in_arrays:
             self.slow = scalar[0]
         who_are_asked = [one for one in agents if one.team in asked]
         why = why_slower(source.game, who_are_asked, len(seeds), are_called=bool(called_one_by_one(source.game)))
-        self._why_slower = why if library is None and not self._is_one_by_one else None  # to be played to the ends
+        self._why_slower = why if library is None and self.is_in_arrays else None  # to be played to the ends
         self._apart: OneByOneEngine | None = None  # plays the games that have left the arrays
-        may_leave = bool(scalar or source.game.turn) and not self._is_one_by_one
+        may_leave = bool(scalar or source.game.turn) and self.is_in_arrays
         is_kept = as_bool(record, "record") or may_leave
         self._log: list[dict[Hashable, Given]] | None = [] if is_kept else None
         self._begun = np.zeros(len(seeds), np.int64)  # how many entries the log had when games began; -1: loaded
@@ -127,10 +127,17 @@ class Batch:
 
     def __repr__(self) -> str:
         """Show how many games there are, and how many are over."""
-        how = f"one by one, because of {self.slow}" if self._is_one_by_one else "in arrays"
+        how = "in arrays" if self.is_in_arrays else f"one by one, because of {self.slow}"
         if self.library is not None:
             how += f" of {self.library}"
         return f"Batch({len(self)} games, {int(self._engine.is_over.sum())} over, played {how})"
+
+    def __reduce__(self) -> NoReturn:
+        """Refuse to be pickled or copied."""
+        raise BadType(
+            "A batch can neither be pickled nor copied, because it plays in a context. Pickle its scenario and make a "
+            "batch of it in the other process; columns() and load(…) of batches copy games in arrays."
+        )
 
     def __enter__(self) -> Self:
         return self
@@ -173,7 +180,7 @@ class Batch:
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
         may_stay = as_choice(on_illegal, "on_illegal", ("raise", "stay")) == "stay"
         given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
-        if self._is_one_by_one:
+        if not self.is_in_arrays:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
         is_there = isinstance(self._engine, DeviceEngine)
         if self._apart is not None and given:
@@ -491,17 +498,13 @@ class Batch:
     @property
     def is_in_arrays(self) -> bool:
         """Whether the games are played all at once, and not one after the other."""
-        return not self._is_one_by_one
+        return not isinstance(self._engine, OneByOneEngine)
 
     @property
     def loaded(self) -> int | None:
         """The number of the game that is played by itself right now; None: games are in arrays."""
         engine = self._apart if isinstance(self._engine, ArrayEngine) else self._engine
         return None if engine is None else engine.loaded
-
-    @property
-    def _is_one_by_one(self) -> bool:
-        return isinstance(self._engine, OneByOneEngine)
 
     def _put(self, array: T) -> T:
         """Return an array of the host as one of the library of the batch."""

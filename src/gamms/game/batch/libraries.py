@@ -30,21 +30,20 @@ class ArrayLibrary:
 
     def __init__(self, xp: object, device: object = None) -> None:
         self.xp, self.name = _namespace(xp), str(getattr(xp, "__name__", xp))
-        self.device, self.num_reads = self._checked(device), 0
-        self.on_host = "cpu" in str(self.device).lower()
+        try:
+            made = self.xp.zeros(1, dtype=self.xp.float64, device=device)
+            self.device, self.num_reads = made.device, 0
+            self.on_host = "cpu" in str(self.device).lower()
+            self.get(made)  # which a device without memory cannot, such as "meta" of PyTorch
+        except Exception as error:  # each library raises its own
+            raise BadValue(
+                f"device={shown(device)} cannot hold the arrays of a batch ({self.name}: {error}). "
+                "Give a device that is there, such as device='cpu'."
+            ) from error
+        self.num_reads = 0
 
     def __repr__(self) -> str:
         return f"{self.name} on {self.device}"
-
-    def _checked(self, device: object) -> Any:
-        """Return the device of arrays that are put on a device."""
-        try:
-            return self.xp.zeros(1, dtype=self.xp.float64, device=device).device
-        except Exception as error:  # each library raises its own
-            raise BadValue(
-                f"device={shown(device)} cannot hold the arrays of a batch. {self.name} says: {error} "
-                "Give a device that is there, such as device='cpu'."
-            ) from error
 
     def put(self, array: Any) -> Tensor:
         """Return a copy of a NumPy array on the device."""
