@@ -70,7 +70,9 @@ def as_ids(values: object, name: str) -> list[int]:
     return [as_int(one, f"Each of {name}") for one in as_items(values, name, "integers")]
 
 
-_KINDS = {"integers": ("iu", "int64"), "booleans": ("b", "bool"), "numbers": ("iufb", "float64")}
+_NUMBERS = ("iufb", "float64")
+_KINDS = {"integers": ("iu", "int64"), "booleans": ("b", "bool")}
+_BOUNDS = {"probabilities": (1.0, "from 0 to 1"), "weights": (math.inf, "finite and not negative")}
 
 
 def as_array(given: object, name: str, form: str, shape: tuple[int, ...] | None = None) -> "Array":
@@ -79,16 +81,16 @@ def as_array(given: object, name: str, form: str, shape: tuple[int, ...] | None 
     Args:
         given: what was passed.
         name: of the argument.
-        form: "integers", "booleans" or "numbers".
+        form: "integers", "booleans" or "numbers"; "probabilities" are numbers from 0 to 1, "weights" from 0 on.
         shape: to which it must broadcast; None: any.
 
     Raises:
         BadType: it holds something else, or lists of several lengths.
-        BadValue: it has another shape.
+        BadValue: it has another shape, or a number is none of these.
     """
     import numpy as np
 
-    kinds, dtype = _KINDS[form]
+    kinds, dtype = _KINDS.get(form, _NUMBERS)
     try:
         array = np.asarray(given)
     except (ValueError, TypeError):  # lists of several lengths, or what has no length
@@ -97,6 +99,11 @@ def as_array(given: object, name: str, form: str, shape: tuple[int, ...] | None 
         if array.size:
             raise BadType(f"{name} must be an array of {form}, not {shown(given)}.")
         array = array.astype(dtype)
+    if form in _BOUNDS:
+        most, described = _BOUNDS[form]
+        is_such = np.isfinite(array) & (array >= 0) & (array <= most)
+        if not is_such.all():
+            raise BadValue(f"{name} must be {described}, not {array[~is_such][0]}.")
     return array if shape is None or array.shape == shape else as_one_shape({name: array}, shape)[0]
 
 

@@ -99,6 +99,11 @@ def test_what_cannot_be_is_refused(monkeypatch):
             found.diffuse(np.zeros((25, 2)))
         with pytest.raises(BadValue, match="stay must be"):
             found.diffuse(np.zeros(25), stay=1.5)
+        with pytest.raises(TooLarge, match=r"6 walks of 1000000000 turns, of which \d+ would fit, would take about"):
+            found.walks(games.observe("red").node, 10**9)
+        for wrong in (-0.1, np.nan, np.inf):
+            with pytest.raises(BadValue, match=f"masses must be finite and not negative, not {wrong}"):
+                found.diffuse(np.where(np.arange(25) == 3, wrong, 0.0))
         monkeypatch.setattr(flows, "_MOST_DENSE", 100)
         with pytest.raises(TooLarge, match="Ask for fewer games"):
             found.within(np.arange(5), 10.0)

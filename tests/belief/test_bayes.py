@@ -241,6 +241,8 @@ def test_what_contradicts_the_model_begins_the_belief_anew():
         (lambda f: f.update([1]), UnknownName, "node 1"),
         (lambda f: f.update(found={"b": 0}), UnknownName, "target 'b'"),
         (lambda f: f.update([0], 1.5), BadValue, "from 0 to 1, not 1.5"),
+        (lambda f: f.weigh(np.full((2, 1), np.inf)), BadValue, "likelihoods must be finite and not negative, not inf"),
+        (lambda f: f.weigh(np.ones((1, 2))), BadValue, r"likelihoods need the shape \(2, 1\), not \(1, 2\)"),
         (lambda f: f.probability("b"), UnknownName, "target 'b'"),
         (lambda f: f.predict(-1), BadValue, "turns must not be negative"),
         (lambda f: belief.random_walk(stay=2), BadValue, "stay of random_walk must be a probability"),

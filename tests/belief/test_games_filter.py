@@ -77,5 +77,5 @@ def test_arrays_of_other_shapes_are_refused():
             filter.update(np.zeros((6, 3)))
         with pytest.raises(BadValue, match=r"found needs the shape \(3, 1\)"):
             filter.update(np.zeros((3, 6)), np.zeros(3, np.int64))
-        with pytest.raises(BadValue, match="probabilities"):
+        with pytest.raises(BadValue, match="seen must be from 0 to 1, not 2"):
             filter.update(np.full((3, 6), 2.0))

@@ -11,7 +11,6 @@ from gamms.belief.motion import Chain, Motion, as_motion, chain_of
 from gamms.errors import BadValue
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import NodeId
 
@@ -129,9 +128,7 @@ class Filter(Masses):
         given: object = detection_probability
         if isinstance(given, Iterable) and not isinstance(given, np.ndarray):
             given = [*given]
-        chances = as_array(given, "detection_probability", "numbers", (len(seen),))
-        if not ((chances >= 0.0) & (chances <= 1.0)).all():
-            raise BadValue(f"detection_probability must be from 0 to 1, not {shown(detection_probability)}.")
+        chances = as_array(given, "detection_probability", "probabilities", (len(seen),))
         places = dict(as_mapping({} if found is None else found, "found"))
         left_out = frozenset(as_key(name, "Each of not_shown") for name in as_items(not_shown, "not_shown", "names"))
         for name in (*places, *sorted(left_out)):
@@ -160,7 +157,7 @@ class Filter(Masses):
             As `update`.
 
         Raises:
-            BadType, BadValue: the array has another shape, or a likelihood is negative or NaN.
+            BadType, BadValue: the array has another shape, or a likelihood is negative, infinite or NaN.
         """
         chain, shape = self.chain, (self._ground.size, self.masses.shape[1])
         likelihoods = _likelihoods(likelihoods, shape)
@@ -223,7 +220,7 @@ class GamesFilter(Masses):
             BadType, BadValue: an array has another shape, `seen` has no probabilities, or `found` no rows of nodes.
         """
         games, targets = self._shape
-        chances = as_array(seen, "seen", "numbers").astype(np.float64, copy=False)
+        chances = as_array(seen, "seen", "probabilities").astype(np.float64, copy=False)
         found = None if found is None else as_array(found, "found", "integers")
         not_shown = None if not_shown is None else as_array(not_shown, "not_shown", "booleans")
         for name, given, shape in (
@@ -233,8 +230,6 @@ class GamesFilter(Masses):
         ):
             if given is not None and given.shape != shape:
                 raise BadValue(f"{name} needs the shape {shape}, not {given.shape}.")
-        if not ((chances >= 0.0) & (chances <= 1.0)).all():
-            raise BadValue("seen must have probabilities from 0 to 1.")
         if found is not None and found.max(initial=-1) >= self._ground.size:
             raise BadValue(f"found: there is no row {found.max()}: the map has {self._ground.size} nodes, from 0.")
         likelihoods = np.repeat(self._unseen(1.0 - chances.T), targets, axis=1)
@@ -262,9 +257,9 @@ class GamesFilter(Masses):
 
 
 def _likelihoods(given: object, shape: tuple[int, ...]) -> FloatArray:
-    likelihoods: FloatArray = as_array(given, "likelihoods", "numbers").astype(np.float64, copy=False)
-    if likelihoods.shape != shape or not (likelihoods >= 0.0).all():
-        raise BadValue(f"likelihoods are numbers of the shape {shape} that are not negative, not {shown(given)}.")
+    likelihoods: FloatArray = as_array(given, "likelihoods", "weights").astype(np.float64, copy=False)
+    if likelihoods.shape != shape:
+        raise BadValue(f"likelihoods need the shape {shape}, not {likelihoods.shape}.")
     return likelihoods
 
 

@@ -12,12 +12,14 @@ from gamms.game.batch.surroundings import KnownRows
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.limits import max_memory, refuse_above
 from gamms.text import shown
 
 _MOST_DENSE = 1 << 28  # nodes in masks
 _MOST_LIMITS = 4  # for which it is kept what is in reach
 _AT_ONCE = 1 << 22  # nodes that are searched at once, in all
 _MOST_BYTES = 1 << 28  # of the numbers of edges to all nodes that are kept
+_BYTES_PER_ROW = 16  # of walks, which may be copied to a device
 _BY_SEARCH = 1 << 20  # nodes that searches by edges may find at once, in all
 
 
@@ -51,8 +53,12 @@ class Flows:
 
         Raises:
             BadType, BadValue: they are no rows of nodes.
+            TooLarge: these rows would not fit into memory.
         """
         nodes, steps = self._streets.checked(nodes, "nodes"), as_count(turns, "turns", least=0)
+        per_turn = _BYTES_PER_ROW * max(1, nodes.size)
+        what = f"{nodes.size} walks of {steps} turns, of which {max_memory() // per_turn} would fit,"
+        refuse_above(per_turn * (steps + 1), what)
         key = kernels.purpose_key(as_int(seed, "seed"), "walks")
         walkers = np.arange(nodes.size, dtype=np.uint64)
         found = np.empty((steps + 1, nodes.size), np.int64)
@@ -72,10 +78,11 @@ class Flows:
             stay: how probable it is to stay; None: as probable as each neighbour.
 
         Raises:
-            BadValue: the last axis is not that of the nodes, or `stay` is no probability.
+            BadType, BadValue: the last axis is not that of the nodes, a mass is negative, infinite or NaN, or `stay`
+                is no probability.
         """
         nodes = len(self._streets.counts)
-        masses = as_array(masses, "masses", "numbers")
+        masses = as_array(masses, "masses", "weights")
         if masses.dtype.kind != "f":
             masses = masses.astype(np.float64)
         if masses.shape[-1:] != (nodes,):
