@@ -488,13 +488,27 @@ def test_what_does_not_fit_is_refused(recording):
         recording.resume(3, random_walk)
     with pytest.raises(BadType, match="A strategy must be a function"):
         recording.resume(3, {"red": 5})
-    with race() as ctx:
+    with race(4) as ctx:
         with pytest.raises(BadValue, match="vis_engine"):
             recording.resume(3, ctx=ctx, vis_engine=gamms.visual.Engine.NO_VIS)
         ctx.graph.graph.remove_node(40)
         with pytest.raises(RecordingError, match="not those of the recording"):
             recording.resume(3, ctx=ctx)
         assert ctx.agent.get_agent("red_0").current_node_id == 0
+        assert ctx.seed == 4
+
+
+@pytest.mark.parametrize(
+    ("wrong", "error"), [({"rde": random_walk}, UnknownName), ({"red_0": None, "red": 5}, BadType)]
+)
+def test_a_context_is_as_before_where_a_strategy_is_none(recording, wrong, error):
+    with race(4) as ctx, race(4) as other:
+        with pytest.raises(error):
+            recording.resume(3, wrong, ctx=ctx)
+        assert ctx.game.run(5) == other.game.run(5)
+        assert [one.current_node_id for one in ctx.agent.create_iter()] == [
+            one.current_node_id for one in other.agent.create_iter()
+        ]
 
 
 def test_chasing_and_fleeing_go_on():

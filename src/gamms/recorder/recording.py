@@ -312,13 +312,15 @@ class Recording(Opened):
             seed = 0  # nothing is drawn by it, and such a recording does not tell its own
         if ctx is not None:
             as_context(ctx, "resume")
+        chosen = resuming.strategies_of(self.detached(turn), strategies)
         seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
         live: Any = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
-            live.reseed(seed)
             become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
+            live.reseed(seed)
             resuming.resume(live, self._reader, turn, self.detached(turn), is_fresh=ctx is None)
-            resuming.register(live, strategies)
+            for name, strategy in chosen.items():
+                live.agent.agents[name].register_strategy(strategy)
         except BaseException:
             if ctx is None:
                 live.terminate()

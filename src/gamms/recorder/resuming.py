@@ -8,7 +8,7 @@ from logging import CRITICAL, getLogger
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
-from gamms.arguments import as_ids, as_int, as_items, as_mapping
+from gamms.arguments import as_function_of, as_ids, as_int, as_items, as_mapping
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, LOGGED, change
@@ -132,21 +132,25 @@ def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *
         ctx.record.components.apply(OpCodes(kind).name, data, lenient=True)
 
 
-def register(ctx: HostContext, strategies: Strategies) -> None:
-    """Give agents these strategies.
+def strategies_of(then: DetachedState, given: Strategies) -> dict[str, Any]:
+    """Return the strategies of agents by their names, from those of agents and teams.
 
     Raises:
         BadType: a strategy is not a function.
         UnknownName (KeyError): there is no such agent or team.
+        RecordingError: a team is none.
     """
-    agents, teams = ctx.agent.agents, ctx.agent.teams
-    for name in strategies:
-        if name not in agents and name not in teams:
-            raise UnknownName("team or agent", name, [*map(str, teams), *agents])
-    for name, agent in agents.items():
-        strategy = strategies.get(name, strategies.get(agent.team))
+    columns = then.agents.columns
+    with refusing("The teams of this recording are damaged"):
+        teams = {*columns["teams"]}
+    team_of = dict(zip(columns["names"], columns["teams"], strict=True))
+    for name, strategy in given.items():
+        if name not in team_of and name not in teams:
+            raise UnknownName("team or agent", name, [*sorted(map(str, teams)), *team_of])
         if strategy is not None:
-            agent.register_strategy(strategy)
+            as_function_of(strategy, "A strategy", "the state")
+    found = {name: given.get(name, given.get(team)) for name, team in team_of.items()}
+    return {name: strategy for name, strategy in found.items() if strategy is not None}
 
 
 def seed_at(reader: "Reader", turn: int) -> Any:
