@@ -230,6 +230,14 @@ def test_where_a_worker_breaks_down_its_work_is_done_nevertheless(monkeypatch, s
     assert all(np.array_equal(*columns) for columns in zip(found, expected, strict=True))
 
 
+@pytest.mark.skipif(not hasattr(os, "sched_getaffinity"), reason="such limits are of Linux")
+def test_a_process_that_may_use_one_core_starts_no_workers(monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
+    monkeypatch.setattr(subprocess, "Popen", lambda *_, **__: pytest.fail("a worker was started"))
+    monkeypatch.setattr(visibility_workers, "_FEW", 1)
+    assert len(visibility_workers.compute_visibility(scene(), None, lambda _: None).counts) == 200
+
+
 @pytest.mark.parametrize("executable", ["", "/no/such/python"])
 def test_without_an_interpreter_to_start_the_work_is_done_here(monkeypatch, executable):
     monkeypatch.setattr(sys, "executable", executable)

@@ -109,3 +109,26 @@ def test_the_command_plays_code_in_a_file(tmp_path, monkeypatch):
     assert "pursuit-grid-c0505f71      6       0" in done.stdout
     assert json.loads((tmp_path / "gamms-suite" / "table.json").read_text())["games"] == [6]
     assert (tmp_path / "gamms-suite" / "pursuit-grid-c0505f71.ggr").exists()
+
+
+def test_the_command_plays_all_baselines(tmp_path):
+    given = [
+        "suite",
+        "references",
+        "--only",
+        FEW[0],
+        "--seeds",
+        "0:1",
+        "--workers",
+        "0",
+        "--out",
+        str(tmp_path / "new"),
+    ]
+    done = CliRunner().invoke(cli.app, given, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert "These are not the seeds of the protocol" in done.stdout
+    rows = json.loads((tmp_path / "new" / "references.json").read_text())
+    assert [row["baseline"] for row in rows] == list(suite.BASELINES)
+    assert all(row.keys() == {*suite.references()} for row in rows)
+    table = suite.run("random_walk", only=FEW, seeds=[0]).table
+    assert [rows[1][column] for column in ("games", "mean", "worst")] == [3, table["mean"][0], table["worst"][0]]

@@ -236,6 +236,16 @@ def test_a_page_may_change_places_and_nothing_else(hunt):
         assert hunt.read_text() == SCENARIO + "# meanwhile\n"
 
 
+def test_more_agents_than_a_page_may_put_are_refused_and_not_left_out(hunt, monkeypatch):
+    monkeypatch.setattr("gamms.web.place_editor._MOST_NODES", 2)
+    agents = [{"name": f"extra_{number}", "node": 3} for number in range(3)]
+    with web.PlaceEditor(hunt) as editor:
+        change = {"keys": ["teams", "blue", "agents"], "value": agents}
+        status, words = called(editor, "/preview", {"changes": [change]})
+        assert (status, "at most 2 agents of a team, not 3" in words) == (400, True)
+        assert called(editor, "/preview", {"changes": [change | {"value": agents[:2]}]})[0] == 200
+
+
 @pytest.mark.parametrize("name", ["roads.geojson", "roads.json"])
 def test_the_map_of_a_page_may_be_geojson(tmp_path, name):
     roads = {"type": "LineString", "coordinates": [[24.9, 60.2], [24.91, 60.2]]}

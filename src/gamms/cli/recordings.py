@@ -239,7 +239,9 @@ def render(  # noqa: PLR0913, PLR0917 - one argument per option
         bool, typer.Option("--captions/--no-captions", help="Say below the map which turn it is, and what happens.")
     ] = True,
     fps: Annotated[float, typer.Option(help="Frames per second.")] = 30.0,
-    frames_per_turn: Annotated[int, typer.Option(help="More of them show a turn more slowly.")] = 5,
+    frames_per_turn: Annotated[
+        int | None, typer.Option(help="More of them show a turn more slowly; by default 5.")
+    ] = None,
     title: Annotated[str, typer.Option(help="A line above the picture.")] = "",
     theme: Annotated[
         Literal["light", "dark", "print"] | None,

@@ -43,18 +43,18 @@ def suite(
     from gamms.workers import cores
 
     count = cores() if workers is None else workers or None
+    by_seed = None if seeds is None else seeds_of(seeds)
+    if by_seed is not None:
+        echo("These are not the seeds of the protocol: do not compare them with other results.")
     if strategy == "references":
         file = out / "references.json"
         with made_folder(out):
-            write_whole(file, (json.dumps(measured_references(count, only), indent=1) + "\n").encode())
+            write_whole(file, (json.dumps(measured_references(count, only, by_seed), indent=1) + "\n").encode())
         echo(f"Wrote {file}.")
         return
     reference, code = _found(strategy, allow or [])
-    by_seed = None if seeds is None else seeds_of(seeds)
     results = suites.run(reference, only=only, seeds=by_seed, workers=count, out=out, progress=True, **code)
     _print(results, strategy)
-    if seeds is not None:
-        echo("These are not the seeds of the protocol: do not compare them with other results.")
     file = out / "table.json"
     columns = {name: column.tolist() for name, column in results.table.items()}
     write_whole(file, (json.dumps(columns, indent=1) + "\n").encode())

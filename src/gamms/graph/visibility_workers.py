@@ -5,7 +5,6 @@ The processes of `multiprocessing` would import the user's script again; those o
 (docs/decisions/0009).
 """
 
-import os
 from collections.abc import Callable, Generator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
@@ -80,14 +79,16 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
 
     Args:
         task: what to compute.
-        workers: processes; None: one for each processor where that pays.
+        workers: processes; None: one for each core that this process may use, where that pays.
         show: takes a line of progress.
     """
     nodes = len(task.xy)
     if not nodes:
         return _NOTHING
     if workers is None:
-        workers = 1 if nodes < _FEW else os.cpu_count() or 1
+        from gamms.workers import cores
+
+        workers = 1 if nodes < _FEW else cores()
     size = _AT_ONCE if workers == 1 else max(_AT_ONCE, min(_SHARE, -(-nodes // (2 * workers))))
     spans = [(first, min(first + size, nodes)) for first in range(0, nodes, size)]
     parts = []

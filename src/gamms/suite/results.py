@@ -122,11 +122,13 @@ def references(version: int = VERSION) -> Table:
     return Table.of(rows)
 
 
-def measured_references(workers: int | None = None, only: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """Play all baselines on the tasks; return the rows of `references`."""
+def measured_references(
+    workers: int | None = None, only: Sequence[str] | None = None, seeds: Iterable[int] | None = None
+) -> list[dict[str, Any]]:
+    """Play all baselines on the tasks as `run` does; return the rows of `references`."""
     made = []
     for name in BASELINES:
-        table = run(name, workers=workers, only=only).table
+        table = run(name, workers=workers, only=only, seeds=seeds).table
         columns = [column for column in table if column != "replay"]
         made += [
             {"baseline": name, **dict(zip(columns, cells, strict=True))}

@@ -132,9 +132,11 @@ def _checked(given: Plain, game: Scenario) -> Sequence[Change]:
 
 def _of_agents(team: str, agents: list[Plain], game: Scenario) -> list[Change]:
     """Return changes that put listed agents elsewhere, and add those that are not there."""
+    if len(agents) > _MOST_NODES:
+        raise Refused(f"A page puts at most {_MOST_NODES} agents of a team, not {len(agents)}.")
     known = [one.name for one in game.spec.teams[team].agents]
     changes, more = list[Change](), list[Plain]()
-    for one in agents[:_MOST_NODES]:
+    for one in agents:
         match one:
             case {"name": str(name), "node": node} if len(one) == 2 and _is_place(node):
                 path = ("teams", team, "agents")
