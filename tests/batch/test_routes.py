@@ -202,11 +202,32 @@ def test_what_is_no_row_of_a_node_is_refused(case):
         for ask in (*pairs, *(lambda one, other, ask=ask: ask(other, one) for ask in pairs)):
             with pytest.raises(kind, match=message):
                 ask(rows, here)
-        for ask in (lambda one: flows.walks(one, 2), lambda one: flows.within(one, 10.0)):
+        streets = view.streets
+        alone = (streets.ids, lambda one: streets.step(one, 0), lambda one: streets.action_to(one, here[:1]))
+        for ask in (*alone, lambda one: flows.walks(one, 2), lambda one: flows.within(one, 10.0)):
             if case != "another shape":
                 with pytest.raises(kind, match=message):
                     ask(rows)
         assert routes.distances(here, here).tolist() == [0.0, 0.0]
+
+
+@pytest.mark.parametrize(
+    ("actions", "kind", "message"),
+    [
+        (-1, BadValue, "from node 40 there is no action -1, only 0 to 1"),
+        ([0, 5], BadValue, "from node 50 there is no action 5, only 0 to 2"),
+        (np.array([0, 1 << 63], np.uint64), BadValue, "there is no action 9223372036854775808"),
+        ([0.0, 1.0], BadType, "actions must be an array of integers"),
+        ([1, 1, 1], BadValue, r"actions has the shape \(3,\), which does not broadcast to one shape"),
+    ],
+)
+def test_what_is_no_number_of_a_legal_node_is_refused(actions, kind, message):
+    with gamms.create_context() as ctx:
+        ctx.graph.add_nodes([40, 50, 60], [0.0, 1.0, 2.0], [0.0] * 3)
+        ctx.graph.add_edges(range(4), [40, 50, 50, 60], [50, 40, 60, 50])
+        streets = Streets(ctx.graph.columns(), ctx.graph.routes)
+        with pytest.raises(kind, match=message):
+            streets.step([0, 1], actions)
 
 
 def test_what_is_no_name_of_a_weight_is_refused():

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_numbers_of
-from gamms.errors import UnknownName
+from gamms.arguments import as_array, as_numbers_of, as_one_shape
+from gamms.errors import BadValue, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray, RowArray
 from gamms.typing.routes import RouteQueries
 
@@ -51,7 +51,12 @@ class Streets:
         return twin
 
     def ids(self, rows: IntArray) -> IntArray:
-        """Return the ids of nodes."""
+        """Return the ids of nodes.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes.
+        """
+        rows = self.checked(rows, "rows")
         return rows if self._ids_are_rows else self.columns.node_ids[rows]
 
     def rows(self, ids: Any) -> IntArray:
@@ -129,13 +134,36 @@ class Streets:
         return ends, self.targets[places]
 
     def step(self, rows: IntArray, actions: IntArray) -> IntArray:
-        """Return where actions lead, each the number of a legal node."""
+        """Return where actions lead, each the number of a legal node.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes or no such numbers, or do not broadcast to one shape.
+        """
+        here, chosen = as_one_shape(
+            {"rows": self.checked(rows, "rows"), "actions": as_array(actions, "actions", "integers")}
+        )
+        counts = self.counts_of(here)
+        is_wrong = (chosen < 0) | (chosen >= counts)
+        if is_wrong.any():
+            raise BadValue(
+                f"actions: from node {self.ids(here[is_wrong])[0]} there is no action {chosen[is_wrong][0]}, only 0 to "
+                f"{counts[is_wrong][0] - 1}."
+            )
+        return self.ends_of(here, chosen)
+
+    def ends_of(self, rows: IntArray, actions: IntArray) -> IntArray:
+        """Return what `step` does, of actions that are known to be legal."""
         _, width, steps, offsets = self._narrow
         places = (rows * width if width else offsets.take(rows)) + actions.astype(np.int64, copy=False)
         return rows + steps.take(places, mode="clip")
 
     def action_to(self, rows: IntArray, targets: IntArray) -> IntArray:
-        """Return the number of a legal node, by rows; -1 where it is not legal."""
+        """Return the number of a legal node, by rows; -1 where it is not legal.
+
+        Raises:
+            BadType, BadValue: `rows` are no rows of nodes, or `targets` no integers.
+        """
+        rows, targets = self.checked(rows, "rows"), as_array(targets, "targets", "integers")
         matches = self.legal[rows] == targets[..., None]
         matches &= np.arange(matches.shape[-1]) < self.counts[rows][..., None]
         return np.where(matches.any(axis=-1), matches.argmax(axis=-1), -1)
@@ -184,4 +212,4 @@ class LegalNodes:
             ends, nodes = self.ragged
             chosen: IntArray = nodes[ends[:-1] + actions]
             return chosen
-        return self._streets.ids(self._streets.step(self._rows, actions))
+        return self._streets.ids(self._streets.ends_of(self._rows, actions))

@@ -206,7 +206,7 @@ class ByEdges(Movement):
     ) -> None:
         """Follow ways for a turn: by the number of edges, or by their lengths."""
         tables = {True: self.routes(None), False: self.routes("length")}
-        ahead = np.where(begun > 0, self.streets.step(way.here, begun), -1)
+        ahead = np.where(begun > 0, self.streets.ends_of(way.here, begun), -1)
         first, is_next = way.targets.copy(), by_hops & (self.streets.action_to(way.here, way.targets) >= 0)
         for is_short, table in tables.items():
             some = np.flatnonzero(~is_next & (by_hops == is_short))
@@ -270,7 +270,7 @@ class ByEdges(Movement):
         """Return what agents have covered of edges."""
         found, begun, ids = super().progress(node, games), self.begun[games], self.streets.ids
         on = np.nonzero(begun)
-        targets = self.streets.step(node[on], begun[on])
+        targets = self.streets.ends_of(node[on], begun[on])
         columns = (*on, ids(node[on]), ids(targets), self.covered[games][on])
         for at, agent, source, target, share in zip(*(column.tolist() for column in columns), strict=True):
             found[at][agent] = Progress(source, target, share)

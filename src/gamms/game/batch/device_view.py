@@ -62,8 +62,10 @@ class DeviceStreets(Streets):
         return self.counts[rows]
 
     def step(self, rows: Tensor, actions: Tensor) -> Tensor:
-        """Return where actions lead, each the number of a legal node."""
+        """Return where actions lead, each the number of a legal node; the device checks none of them."""
         return self.targets[self.offsets[rows] + actions]
+
+    ends_of = step
 
     def action_to(self, rows: Tensor, targets: Tensor) -> Tensor:
         """Return the number of a legal node, by rows; -1 where it is not legal."""

@@ -367,7 +367,7 @@ class Movement:
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        return self.streets.step(choices, actions)
+        return self.streets.ends_of(choices, actions)
 
     def legal(self, choices: IntArray) -> tuple[IntArray, BoolArray]:
         """Return the rows of all legal nodes, with one axis more, and which of them count."""

@@ -171,7 +171,7 @@ class RouteTable:
         for some in self._ready(sources, targets):
             starts = sources[some]
             hops = self._hops[self._values(starts, targets[some])]
-            found[some] = self._streets.step(starts, np.where(hops == self._none, 0, hops).astype(np.int64))
+            found[some] = self._streets.ends_of(starts, np.where(hops == self._none, 0, hops).astype(np.int64))
         return found
 
     def allowed_edges(self, sources: IntArray, targets: IntArray, allowed: BoolArray, most: int) -> IntArray:
@@ -200,9 +200,9 @@ class RouteTable:
         if len(leaping):
             here, goal = starts[leaping], ends[leaping]
             reached = actions[leaping]
-            at, going = streets.step(here, reached), has_path[leaping] & (reached > 0)
+            at, going = streets.ends_of(here, reached), has_path[leaping] & (reached > 0)
             while going.any():  # on, as long as the next node on the way is legal, too
-                on = streets.step(at, np.where(going, self._hops[self._values(at, goal)], 0))
+                on = streets.ends_of(at, np.where(going, self._hops[self._values(at, goal)], 0))
                 action = streets.action_to(here, on)
                 going &= (action >= 0) & (at != goal)
                 if allowed is not None:
@@ -212,7 +212,7 @@ class RouteTable:
             actions[leaping] = np.where(direct >= 0, direct, reached)
             has_path[leaping] |= direct >= 0
         if allowed is not None:
-            actions[~allowed[streets.step(starts, actions)]] = 0
+            actions[~allowed[streets.ends_of(starts, actions)]] = 0
         return np.where(has_path, actions, -1)
 
     # -- tables -------------------------------------------------------------------------------------------------
@@ -349,7 +349,7 @@ class RouteTable:
         lines = np.repeat(np.arange(len(targets)), np.diff(ends))
         goals = targets[lines]
         hops = self._hops[self._values(rows, goals)]
-        leads_on = self._streets.step(rows, np.where(hops == self._none, 0, hops)) != goals
+        leads_on = self._streets.ends_of(rows, np.where(hops == self._none, 0, hops)) != goals
         is_detour = (leads_on | (hops == self._none)) & (rows != goals)
         self._leaps[rows[is_detour]] = True
 
