@@ -332,7 +332,7 @@ class AgentBlock:
             ids = journal.ids
             journal.log += [number for row, node in zip(rows.rows, nodes, strict=True) for number in (ids[row], node)]
         elif len(nodes):
-            journal.moved(*rows.ascending(nodes))
+            journal.moved(rows.ascending, rows.in_order(nodes, self.node))
 
     def _move_arrays(self, rows: Selection, nodes: Sequence[int]) -> None:
         node, previous = np.asarray(self.node), np.asarray(self.previous)
