@@ -387,6 +387,29 @@ def test_random_moves_on_a_large_lattice_take_less_than_a_third_of_a_byte_each()
     assert len(together) < sum(map(len, apart)) + 10
 
 
+@given(st.integers(3, 7), st.integers(0, 9), st.binary(max_size=4), st.integers(0, 99))
+def test_bytes_that_are_all_as_frequent_take_codes_of_one_length(bits, more, rest, seed):
+    size = deflated.LARGE_COLUMN + 1024 + more
+    data = np.random.default_rng(seed).integers(0, (1 << bits) - 1, size, np.uint8).tobytes()
+    for columns in ([data], [data, b"few", data], [b"", data, rest]):
+        found = deflated.packed_columns(columns)
+        assert deflated.unpacked(found + rest, 3 * size) == (b"".join(columns), rest)
+        assert len(found) < sum(map(len, columns)) * bits / 8 + 400
+
+
+def test_bytes_of_which_one_is_frequent_behind_the_first_do_not_take_codes_of_one_length():
+    first = np.random.default_rng(1).integers(0, 125, 1 << 16, np.uint8).tobytes()
+    assert len(deflated.packed_columns([first + bytes(1 << 20)])) < len(first) + 2000
+    assert len(deflated.packed_columns([first + b"\x01\xff" * (1 << 19)])) < 1.1 * len(first) + (1 << 18)
+
+
+@pytest.mark.parametrize("entries", [[0, 1, -1, 1000, -1000], [0, 1], range(-40_000, 40_000)], ids=len)
+def test_a_column_of_any_layout_has_the_bytes_of_its_integers_in_their_order(entries):
+    numbers = np.random.default_rng(1).choice(entries, (3001, 31)).astype(np.int32)
+    for some in (numbers, numbers.T, numbers[::2, ::3], numbers.T[::-1]):
+        assert deflated.column(some) == deflated.column(some.reshape(-1).copy())
+
+
 def test_packed_bytes_are_refused_that_are_not_what_they_promise():
     packed = deflated.packed(b"a" * 1000)
     for damaged in (

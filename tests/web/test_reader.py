@@ -98,3 +98,23 @@ def test_tables_of_columns_are_read_and_damaged_ones_refused():
         "a column is damaged",
         "40000 bytes are promised and fewer are there",
     ]
+
+
+INFLATE = """
+import { inflate } from "%s";
+const bytes = Uint8Array.from(process.argv[1].match(/../g), (digits) => parseInt(digits, 16));
+const { data, end } = inflate(bytes, 3, 40000);
+console.log(JSON.stringify([[...data], end]));
+"""
+
+
+def test_bytes_with_codes_of_one_length_are_inflated():
+    numbers = np.random.default_rng(1).integers(0, 125, 40_000, np.uint8)
+    packed = deflated.packed_columns([numbers.tobytes()])
+    assert packed[:3] == deflated.varint(40_000)
+    assert len(packed) < 35_200
+    program = INFLATE % (HERE.parents[1] / "src/gamms/web/viewer/inflate.js").as_uri()
+    given = [NODE, "--input-type=module", "-e", program, packed.hex() + "0102"]
+    done = subprocess.run(given, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert json.loads(done.stdout) == [numbers.tolist(), len(packed)]

@@ -35,7 +35,6 @@ from gamms.text import reason, shown
 Log = list[Plain]
 """The log of one turn: ints two by two, and tuples, among them those that hold the moves of many agents."""
 
-_AGENTS_AT_ONCE = 1 << 13
 BYTES_PER_MOVE, _BYTES_PER_EVENT, _BYTES_PER_NUMBER = 4, 8, 4  # estimates that cost nothing
 
 
@@ -125,12 +124,10 @@ def _team_columns(turns: Sequence[Moves]) -> Iterator[bytes]:
     nodes = [one.nodes if order is None else one.nodes[order] for one in turns]
     yield rows
     yield column(steps(nodes[0].astype(np.int64)))
-    others = np.empty((len(nodes[0]), len(nodes) - 1), np.result_type(*nodes))
-    # NOTE: some agents at a time, whose nodes the cache holds, take half the time (benchmarks: teams, recorded).
-    for begin in range(0, len(others), _AGENTS_AT_ONCE):
-        some = slice(begin, begin + _AGENTS_AT_ONCE)
-        others[some] = np.diff([one[some] for one in nodes], axis=0).T
-    yield column(others.reshape(-1))
+    others = np.empty((len(nodes) - 1, len(nodes[0])), np.result_type(*nodes))
+    for before, after, difference in zip(nodes, nodes[1:], others, strict=False):
+        np.subtract(after, before, out=difference)
+    yield column(others.T)
 
 
 def _by_number(numbers: IntArray) -> IntArray:
