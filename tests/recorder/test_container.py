@@ -282,9 +282,9 @@ def heads_of(data):
     return heads
 
 
-def test_a_block_of_many_agents_has_sixteen_turns_too():
+def test_a_block_of_many_agents_has_32_turns_too():
     assert turns_of_blocks(written(walk(10, 200))) == [64, 64, 64, 8]
-    assert turns_of_blocks(written(walk(400, 40), size=1600)) == [16, 16, 8]
+    assert turns_of_blocks(written(walk(400, 40), size=1600)) == [32, 8]
     assert turns_of_blocks(written(walk(400, 40), size=1600 * 9 // 64)) == [9, 9, 9, 9, 4]
 
 

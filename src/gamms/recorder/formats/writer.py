@@ -19,7 +19,7 @@ from gamms.plain import Plain
 from gamms.recorder.errors import RecordingError
 from gamms.recorder.formats import blocks, chunks
 
-_FEWEST_TURNS = 16
+_FEWEST_TURNS = 32
 _MOST_SIZES = 64
 _TROUBLES = (OSError, ValueError, TypeError, AttributeError)  # full, gone, closed, none at all
 
@@ -51,7 +51,7 @@ class Writer:
             header: plain values and NumPy arrays, whatever describes the recording.
             turns: a block closes after so many turns, 1 to 65,536.
             seconds: how often open blocks are written too; None for never.
-            size: a block of 16 turns or more closes after so many bytes, counting 4 for each move; one of fewer turns
+            size: a block of 32 turns or more closes after so many bytes, counting 4 for each move; one of fewer turns
                 after 64 times as many.
             clock: where the seconds come from.
             first: how many turns come before, which are not in it; a keyframe says how it begins then.
