@@ -302,6 +302,35 @@ def test_games_of_which_few_have_the_same_roads_closed_go_on_one_by_one():
         assert "roads are closed" in detached[4]
 
 
+def wall_in(ctx):
+    """Close the roads that lead away from node 0, in turn 2 of games of odd seeds."""
+    if ctx.game.turn == 2 and ctx.seed % 2:
+        graph = ctx.graph.graph
+        ctx.graph.close_roads([edge for edge in graph.get_edges() if graph.get_edge(edge).source == 0])
+
+
+@pytest.mark.parametrize("seeds", [[1], [1, 3, 2, 4], [2, 4, 1, 3, 5, 7, 9]])  # all, some and none leave the arrays
+def test_an_action_that_a_closed_road_makes_illegal_is_refused_before_any_game_is_played(seeds):
+    with scene(red=1).build(seed=1) as ctx:
+        ctx.agent.get_agent("red_0").current_node_id = 0
+        ctx.game.add(wall_in, phase="before")
+        with ctx.game.batch(seeds=seeds) as games, ctx.game.batch(seeds=seeds) as others:
+            away = np.ones((len(seeds), 1), np.int64)
+            for one in (games, others):
+                one.step({"red": away * 0}), one.step({"red": away * 0})
+            before = games.observe("blue").node
+            for _ in range(2):
+                with pytest.raises(BadValue, match="is not the number of a legal node: it has 1"):
+                    games.step({"red": away})
+                assert (games.turn == 2).all()
+                assert (games.observe("blue").node == before).all()
+            for one in (games, others):
+                one.step({"red": away}, on_illegal="stay")
+                one.run()
+            for number in range(len(seeds)):
+                assert plain(games.result(number)) == plain(others.result(number))
+
+
 def looks_into_memories(ctx):
     ctx.game.scores["memories"] += len(ctx.game.memories)
 

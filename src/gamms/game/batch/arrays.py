@@ -46,11 +46,13 @@ class ArrayEngine:
 
     Attributes:
         state: of all games.
+        before_moves: called in each turn when rules of the phase "before" were applied, before agents move; settable.
     """
 
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster) -> None:
         self._game, movement = game, movement_of(game, roster)
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
+        self.before_moves: Callable[[], object] = bool
         settings = game.settings()
         self._has_scalar_rules = bool(called_one_by_one(game))
         asked = self._teams_asked = teams_asked(game)
@@ -278,6 +280,9 @@ class ArrayEngine:
                     turn.close()
         state.last_deeds = []
         self._leave_small_grounds()
+        if given and (self._here.rules["before"] or len(self._grounds) > 1):
+            self._check(given)  # again, by the roads that these rules have closed
+        self.before_moves()
         for ground, games in self._by_ground(self._playing()):
             with self._on(ground):
                 self._play_turn(ArrayTurn(state, games), given)

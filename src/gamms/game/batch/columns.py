@@ -2,13 +2,14 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from itertools import chain, count, islice
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_key
-from gamms.errors import UnknownName
+from gamms.arguments import as_count, as_items, as_key, as_name
+from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.libraries import Tensor
 from gamms.game.result import Result
 from gamms.game.settings import NamedRule, Plan
@@ -16,9 +17,11 @@ from gamms.game.snapshots import GameInternals, Snapshot
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
+from gamms.limits import refuse_above
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 
+BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
 Column = np.ndarray[Any, Any]
 P = TypeVar("P")
 Table = TypeVar("Table", bound=NamedTuple)
@@ -210,3 +213,27 @@ def agents_of(game: PlayedGame) -> list[IAgent]:
 def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
     """Return the plan of the team of an agent, or its strategy; None: neither."""
     return plans[agent.team].function if agent.team in plans else agent.strategy
+
+
+def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
+    """Return the names of agents that may come, by team."""
+    found: dict[Hashable, list[str]] = {}
+    given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.teams, most_agents)
+    for team, most in given.items():
+        there = len(roster.members(team))
+        if isinstance(most, Iterable):
+            names = [as_name(name, "an agent") for name in as_items(most, f"most_agents[{team!r}]", "names")]
+        else:
+            number = as_count(most, f"most_agents[{team!r}]")
+            if number < there:
+                raise BadValue(f"most_agents[{team!r}] is {number}, and team {shown(team)} has {there} agents.")
+            refuse_above(number * BYTES_PER_AGENT, f"A batch with most_agents[{team!r}]={number}")
+            free = (name for i in count() if (name := f"{team}_{i}") not in roster.names)
+            names = list(islice(free, number - there))
+        taken = [name for name in names if name in (*roster.names, *chain.from_iterable(found.values()))]
+        if taken or len({*names}) < len(names):
+            raise BadValue(
+                f"most_agents[{team!r}]: each name is that of one agent, and {shown(taken or names)} is not."
+            )
+        found[team] = names
+    return found

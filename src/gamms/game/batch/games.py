@@ -3,7 +3,7 @@
 import os
 from collections.abc import Callable, Hashable, Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
-from itertools import chain, count, islice
+from functools import partial
 from typing import Any, Literal, NamedTuple, NoReturn, Self, TypeVar
 
 import numpy as np
@@ -17,12 +17,11 @@ from gamms.arguments import (
     as_items,
     as_key,
     as_mapping,
-    as_name,
     as_path,
 )
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of
+from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, agents_of, reserved
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
 from gamms.game.batch.given import Acting, Given, as_given
@@ -46,7 +45,6 @@ T = TypeVar("T")
 MostAgents = int | Mapping[Any, int | Sequence[str]]
 """How many agents teams may come to have: of each team, or by team; or the names of those that may come."""
 ONE_BY_ONE = "one_by_one=True"
-_BYTES_PER_AGENT = 400  # of a game in arrays; 290 measured, with the events of 200 turns
 _BYTES_PER_RESULT = 3_000  # of an agent in a game that was played by itself
 _BYTES_PER_SNAPSHOT = 30_000  # of an agent in a game that is played by itself, turn by turn; 27,000 measured
 
@@ -94,10 +92,10 @@ class Batch:
         agents = agents_of(source.game)
         self._roster = Roster.of(agents)
         if most_agents is not None:
-            self._roster = Roster.of(agents, _reserved(self._roster, most_agents))
+            self._roster = Roster.of(agents, reserved(self._roster, most_agents))
         start_of = source.game.internals.start_of
         self._first_nodes = [start_of(agent) for agent in self._roster.agents]  # before they move in that context
-        self._refuse_too_many(_BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
+        self._refuse_too_many(BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
         self.seeds = tuple(seeds)
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is not None:
@@ -174,7 +172,7 @@ class Batch:
         Raises:
             UnknownName (KeyError): no agent plays for a team; there is no such deed or channel.
             BadType, BadValue: actions are not such integers, or not legal; no game has played then, and no rule was
-                called. Where a rule before the turn has made one illegal, these rules were.
+                called. Where a rule before the turn has made one illegal, these rules were; actions may be given again.
             TooLarge: games that are played one by one would not fit into memory, each at its turn.
         """
         wanted = dict(as_mapping({} if actions is None else actions, "actions"))
@@ -190,12 +188,17 @@ class Batch:
         with uninterrupted(at_most_once=True):
             try:
                 with self._watched():
+                    if isinstance(self._engine, ArrayEngine):
+                        self._engine.before_moves = partial(self._play_apart, given)
                     self._engine.step(given if is_there else self._on_host(given))
+                    self._play_apart(given)
                 is_played = True
             finally:
                 if is_played or (self._engine.turns() > before).any():  # or a rule has raised when all had moved
                     self._note(given)
-            self._play_apart()
+                else:
+                    self._restart_apart()
+            self._show_apart()
         return self._put(~self._engine.is_over)
 
     def _note(self, given: dict[Hashable, Given]) -> None:
@@ -205,23 +208,44 @@ class Batch:
         self._was_given |= self._log is None and bool(given)
         self._steps += 1
 
-    def _play_apart(self, *, to_the_end: bool = False) -> None:
-        """Let the turn engine play the games that have left the arrays, from their starts to where the others are."""
+    def _play_apart(self, given: Mapping[Hashable, Given] | None = None, *, to_the_end: bool = False) -> None:
+        """Let the turn engine play the games that have left the arrays, from their starts to where the others are.
+
+        Args:
+            given: what agents do in the turn that is being played and not in the log yet; None: there is none.
+            to_the_end: play them from there to their ends.
+        """
         if not isinstance(self._engine, ArrayEngine) or not self._engine.state.apart:
             return
         if self._apart is None:
             # in a context of its own, for what rules change of the map there is not so in the arrays
             game = self._source.game.fork(0) if self._source.build is None else self._source.build(self.seeds[0]).game
             self._apart = OneByOneEngine(game, Roster.of(agents_of(game), self._roster.reserved), self.seeds)
-        apart, state, log = self._apart, self._engine.state, self._log or []
+        apart, log = self._apart, self._log or []
         turns = (apart.turns() - self._source.game.turn).tolist()  # since the batch began
-        for number in [number for number in state.apart if apart.over(number) is None]:
-            for given in log[self._entry_of(number) + turns[number] :]:
+        for number in [number for number in self._engine.state.apart if apart.over(number) is None]:
+            missing: Sequence[Mapping[Hashable, Given]] = log[self._entry_of(number) + turns[number] :]
+            if given is not None and turns[number] <= len(log) - self._entry_of(number):
+                missing = [*missing, given]
+            for one in missing:
                 if apart.over(number) is None:
-                    apart.step_game(number, self._on_host(given))
+                    apart.step_game(number, self._on_host(one))
             if to_the_end and apart.over(number) is None:
                 apart.run(number)
-            apart.copy_to(state, number)
+
+    def _restart_apart(self) -> None:
+        """Let games that have left the arrays be as they were before a turn that was not played."""
+        if self._apart is not None:
+            for number in self.detached:
+                self._apart.start(number, self.seeds[number])
+        self._play_apart()
+        self._show_apart()
+
+    def _show_apart(self) -> None:
+        """Let the arrays say what has become of the games that have left them."""
+        if self._apart is not None and isinstance(self._engine, ArrayEngine):
+            for number in self._engine.state.apart:
+                self._apart.copy_to(self._engine.state, number)
 
     def _as_given(self, team: Hashable, value: object) -> Given:
         """Return actions as they were given, copies where they are kept."""
@@ -279,6 +303,7 @@ class Batch:
             while not self._engine.is_over.all():
                 self.step()
                 self._play_apart(to_the_end=True)
+                self._show_apart()
                 if progress:
                     over = int(self._engine.is_over.sum())
                     show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
@@ -556,30 +581,6 @@ class Batch:
         nodes = starts(seeds)
         some = next(iter(nodes.values()))  # for names that are reserved, any will do
         return np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
-
-
-def _reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
-    """Return the names of agents that may come, by team."""
-    found: dict[Hashable, list[str]] = {}
-    given = most_agents if isinstance(most_agents, Mapping) else dict.fromkeys(roster.teams, most_agents)
-    for team, most in given.items():
-        there = len(roster.members(team))
-        if isinstance(most, Iterable):
-            names = [as_name(name, "an agent") for name in as_items(most, f"most_agents[{team!r}]", "names")]
-        else:
-            number = as_count(most, f"most_agents[{team!r}]")
-            if number < there:
-                raise BadValue(f"most_agents[{team!r}] is {number}, and team {shown(team)} has {there} agents.")
-            refuse_above(number * _BYTES_PER_AGENT, f"A batch with most_agents[{team!r}]={number}")
-            free = (name for i in count() if (name := f"{team}_{i}") not in roster.names)
-            names = list(islice(free, number - there))
-        taken = [name for name in names if name in (*roster.names, *chain.from_iterable(found.values()))]
-        if taken or len({*names}) < len(names):
-            raise BadValue(
-                f"most_agents[{team!r}]: each name is that of one agent, and {shown(taken or names)} is not."
-            )
-        found[team] = names
-    return found
 
 
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
