@@ -13,6 +13,8 @@ from hypothesis.internal.conjecture import providers
 
 import gamms
 
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a third of the time in which programs of tests import NumPy
+
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what runs in the background
     signal.signal(signal.SIGINT, signal.default_int_handler)  # or no program of a test would hear Ctrl-C
 
@@ -25,6 +27,15 @@ if hasattr(providers, "is_local_module_file"):  # else examples follow from all 
     providers.is_local_module_file = lambda path: False
 
 
+if "PYTEST_XDIST_WORKER" in os.environ:  # the reports of setups and teardowns that pass, which show nothing, take long
+    from xdist.remote import WorkerInteractor
+
+    send_report = WorkerInteractor.pytest_runtest_logreport
+    WorkerInteractor.pytest_runtest_logreport = lambda self, report: (
+        send_report(self, report) if report.when == "call" or not report.passed else None
+    )
+
+
 def pytest_collection_modifyitems(items):
     """Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1."""
     if os.environ.get("GAMMS_THOROUGH") == "1":
@@ -35,10 +46,9 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Do once what takes long: build the command line, and look through thousands of collected tests for garbage."""
+    """Do once what takes long, build the command line, and do not look through thousands of tests for garbage."""
     if (runner := sys.modules.get("typer.testing")) is not None:
         runner._get_command = cache(runner._get_command)  # half of the time of a command
-    gc.collect()
     gc.freeze()
     gc.enable()
 
