@@ -12,9 +12,9 @@ SRC = Path(gamms.__file__).parent
 
 
 def changed(folder, *changes):
-    """Copy the source and change it: (file, text that stands there once, text to put in its place)."""
+    """Copy the source, compiled as it is, and change it: (file, text that stands there once, text in its place)."""
     copy = folder / "src" / "gamms"
-    shutil.copytree(SRC, copy, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(SRC, copy)
     for file, before, after in changes:
         path = copy / file
         text = path.read_text()

@@ -118,18 +118,20 @@ def test_something_else_at_the_path_is_left_as_it_is(tmp_path):
     assert path.read_text().startswith("not a database")
 
 
-@pytest.mark.parametrize("engine", ["MEMORY", "SQLITE"])
-def test_nothing_is_left_on_disk(tmp_path, engine):
+@pytest.mark.parametrize("ending", ["ctx.terminate()", "held.append(ctx)"], ids=["terminated", "left open"])
+def test_nothing_is_left_on_disk(tmp_path, ending):
     code = f"""
 import gamms
-ctx = gamms.create_context(gamms.graph.Engine.{engine}, logger_config={{"level": "CRITICAL"}})
-ctx.graph.graph.add_node({{"id": 0, "x": 0, "y": 0}})
-ctx.agent.create_agent("a", start_node_id=0).get_state()
+held = []
+for engine in (gamms.graph.Engine.MEMORY, gamms.graph.Engine.SQLITE):
+    ctx = gamms.create_context(engine, logger_config={{"level": "CRITICAL"}})
+    ctx.graph.graph.add_node({{"id": 0, "x": 0, "y": 0}})
+    ctx.agent.create_agent("a", start_node_id=0).get_state()
+    {ending}
 """
-    for ending in ("ctx.terminate()", ""):
-        run = [sys.executable, "-W", "error", "-c", code + ending]
-        subprocess.run(run, cwd=tmp_path, env={"TMPDIR": str(tmp_path)}, check=True, capture_output=True)
-        assert list(tmp_path.iterdir()) == []
+    run = [sys.executable, "-W", "error", "-c", code]
+    subprocess.run(run, cwd=tmp_path, env={"TMPDIR": str(tmp_path)}, check=True, capture_output=True)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_an_engine_that_shows_nothing_is_made_when_it_is_first_asked_for(open_context):

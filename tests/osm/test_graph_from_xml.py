@@ -253,16 +253,10 @@ print(hashlib.sha256(text.encode()).hexdigest())
 """
 
 
-def test_the_hash_seed_changes_nothing(make_map, cross):
+def test_the_hash_seed_changes_nothing(make_map, cross, capsys, monkeypatch):
     path = make_map(cross, ([1, 2, 3], {**ROAD, "name": "A", "lanes": "2"}), ([2, 4], {**ROAD, "ref": "1"}))
-    digests = {
-        subprocess.run(
-            [sys.executable, "-c", _DIGEST, str(path)],
-            env={"PYTHONHASHSEED": seed},
-            capture_output=True,
-            text=True,
-            check=True,
-        ).stdout
-        for seed in ("0", "1")
-    }
-    assert len(digests) == 1
+    monkeypatch.setattr(sys, "argv", ["digest", str(path)])
+    exec(_DIGEST, {})
+    command = [sys.executable, "-c", _DIGEST, str(path)]
+    there = subprocess.check_output(command, env={"PYTHONHASHSEED": "4711"}, text=True)
+    assert there == capsys.readouterr().out
