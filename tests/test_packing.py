@@ -403,11 +403,14 @@ def test_bytes_of_which_one_is_frequent_behind_the_first_do_not_take_codes_of_on
     assert len(deflated.packed_columns([first + b"\x01\xff" * (1 << 19)])) < 1.1 * len(first) + (1 << 18)
 
 
-@pytest.mark.parametrize("entries", [[0, 1, -1, 1000, -1000], [0, 1], range(-40_000, 40_000)], ids=len)
-def test_a_column_of_any_layout_has_the_bytes_of_its_integers_in_their_order(entries):
-    numbers = np.random.default_rng(1).choice(entries, (3001, 31)).astype(np.int32)
-    for some in (numbers, numbers.T, numbers[::2, ::3], numbers.T[::-1]):
-        assert deflated.column(some) == deflated.column(some.reshape(-1).copy())
+@pytest.mark.parametrize("entries", [[0, 1, -1, 1000, -1000], [0, 1], [0, 300_000], range(-127, 129), range(-128, 128)])
+@pytest.mark.parametrize(("items", "arrays"), [(20_000, 4), (17_000, 2), (40_000, 1), (1, 9)])
+def test_the_column_of_changes_has_the_bytes_of_all_differences(entries, items, arrays):
+    changes = np.random.default_rng(1).choice(list(entries), (arrays, items))
+    for late in ([], [7], [-(1 << 24)], list(range(300))):
+        changes[-1, max(items - len(late), 0) :] = late[:items]
+        places = changes.cumsum(axis=0).astype(np.int32)
+        assert deflated.column_of_changes(list(places)) == deflated.column(changes[1:].T.reshape(-1))
 
 
 def test_packed_bytes_are_refused_that_are_not_what_they_promise():

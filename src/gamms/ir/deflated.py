@@ -6,9 +6,9 @@ packed bytes. docs/recording-format.md describes all of it byte by byte.
 """
 
 import zlib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import reduce
-from itertools import groupby
+from itertools import groupby, pairwise
 from operator import itemgetter
 from typing import Any
 
@@ -27,6 +27,7 @@ _NOTHING = b"\0" + _END  # no bytes, as `packed` returns them
 
 _TABLE = 9  # instead of how many bytes the integers of a column need: it has a table
 _MOST_ENTRIES, _MOST_IN_BYTE = 256, 8  # of a table; numbers of them in a byte
+_ITEMS_AT_ONCE = 16_800  # no power of two, by which columns of a table share lines of the cache
 _MOST_COUNTED = 1 << 21  # of larger integers no table is made
 _EVEN_BITS = range(3, 8)  # of codes that all have as many: those of 8 are no shorter than bytes
 _BYTES_OF_COUNTED = 7  # of so many one is counted to see which are how frequent
@@ -228,22 +229,16 @@ def steps(numbers: IntArray) -> IntArray:
 
 
 def column(numbers: IntArray) -> bytes:
-    """Return integers as bytes: many by a table of those that occur, if that is shorter, else each by itself.
-
-    Args:
-        numbers: of any shape and layout; their order is that of C.
-    """
-    if not numbers.size:
+    """Return integers as bytes: many by a table of those that occur, if that is shorter, else each by itself."""
+    if not len(numbers):
         return b"\0"
     low, high = int(numbers.min()), int(numbers.max())
-    largest = max(2 * high, -2 * low - 1)  # by zigzag
+    if _may_have_table(low, high, len(numbers)) and (found := _numbered(numbers, low, high)) is not None:
+        return _by_table(*found)
+    largest = _zigzag(low, high)
     count = max(1, (largest.bit_length() + 7) // 8)
-    if count > 1 and count * numbers.size >= LARGE_COLUMN and largest < _MOST_COUNTED:
-        found = _numbered(numbers, low, high)
-        if found is not None:
-            return _by_table(*found)
     bits = 32 if largest < 1 << 32 else 64  # NOTE: narrow numbers take half the time of wide ones
-    wide = numbers.astype(f"i{bits >> 3}", copy=False).reshape(-1)
+    wide = numbers.astype(f"i{bits >> 3}", copy=False)
     zigzag = ((wide << 1) ^ (wide >> (bits - 1))).view(f"u{bits >> 3}")
     # NOTE: a shift for each byte takes a fifth of a copy of every eighth byte (benchmarks: teams).
     shifted = ((zigzag >> zigzag.dtype.type(8 * place)).astype(np.uint8) for place in range(count))
@@ -255,10 +250,8 @@ def _numbered(numbers: IntArray, low: int, high: int) -> tuple[IntArray, Array] 
 
     What the first of them are is what nearly all are; where others occur all are numbered again.
     """
-    # NOTE: in the order of memory; bytes are turned around in a quarter of the time of numbers (benchmarks: teams).
-    all_chosen, numbers = np.empty_like(numbers, np.uint8), numbers.ravel("K")
     occurs, number_of = np.zeros(high - low + 1, np.bool_), np.empty(high - low + 1, np.uint8)
-    chosen, news = all_chosen.ravel("K"), numbers[:LARGE_COLUMN]
+    chosen, news = np.empty(len(numbers), np.uint8), numbers[:LARGE_COLUMN]
     while len(news):
         occurs[news - low] = True
         found = np.flatnonzero(occurs)
@@ -272,7 +265,60 @@ def _numbered(numbers: IntArray, low: int, high: int) -> tuple[IntArray, Array] 
             number_of.take(numbers[some] - low, out=chosen[some], mode="clip")
         last = numbers[chosen == _MOST_ENTRIES - 1]
         news = last[~occurs[last - low]]
-    return found + low, all_chosen.reshape(-1)
+    return found + low, chosen
+
+
+def column_of_changes(arrays: Sequence[IntArray]) -> bytes:
+    """Return the column of how much each item of an array differs from that in the one before, item by item.
+
+    Args:
+        arrays: (items,) each, at least one.
+    """
+    found = _numbered_changes(arrays) if len(arrays) > 1 else None
+    if found is not None:
+        return _by_table(*found)
+    changes = np.empty((len(arrays[0]), len(arrays) - 1), np.result_type(*arrays))
+    for some in _some_at_once(len(changes)):
+        changes[some] = np.diff([one[some] for one in arrays], axis=0).T
+    return column(changes.reshape(-1))
+
+
+def _numbered_changes(arrays: Sequence[IntArray]) -> tuple[IntArray, Array] | None:
+    """Return what `_numbered` returns of such a column, or None where others than the first items change otherwise."""
+    # NOTE: what the cache holds, and bytes of it, take a third of the time of all differences (benchmarks: teams).
+    pairs = list(pairwise(arrays))
+    found = np.unique(arrays[1][:_ITEMS_AT_ONCE] - arrays[0][:_ITEMS_AT_ONCE])
+    low, high, unknown = int(found[0]), int(found[-1]), _MOST_ENTRIES - 1
+    if len(found) > unknown or not _may_have_table(low, high, len(pairs) * len(arrays[0])):
+        return None
+    number_of = np.full(high - low + 3, unknown, np.uint8)  # at both ends what is beyond them
+    number_of[found - (low - 1)] = np.arange(len(found))
+    chosen = np.empty((len(arrays[0]), len(pairs)), np.uint8)
+    rows = np.empty((len(pairs), _ITEMS_AT_ONCE), np.uint8)
+    for some in _some_at_once(len(chosen)):
+        numbers = rows[:, : len(chosen[some])]
+        for (before, after), row in zip(pairs, numbers, strict=True):
+            number_of.take(after[some] - before[some] - (low - 1), out=row, mode="clip")
+        if numbers.max() == unknown:
+            return None
+        chosen[some] = numbers.T
+    return found, chosen.reshape(-1)
+
+
+def _some_at_once(size: int) -> Iterator[slice]:
+    return (slice(begin, begin + _ITEMS_AT_ONCE) for begin in range(0, size, _ITEMS_AT_ONCE))
+
+
+def _zigzag(low: int, high: int) -> int:
+    """Return the largest of the unsigned integers by which these and all between them are written."""
+    return max(2 * high, -2 * low - 1)
+
+
+def _may_have_table(low: int, high: int, size: int) -> bool:
+    """Return whether it may pay for so many integers within these bounds."""
+    largest = _zigzag(low, high)
+    count = (largest.bit_length() + 7) // 8
+    return count > 1 and count * size >= LARGE_COLUMN and largest < _MOST_COUNTED
 
 
 def _by_table(found: IntArray, chosen: Array) -> bytes:
@@ -293,5 +339,7 @@ def _grouped(numbers: Array, base: int) -> bytes:
 
 def _groups(numbers: Array, base: int, each: int) -> bytes:
     """Return bytes of so many numbers each, the first of them in the lowest place; the last is filled with zeros."""
-    digits = np.pad(numbers, (0, -len(numbers) % each)).reshape(-1, each).T
-    return bytes(reduce(lambda higher, digit: higher * np.uint8(base) + digit, digits[::-1]))
+    digits = numbers[: len(numbers) // each * each].reshape(-1, each).T
+    last = sum(number * base**place for place, number in enumerate(numbers[digits.size :].tolist()))
+    groups: Array = reduce(lambda higher, digit: higher * np.uint8(base) + digit, digits[::-1])
+    return bytes(groups) + (bytes([last]) if digits.size < len(numbers) else b"")

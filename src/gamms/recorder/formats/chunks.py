@@ -25,7 +25,7 @@ import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packing
-from gamms.ir.deflated import ByteReader, column, steps
+from gamms.ir.deflated import ByteReader, column, column_of_changes, steps
 from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Movers, Moves
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain
@@ -124,10 +124,7 @@ def _team_columns(turns: Sequence[Moves]) -> Iterator[bytes]:
     nodes = [one.nodes if order is None else one.nodes[order] for one in turns]
     yield rows
     yield column(steps(nodes[0].astype(np.int64)))
-    others = np.empty((len(nodes) - 1, len(nodes[0])), np.result_type(*nodes))
-    for before, after, difference in zip(nodes, nodes[1:], others, strict=False):
-        np.subtract(after, before, out=difference)
-    yield column(others.T)
+    yield column_of_changes(nodes)
 
 
 def _by_number(numbers: IntArray) -> IntArray:
