@@ -33,6 +33,7 @@ _REVISIONS = attrgetter("graph.revision", "obstacle_revision")
 _OF_AGENTS = kinds.AGENT_CREATE >> 24
 _TURNS_AT_ONCE = 256  # what may wait to be written
 _ENTRIES_AT_ONCE = 1 << 13  # of logs; the same
+_TURNS_OF_ARRAYS = 8  # likewise, with the moves of many agents
 _TURNS_OF_STREAM = 64  # likewise, where blocks are written that stay, and no other thread writes
 _KEYFRAME_ENTRIES = 1 << 17  # of logs between two keyframes: 65,536 moves, which take some milliseconds to read
 _KEYFRAME_TURNS = 128  # at least, of which each agent acts in: what a keyframe costs grows with the agents, too
@@ -95,6 +96,7 @@ class RecordingSession:
         self._logs: list[Log] = []
         self._interval_ends = _TURNS_AT_ONCE  # the turn at whose end a keyframe may be written
         self._entries_here = 0  # of the log, since the last one
+        self._is_full = False  # whether these are too many to wait
         self._since_keyframe = 0  # entries
         self._values = 0  # that were written up to the last interval
         self._columns: tuple[Any, Any] = None, None  # versions, and the columns of keyframes that follow from them
@@ -153,12 +155,15 @@ class RecordingSession:
             except Damaged:  # by what a program has written among it
                 self._replayed = None
         self._logs.append(log)
-        self._entries_here += len(log) + journal.in_arrays
-        journal.in_arrays = 0
         self.turn += 1
+        self._entries_here += len(log) + journal.in_arrays
+        # NOTE: arrays may wait: to begin to write takes a twentieth of what a turn does (benchmarks: teams, recorded).
+        may_wait = journal.in_arrays and self.turn % _TURNS_OF_ARRAYS
+        self._is_full = self._entries_here >= _ENTRIES_AT_ONCE and not may_wait
+        journal.in_arrays = 0
         if self.world is None:  # a map that comes later is an event, however long it took
             self.world = self._skipped.packed()
-        if self.turn >= self._writes_at or self._entries_here >= _ENTRIES_AT_ONCE:
+        if self.turn >= self._writes_at or self._is_full:
             self._write()
         if self._followers:
             self._tell_followers(log, is_over=True)
@@ -389,7 +394,7 @@ class RecordingSession:
             if self._in_background:
                 self._in_background = self._saving.begin()
             self._encode()
-            if self.turn >= self._interval_ends or self._entries_here >= _ENTRIES_AT_ONCE:
+            if self.turn >= self._interval_ends or self._is_full:
                 self._end_interval()
             if self._in_background:
                 self._writes_at = self._interval_ends
