@@ -79,9 +79,9 @@ def joined(size: int, parts: Iterable[bytes], are_deflated: Iterable[bool]) -> b
 
 def deflated(columns: bytes, flush: int = zlib.Z_SYNC_FLUSH) -> bytes:
     """Return bytes deflated in the way that suits them; the stream ends for good, or with a whole byte, and goes on."""
-    if len(columns) < LARGE_COLUMN or (plain := _sampled(columns, zlib.Z_RLE)) > 1.01 * _sampled(columns):
+    if len(columns) < LARGE_COLUMN or (plain := _sampled(columns, zlib.Z_RLE)) > 1.08 * _sampled(columns):
         return _deflate(columns, zlib.Z_FILTERED, flush)
-    # NOTE: where no patterns are found it takes a fifth of the time to look for none, and a fifth of that again where
+    # NOTE: where few patterns are found it takes a fifth of the time to look for none, and a fifth of that again where
     # codes of different lengths save nothing (benchmarks: teams).
     table, numbers = columns[:_MOST_OF_TABLE], columns[_MOST_OF_TABLE:]
     bits = _even_bits(numbers)
