@@ -106,9 +106,10 @@ def details_of(stored: dict[str, Any]) -> list[tuple[dict[str, Any], dict[str, A
 
 def attributes_of(items: Iterable[tuple[str, Any]]) -> dict[int, dict[str, Any]]:
     """Return the attributes of agents that have some, by their rows; not to be written to."""
-    found = (
-        (row, one.attributes(name) if type(one) is Members else one.__dict__)
+    # NOTE: one loop, in each keyframe over all members of teams (benchmarks: teams, recorded).
+    return {
+        row: found
         for row, (name, one) in enumerate(items)
         if type(one) is not Members or one.columns
-    )
-    return {row: attributes for row, attributes in found if attributes}
+        if (found := one.attributes(name) if type(one) is Members else one.__dict__)
+    }
