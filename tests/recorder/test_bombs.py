@@ -20,14 +20,16 @@ from gamms.recorder.formats.version2 import BadCbor, CborReader
 LIMIT = 200 << 20  # bytes of memory
 
 
-def stream_of(data):
-    deflate = zlib.compressobj(1, zlib.DEFLATED, -15)
-    return deflate.compress(data) + deflate.flush()
+def promised(size, stream):
+    """A packed stream that says another size."""
+    return deflated.varint(size) + stream
 
 
-def promised(size, data):
-    """Packed bytes that say another size."""
-    return deflated.varint(size) + stream_of(data)
+def zeros(size):
+    """A packed stream of zeros: the packed bytes of 2**20 of them, again and again."""
+    deflate = zlib.compressobj(9, zlib.DEFLATED, -15)
+    part = deflate.compress(bytes(1 << 20)) + deflate.flush(zlib.Z_FULL_FLUSH)
+    return part * (size >> 20) + deflate.flush()
 
 
 def file_of(*parts, header=None):
@@ -46,9 +48,9 @@ def number(one):
 
 
 BOMBS = {
-    "a header that promises much": lambda: file_of(header=promised(2**62, b"")),
-    "a header that inflates to much": lambda: file_of(header=promised(2**25, bytes(2**28))),
-    "a header that promises little": lambda: file_of(header=promised(2**20, bytes(2**28))),
+    "a header that promises much": lambda: file_of(header=promised(2**62, zeros(0))),
+    "a header that inflates to much": lambda: file_of(header=promised(2**25, zeros(2**28))),
+    "a header that promises little": lambda: file_of(header=promised(2**20, zeros(2**28))),
     "a header of lists": lambda: file_of(header=deflated.packed(b"\x91" * 2**20)),
     "a header of empty lists": lambda: file_of(
         header=deflated.packed(b"\x91\xc9\x00\x60\x00\x05\x01\xdd\x00\x20\0\0" + b"\xd4\x01\x90" * 2**21)
@@ -63,13 +65,13 @@ BOMBS = {
     "more turns than can be": lambda: file_of(turns_of([0, 2**32 - 1, 0, 0])),
     "moves that are not there": lambda: file_of(turns_of([0, 1, 2**22, 0], b"\1\2\0")),
     "moves that inflate to more": lambda: file_of(
-        (blocks.TURNS, deflated.packed(b"") + promised(2**24, bytes(2**28)), [0, 1, 2**22, 0])
+        (blocks.TURNS, deflated.packed(b"") + promised(2**24, zeros(2**28)), [0, 1, 2**22, 0])
     ),
-    "values that inflate to more": lambda: file_of((blocks.TURNS, promised(2**24, bytes(2**28)), [0, 1, 0, 1])),
+    "values that inflate to more": lambda: file_of((blocks.TURNS, promised(2**24, zeros(2**28)), [0, 1, 0, 1])),
     "events that promise much": lambda: file_of(
         turns_of([0, 1, 0, 1], number(0), number(1), b"\0" * 3, number(0), number(1), number(2**60))
     ),
-    "a keyframe that promises much": lambda: file_of((blocks.KEYFRAME, promised(2**40, b""), [0, 0, 0, 0])),
+    "a keyframe that promises much": lambda: file_of((blocks.KEYFRAME, promised(2**40, zeros(0)), [0, 0, 0, 0])),
 }
 
 

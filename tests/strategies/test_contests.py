@@ -50,7 +50,7 @@ def pursuit(pursuers, evaders):
     for team, strategy in (("pursuers", PURSUERS[pursuers]), ("evaders", EVADERS[evaders])):
         raw["teams"][team]["strategy"] = strategy
     if evaders == "flee":
-        raw["rules"][-1]["with"]["turns"] = 100  # after which those that do not flee are all caught
+        raw["rules"][-1]["with"]["turns"] = 70  # after which those that do not look out are all caught
     return raw
 
 
