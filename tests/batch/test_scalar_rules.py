@@ -12,6 +12,7 @@ from test_laws import LAWS
 import gamms
 from gamms.errors import BadValue, UnknownName
 from gamms.rules import Conflicts, capture_flag, contacts, payoff, respawn, tag
+from gamms.strategies import random_walk
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "then": "eliminate"}}
@@ -548,3 +549,29 @@ def test_a_collector_that_moves_an_agent_moves_it_in_arrays_too():
             for number in range(2):
                 alone.game.reset(seed=games.seeds[number])
                 assert plain(games.result(number)) == plain(alone.game.run())
+
+
+def tell_legs(ctx):
+    """Emit what agents have covered of which edges."""
+    for name, move in ctx.game.moves.items():
+        ctx.game.emit(
+            "went", agent=name, legs=[[leg.edge, leg.begin, leg.end, leg.since, leg.until] for leg in move.legs]
+        )
+
+
+@pytest.mark.parametrize("weight", ["length", "travel_time"])
+def test_what_agents_cover_of_edges_is_what_they_cover_in_games_alone(weight):
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.add_nodes(range(3), [0.0, 10.0, 20.0], [0.0] * 3)
+        for number, ends in enumerate([(0, 1), (1, 2), (2, 1), (1, 0)]):
+            edge = dict(zip(("source", "target"), ends, strict=True))
+            ctx.graph.graph.add_edge({"id": number, **edge, "length": 10.0 * (number < 3), "travel_time": 4.0})
+        for node, (name, speed) in enumerate([("anna", 6.0), ("ben", 6.0), ("carl", None)]):
+            ctx.agent.create_agent(name, start_node_id=node, speed=speed, strategy=random_walk)
+        ctx.game.conflicts = Conflicts(capacity=1)
+        ctx.game.speed_unit, ctx.game.turn_seconds, ctx.game.weight = "metres_per_second", 1.5, weight
+        ctx.game.max_turns = 8
+        ctx.game.add(tell_legs)
+        assert check(ctx, [1, 2]) == {}
+        edges = [leg[0] for event in ctx.game.fork(1).run().events for leg in event["legs"]]
+        assert 0 in edges

@@ -287,3 +287,46 @@ def test_what_was_observed_before_a_turn_does_not_last():
             games.step()
         for number, seed in enumerate(seeds):
             assert plain(games.result(number)) == plain(scenario.play(seed=seed, strategies=both))
+
+
+def test_agents_that_conflicts_stop_on_edges_go_on_in_arrays_as_alone(same_as_one_by_one):
+    settings, conflicts = {"speed_unit": "metres", "decide": "arrival"}, {"capacity": 1}
+    scenario = hunted(settings=settings, conflicts=conflicts).replace(**{"teams.blue.speed": 27.0, "max_turns": 12})
+    same_as_one_by_one(scenario, [1, 2, 3], {"red": MADE["goto"], "blue": random_walk})
+
+
+def test_what_is_legal_for_an_agent_on_an_edge_is_what_it_reaches_from_there():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.add_nodes(range(8), [10.0 * node for node in range(8)], [0.0] * 8)
+        for node, length in enumerate([10.0, 10.0, 10.0, 10.0, 10.0, 12.0, 10.0]):
+            ctx.graph.graph.add_edge({"id": node, "source": node, "target": node + 1, "length": length})
+        ctx.agent.create_agent("anna", start_node_id=0, speed=32.0, strategy=goto(ctx, 7))
+        ctx.game.speed_unit = "metres"
+        with ctx.game.batch(1) as games, ctx.game.fork(0).ctx as alone:
+            games.step()
+            alone.game.step()
+            legal = alone.game.observation("anna")["legal"]
+            assert games.observe_agent("anna")["legal"].ravel().tolist() == [*legal] == [4, 5, 6]  # 30 m from 2 m on
+
+
+def test_an_agent_goes_on_along_its_edge_where_that_is_shorter_than_from_the_node_behind_it():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.add_nodes(range(4), [0.0, 10.0, 10.0, 50.0], [0.0, 0.0, 4.0, 4.0])
+        ways = [(0, 1, 30.0), (1, 2, 4.0), (0, 2, 32.0), (2, 3, 40.0)]
+        for number, (one, other, length) in enumerate(ways):
+            for id, source, target in ((2 * number, one, other), (2 * number + 1, other, one)):
+                ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": length})
+        ctx.sensor.create_sensor("all", "AGENT_RANGE", sensor_range=99.0)
+        ctx.agent.create_agent("anna", start_node_id=0, team="red", speed=10.0, sensors=["all"], strategy=chase(ctx))
+        ctx.agent.create_agent("ben", start_node_id=1, team="blue", speed=5.0, strategy=follow_path(ctx, [1, 2, 3]))
+        ctx.game.speed_unit = "metres"
+        with ctx.game.batch(1) as games:
+            places = [games.observe_agent("anna")["xy"][0, 0].tolist() for _ in range(4) if games.step().any()]
+            assert games.slow is None
+        assert places == [pytest.approx(one) for one in ([10 / 3, 0.0], [20 / 3, 0.0], [10.0, 0.0], [16.0, 4.0])]
+
+
+def test_a_fixed_field_of_view_is_played_in_arrays_by_metres(same_as_one_by_one):
+    sight = {"type": "AGENT_ARC", "fov": 2.0, "at": [30.0, 20.0], "orientation": [1.0, 0.0]}
+    scenario = hunted(sight=sight, settings={"speed_unit": "metres"}).replace(max_turns=6)
+    same_as_one_by_one(scenario, [1], {"red": chase, "blue": random_walk})

@@ -159,8 +159,7 @@ class ByMetres(Movement):
         """Return how many turns a share of some edges takes at speeds."""
         terms, metres = self.terms, share * self.streets.columns.lengths[edges]
         with np.errstate(divide="ignore", invalid="ignore"):
-            by_speed = np.where(metres == 0.0, 0.0, metres / (speed * terms.turn_seconds))
-        by_speed = np.where((speed <= 0.0) & (metres != 0.0), np.inf, by_speed)
+            by_speed = np.where(metres == 0.0, 0.0, metres / np.abs(speed * terms.turn_seconds))  # a speed may be -0.0
         if terms.seconds is None:
             return by_speed
         found: FloatArray = np.maximum(by_speed, share * terms.seconds[edges] / terms.turn_seconds)
@@ -347,7 +346,7 @@ class Trip:
         self._is_paced = by._is_paced[self._agents]
         self._speed = by._speeds[self._agents]
         number = len(self.here)
-        self._goal, self._last = np.full(number, -1), np.full(number, -1)  # nodes; the last one is next to the goal
+        self._goal, self._last = np.full((2, number), -1)  # nodes; the last one is next to the goal
         self._by_length = np.zeros(number, np.bool_)  # whether the way is the shortest by length
         self._is_back = np.zeros(number, np.bool_)
         self.goes = np.zeros(number, np.bool_)
