@@ -21,10 +21,12 @@ from gamms.scenario import Scenario, ScenarioError
 CODE = """
 import json, sys
 from gamms import scenario
-data = scenario.load(sys.argv[1]).play(seed=11).to_dict()
-del data["timings"]
-print(json.dumps(data, sort_keys=True))
+for file in sys.argv[1:]:
+    data = scenario.load(file).play(seed=11).to_dict()
+    del data["timings"]
+    print(json.dumps(data, sort_keys=True))
 """
+STRATEGIES = ["players:wander", "players:by_global_chance", "players"]
 
 
 def told(result):
@@ -33,8 +35,8 @@ def told(result):
     return json.loads(json.dumps(data, sort_keys=True))
 
 
-@pytest.mark.parametrize("strategy", ["players:wander", "players:by_global_chance", "players"])
-def test_file_python_engines_and_processes_agree(folder, made, strategy):
+@pytest.mark.parametrize("strategy", STRATEGIES)
+def test_file_python_and_engines_agree(folder, made, strategy):
     file = folder / "same.json"
     one = made({"teams.red.strategy": strategy})
     file.write_text(json.dumps(one.to_dict()))
@@ -44,13 +46,20 @@ def test_file_python_engines_and_processes_agree(folder, made, strategy):
     assert told(scenario.load(folder / "same.yaml").play(seed=11)) == result
     with one.build(seed=11, graph_engine=gamms.graph.Engine.SQLITE) as ctx:
         assert told(ctx.game.run()) == result
+    assert told(one.play(seed=12)) != result
+
+
+def test_processes_agree(folder, made):
+    games = [made({"teams.red.strategy": strategy}) for strategy in STRATEGIES]
+    files = [folder / f"{number}.json" for number in range(len(games))]
+    for file, one in zip(files, games, strict=True):
+        file.write_text(json.dumps(one.to_dict()))
     printed = subprocess.check_output(
-        [sys.executable, "-W", "error", "-c", CODE, str(file)],
+        [sys.executable, "-W", "error", "-c", CODE, *map(str, files)],
         env={**os.environ, "PYTHONHASHSEED": "0" if os.environ.get("PYTHONHASHSEED") == "4" else "4"},
         text=True,
     )
-    assert json.loads(printed) == result
-    assert told(one.play(seed=12)) != result
+    assert [json.loads(line) for line in printed.splitlines()] == [told(one.play(seed=11)) for one in games]
 
 
 def test_the_seed_of_the_file_is_the_usual_one(made):
