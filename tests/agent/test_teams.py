@@ -240,3 +240,17 @@ def test_moves_of_a_snapshot_stay_when_a_member_is_put_elsewhere_before_it_moves
     assert ctx.agent.get_agent("red_1").current_node_id == 24
     ctx.game.restore(snapshot)
     assert [move.end for move in ctx.game.moves.values()] == nodes
+
+
+def test_attributes_of_agents_are_found_by_their_rows_whether_or_not_members_were_made(ctx):
+    ctx.agent.create_agent("anna", start_node_id=0, fuel=1)
+    ctx.agent.create_team("red", [0, 1, 2, 3])
+    ctx.agent.create_agent("bert", start_node_id=0)
+    ctx.agent.get_agent("red_3").fuel = 3
+    ctx.agent.get_agent("red_1").fuel = 2
+    found = ctx.agent.storage.attributes()
+    assert list(found.items()) == [(0, {"fuel": 1}), (2, {"fuel": 2}), (4, {"fuel": 3})]
+    ctx.agent.delete_agent("anna")
+    ctx.agent.create_team("blue", [0, 1], columns={"fuel": [4, 5]})
+    found = ctx.agent.storage.attributes()
+    assert list(found.items()) == [(1, {"fuel": 2}), (3, {"fuel": 3}), (5, {"fuel": 4}), (6, {"fuel": 5})]

@@ -421,8 +421,7 @@ class AgentStorage(Guarded):
 
     def attributes(self) -> dict[int, dict[str, Any]]:
         """Return the attributes of agents that have some, by their rows; not to be written to."""
-        agents = self._engine._agents
-        return attributes_of(agents.stored_items() if isinstance(agents, AgentsByName) else agents.items())
+        return attributes_of(self._engine._agents)
 
     def made(self) -> list[BaseAgent]:
         """Return the agents that were made: all but those of teams that no program has asked for."""

@@ -115,6 +115,10 @@ class AgentsByName(dict[str, BaseAgent]):
         """Return names, each with the agent, or the `Members` that it is one of."""
         return super().items()
 
+    def stored_once(self) -> set[Any]:
+        """Return the agents that were made, and the `Members` that stand in for others, each once."""
+        return set(super().values())
+
     def stored(self) -> dict[str, Any]:
         """Return name -> the agent, or the `Members` that it is one of."""
         return dict(self.stored_items())
