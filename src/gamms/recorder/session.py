@@ -158,8 +158,8 @@ class RecordingSession:
         self.turn += 1
         self._entries_here += len(log) + journal.in_arrays
         # NOTE: arrays may wait: to begin to write takes a twentieth of what a turn does (benchmarks: teams, recorded).
-        may_wait = journal.in_arrays and self.turn % _TURNS_OF_ARRAYS
-        self._is_full = self._entries_here >= _ENTRIES_AT_ONCE and not may_wait
+        is_full = self._entries_here >= _ENTRIES_AT_ONCE
+        self._is_full = is_full and not (journal.in_arrays and self.turn % _TURNS_OF_ARRAYS)
         journal.in_arrays = 0
         if self.world is None:  # a map that comes later is an event, however long it took
             self.world = self._skipped.packed()
