@@ -387,6 +387,14 @@ def test_random_moves_on_a_large_lattice_take_less_than_a_third_of_a_byte_each()
     assert len(together) < sum(map(len, apart)) + 10
 
 
+@pytest.mark.parametrize("size", [0, 9, 100_000])
+def test_lasting_columns_give_the_bytes_of_others(size):
+    columns = [bytes(range(90)) * 2000, bytes(7), bytes(range(100)) * (size // 100), b"last"]
+    for places in ([], [0], [1, 2], [0, 1, 2, 3]):
+        some = [deflated.Lasting(one) if place in places else one for place, one in enumerate(columns)]
+        assert [deflated.packed_columns(some) for _ in range(2)] == [deflated.packed_columns(columns)] * 2
+
+
 @given(st.integers(3, 7), st.integers(0, 9), st.binary(max_size=4), st.integers(0, 99))
 def test_bytes_that_are_all_as_frequent_take_codes_of_one_length(bits, more, rest, seed):
     size = deflated.LARGE_COLUMN + 1024 + more

@@ -7,7 +7,7 @@ packed bytes. docs/recording-format.md describes all of it byte by byte.
 
 import zlib
 from collections.abc import Iterable, Iterator, Sequence
-from functools import reduce
+from functools import cached_property, reduce
 from itertools import groupby, pairwise
 from operator import itemgetter
 from typing import Any
@@ -56,12 +56,25 @@ def packed(data: bytes) -> bytes:
     return b"".join((varint(len(data)), deflate.compress(data), deflate.flush()))
 
 
+class Lasting(bytes):
+    """A column that is written in many blocks."""
+
+    @cached_property
+    def stream(self) -> bytes:
+        """What `deflated` returns of it."""
+        return deflated(self)
+
+
 def packed_columns(columns: Sequence[bytes]) -> bytes:
     """Return columns as packed bytes: small ones deflated together, each large one in the way that suits it."""
     groups = groupby(enumerate(columns), lambda one: one[0] if len(one[1]) >= LARGE_COLUMN else -1)
-    *others, last = (b"".join(column for _, column in some) for _, some in groups)
+    *others, last = ([column for _, column in some] for _, some in groups)
     size = varint(sum(map(len, columns)))
-    return b"".join((size, *map(deflated, others), deflated(last, zlib.Z_FINISH)))
+    streams = (
+        some[0].stream if isinstance(some[0], Lasting) and len(some[0]) >= LARGE_COLUMN else deflated(b"".join(some))
+        for some in others
+    )
+    return b"".join((size, *streams, deflated(b"".join(last), zlib.Z_FINISH)))
 
 
 def joined(size: int, parts: Iterable[bytes], are_deflated: Iterable[bool]) -> bytes:

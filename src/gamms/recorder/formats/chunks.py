@@ -25,7 +25,7 @@ import numpy as np
 
 from gamms.errors import BadFile, BadType, BadValue
 from gamms.ir import packing
-from gamms.ir.deflated import ByteReader, column, column_of_changes, steps
+from gamms.ir.deflated import ByteReader, Lasting, column, column_of_changes, steps
 from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Movers, Moves
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.plain import Plain
@@ -108,12 +108,12 @@ def layout_of(numbers: bytes) -> tuple[bytes, Layout]:
 
 
 @lru_cache(maxsize=2)
-def team_of(movers: Movers, turns: int) -> tuple[bytes, IntArray | None]:
+def team_of(movers: Movers, turns: int) -> tuple[Lasting, IntArray | None]:
     """Return the column of rows of a block in which each of some agents moves once in each turn.
 
     With it, the order of the agents by their numbers; None: they have it.
     """
-    rows = column(steps(np.tile(movers.numbers, turns)))
+    rows = Lasting(column(steps(np.tile(movers.numbers, turns))))
     is_ordered = bool((movers.numbers[1:] > movers.numbers[:-1]).all())
     return rows, None if is_ordered else _by_number(movers.numbers)
 
