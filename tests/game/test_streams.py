@@ -154,3 +154,39 @@ def test_as_many_agents_as_fill_a_block_draw_as_alone():
         assert [one.bits() for one in draws] == kernels.draw_bits_each(
             kernels.purpose_key(3, "agent"), [f"a{i}" for i in range(600)], turn
         )
+
+
+@pytest.mark.parametrize("is_team", [False, True])
+def test_what_an_agent_draws_from_stays_when_others_die_and_come_and_is_new_with_another_seed(grid, is_team):
+    held = {}
+
+    def strategy(state):
+        held.setdefault(state["name"], []).append((state["draw"], state["team"], state["draw"].below(1 << 32)))
+
+    with grid(seed=5) as ctx:
+        if is_team:
+            ctx.agent.create_team("red", [0] * 4, strategy=strategy)
+        else:
+            for number in range(4):
+                ctx.agent.create_agent(f"red_{number}", start_node_id=0, team="red", strategy=strategy)
+        ctx.game.max_turns = None
+        changes = (
+            lambda: ctx.game.eliminate("red_0"),
+            lambda: ctx.agent.create_agent("late", start_node_id=0, strategy=strategy),
+            lambda: setattr(ctx.agent.get_agent("red_3"), "team", "blue"),
+            lambda: (ctx.reseed(6), ctx.agent.delete_agent("red_2")),
+        )
+        for change in changes:
+            ctx.game.step()
+            change()
+        ctx.game.step()
+    assert [draw is held["red_1"][0][0] for draw, *_ in held["red_1"]] == [True] * 4 + [False]
+    assert [team for _, team, _ in held["red_3"]] == ["red"] * 3 + ["blue"] * 2
+    assert {name: len(drawn) for name, drawn in held.items()} == dict.fromkeys(("red_1", "red_3"), 5) | {
+        "red_0": 1,
+        "red_2": 4,
+        "late": 3,
+    }
+    for name, drawn in held.items():
+        for turn, (_, _, bits) in enumerate(drawn, 2 if name == "late" else 0):
+            assert bits == Draws(DrawTable(6 if turn == 4 else 5, GameState(turn=turn)), name).below(1 << 32)

@@ -60,6 +60,9 @@ class DrawTable:
         )  # the draws of each, as an array: lists would be searched for garbage
         self._of_names = 0  # how many agents those are of
 
+    def __len__(self) -> int:
+        return len(self._names)
+
     def add(self, name: str) -> int:
         """Add an agent; returns its place in the rows of later turns."""
         self._names.append(name)

@@ -1,7 +1,7 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from copy import copy
+from copy import copy, deepcopy
 from functools import cache
 from typing import Any
 
@@ -15,7 +15,9 @@ from gamms.ir.game_state import GameState
 from gamms.ir.obstacles import BoolArray
 from gamms.typing import AgentType
 from gamms.typing.agent_engine import IAgent, TurnAccess
+from gamms.typing.context import HostContext
 
+_FEW_GONE = 64  # agents of which a table of draws may have the draws after they have gone
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
 
@@ -77,6 +79,12 @@ class AgentSlot:
         self.foreign = [name for name, _, _, result, _ in self.carried if type(result) is not list]
         self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, *_ in self.carried)
         self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
+
+    def holds(self, agent: IAgent, access: TurnAccess) -> bool:
+        """Whether it still says what there is to say of an agent of this game."""
+        is_own = self.agent is agent and self.row == access.row and self.last is access.last
+        is_equal = self.carried is access.carried and self.team == agent.team
+        return is_own and is_equal and (self.flies or self.speed == agent.speed)
 
     @property
     def draws(self) -> Draws:
@@ -224,6 +232,51 @@ class LazySlots(Sequence[AgentSlot]):
         twin = copy(self)
         twin._make, twin._made = make, {}
         return twin
+
+
+class SlotMaker:
+    """Makes the slots of the living agents of a game.
+
+    Args:
+        ctx: the context, whose agents count.
+        state, facts, settings, fork: as for an `AgentSlot`.
+    """
+
+    def __init__(
+        self,
+        ctx: HostContext,
+        state: GameState,
+        facts: Mapping[str, Any],
+        settings: Settings,
+        fork: PrivateForks,
+    ) -> None:
+        self._ctx, self._state, self._rest = ctx, state, (facts, settings, fork)
+        self._table: DrawTable | None = None  # of those that were made last
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> "SlotMaker":
+        """Copy it as one that makes all of them, for copies of slots draw by themselves."""
+        return SlotMaker(*deepcopy((self._ctx, self._state, *self._rest), memo))
+
+    def of_living(self, made: Iterable[AgentSlot]) -> Sequence[AgentSlot]:
+        """Return the slots of the living agents by their names; made when needed where there are teams in arrays.
+
+        Args:
+            made: slots of the same game, of which those that still hold are used again.
+        """
+        agents, seed, known = self._ctx.agent, self._ctx.seed, {slot.name: slot for slot in made}
+        all_agents, access_of, table = agents.agents, agents.storage.turn_access, self._table
+        if table is None or not known or table.seed != seed or len(table) > 2 * len(known) + _FEW_GONE:
+            table, known = DrawTable(seed, self._state), {}
+        self._table, given = table, (self._state, table, *self._rest)
+
+        def make(name: str) -> AgentSlot:
+            agent, slot = all_agents[name], known.get(name)
+            access = access_of(agent)
+            return slot if slot is not None and slot.holds(agent, access) else AgentSlot(agent, access, *given)
+
+        if agents.block.has_arrays:
+            return LazySlots(agents.block, self._rest[1], make, self._state.counts)
+        return [make(name) for name in sorted(name for name, agent in all_agents.items() if agent.alive)]
 
 
 def restart_draws(slots: Iterable[AgentSlot]) -> None:

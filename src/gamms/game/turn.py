@@ -18,9 +18,8 @@ from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
 from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
-from gamms.game.random_streams import DrawTable
 from gamms.game.settings import RuleSet, Settings, refuse_unused
-from gamms.game.slots import AgentSlot, LazySlots, made_slots, restart_draws
+from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -62,7 +61,7 @@ class TurnEngine:
         self._ctx, self._settings, self._state, self._phase = ctx, settings, state, phase
         self._legality = Legality(ctx, settings)
         self.travel = self._legality.travel
-        self._facts, self._fork = ReadOnlyMapping(state.facts), PrivateForks(ctx)
+        self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
@@ -86,12 +85,13 @@ class TurnEngine:
             block.locate()
         settings = self._settings
         is_public = not state.agent_facts and not state.team_facts
-        key = (block, block.structure_version, settings.changes, state.stream_version, is_public)
+        key = (block, settings.changes, state.stream_version, is_public, block.structure_version)
         if self._order is None or self._order_key != key:
             self.update_counts()
             refuse_unused(settings)
             groups = self._groups if self.is_moving else settings.order
-            slots = self._slots()
+            made = made_slots(self._order.slots) if self._order and self._order_key[:-1] == key[:-1] else ()
+            slots = self._slots.of_living(made)
             self._order, self._order_key = TurnOrder(slots, block, settings, groups), key
             if isinstance(slots, list):
                 state.players.update((slot.name, slot.agent) for slot in slots)
@@ -105,20 +105,6 @@ class TurnEngine:
             return [slot.agent for slot in self.order().slots]
         # NOTE: one that has gone or come makes no order of the next turn yet, which costs more (decision 0057).
         return [one for _, one in sorted(agents.agents.items(), key=itemgetter(0)) if one.alive]
-
-    def _slots(self) -> Sequence[AgentSlot]:
-        """Return what the engine holds of each living agent; made when needed where there are teams in arrays."""
-        agents, state, facts, settings = self._ctx.agent, self._state, self._facts, self._settings
-        access_of, all_agents, fork = agents.storage.turn_access, agents.agents, self._fork
-        table = DrawTable(self._ctx.seed, state)
-        if agents.block.has_arrays:
-
-            def make(name: str) -> AgentSlot:
-                return AgentSlot(all_agents[name], access_of(all_agents[name]), state, table, facts, settings, fork)
-
-            return LazySlots(agents.block, settings, make, state.counts)
-        living = sorted([(name, agent) for name, agent in all_agents.items() if agent.alive], key=itemgetter(0))
-        return [AgentSlot(one, access_of(one), state, table, facts, settings, fork) for _, one in living]
 
     def legal(self, names: Iterable[str]) -> dict[str, tuple[int, ...]]:
         """Return what will be legal when the next turn begins, by name, for living agents; see `Legality.reachable`."""
