@@ -330,3 +330,13 @@ def test_a_fixed_field_of_view_is_played_in_arrays_by_metres(same_as_one_by_one)
     sight = {"type": "AGENT_ARC", "fov": 2.0, "at": [30.0, 20.0], "orientation": [1.0, 0.0]}
     scenario = hunted(sight=sight, settings={"speed_unit": "metres"}).replace(max_turns=6)
     same_as_one_by_one(scenario, [1], {"red": chase, "blue": random_walk})
+
+
+@pytest.mark.parametrize("speed", [None, 14.0])
+def test_a_part_of_a_mix_leaves_what_is_legal_for_others_as_it_is(speed, same_as_one_by_one):
+    scenario = hunted(settings={"speed_unit": "metres", "decide": "arrival"}).replace(max_turns=8)
+    if speed is not None:
+        scenario = scenario.replace(**{"teams.red.speed": speed})
+    same_as_one_by_one(
+        scenario, [1, 2, 3], {"red": lambda ctx: mix(0.5, goto(ctx, 17), random_walk), "blue": random_walk}
+    )

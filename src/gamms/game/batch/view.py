@@ -150,8 +150,8 @@ class ArrayView(Mapping[str, Any]):
     @property
     def choices(self) -> IntArray:
         """What is legal for each agent, by the numbers of `movement`."""
-        if "all" not in self._known and self._asked is not None and self.mask.any():
-            which = np.nonzero(self.mask)
+        if "all" not in self._known and self._asked is not None and self._whole.any():
+            which = np.nonzero(self._whole)
             of_asked = self.movement.choices(self.node[which], self.numbers(which))
             self._known["all"] = np.full(self.node.shape, of_asked[0])
             self._known["all"][which] = of_asked
