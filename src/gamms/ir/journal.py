@@ -47,7 +47,7 @@ class Journal:
         if self._last_movers is None or self._last_movers[0] is not rows:
             self._last_movers = rows, Movers(np.array(self.ids, np.int64).take(rows))
         # NOTE: half of the memory is a third of the time of writing them (benchmarks: teams, recorded).
-        is_small = int(nodes.min()) >= -_SMALL_IDS and int(nodes.max()) < _SMALL_IDS
+        is_small = int(nodes.astype(np.int64, copy=False).view(np.uint64).max()) < _SMALL_IDS  # none is negative, too
         self.log.append((MOVES, Moves(self._last_movers[1], nodes.astype(np.int32 if is_small else np.int64))))
         self.in_arrays += 2 * len(rows) - 1
 
