@@ -101,7 +101,7 @@ def render(
         OSError: a file cannot be read or written.
     """
     options, out = options or RenderOptions(), Path(out)
-    if (suffix := out.suffix.lower()) not in (*FILMS, *FORMATS, _PAGE):
+    if (suffix := out.suffix.lower()) != _PAGE and suffix not in FORMATS and suffix not in FILMS:
         raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
     total = _checked_turns(path, options)
     if suffix == _PAGE:
