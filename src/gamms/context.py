@@ -323,7 +323,15 @@ class Context(Guarded, typing.IContext):
         )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Context":
-        """Copy the context with all of its engines."""
+        """Copy the context with all of its engines.
+
+        Raises:
+            BadType: there are teams that were made at once.
+        """
+        with self._phase.suspended():
+            block = getattr(self.agent_engine, "block", None)  # an engine of the caller's may have none
+        if getattr(block, "has_arrays", False):
+            raise BadType("copy.deepcopy copies no teams that create_team made: ctx.game.fork(seed) copies their game.")
         twin = memo[id(self)] = object.__new__(type(self))
         twin.__dict__.update(deepcopy(self.__dict__, memo))
         return twin

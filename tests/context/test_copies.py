@@ -94,3 +94,11 @@ def test_both_engines_list_the_same_stores():
             ctx.ictx.memory.create_store(gamms.typing.StoreType.MEMORY, "graph_store")
             listed.append(list(ctx.ictx.memory.list_stores()))
     assert listed == [["graph_store"]] * 2
+
+
+def test_a_context_with_teams_made_at_once_says_how_its_game_is_copied():
+    with world() as ctx:
+        ctx.agent.create_team("red", [0, 1])
+        with pytest.raises(BadType, match=r"copies no teams that create_team made: ctx\.game\.fork\(seed\)"):
+            copy.deepcopy(ctx)
+        assert len(ctx.game.fork(1).agents) == 5
