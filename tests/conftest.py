@@ -27,15 +27,6 @@ if hasattr(providers, "is_local_module_file"):  # else examples follow from all 
     providers.is_local_module_file = lambda path: False
 
 
-if "PYTEST_XDIST_WORKER" in os.environ:  # the reports of setups and teardowns that pass, which show nothing, take long
-    from xdist.remote import WorkerInteractor
-
-    send_report = WorkerInteractor.pytest_runtest_logreport
-    WorkerInteractor.pytest_runtest_logreport = lambda self, report: (
-        send_report(self, report) if report.when == "call" or not report.passed else None
-    )
-
-
 def pytest_collection_modifyitems(items):
     """Try ten times as many examples of each law, and others in each run, where GAMMS_THOROUGH is 1."""
     if os.environ.get("GAMMS_THOROUGH") == "1":
