@@ -63,9 +63,11 @@ def test_the_caller_may_allow_more_or_less(little):
 
 
 @pytest.mark.parametrize("command", [["run"], ["scenario", "check"]])
-def test_the_command_line_allows_more_or_less(folder, command):
+def test_the_command_line_allows_more_or_less(folder, command, monkeypatch):
+    monkeypatch.chdir(folder)  # where `run` writes
+
     def run(*arguments):
-        return CliRunner().invoke(cli.app, [*command, str(folder / "little.yaml"), *arguments])
+        return CliRunner().invoke(cli.app, [*command, "little.yaml", *arguments])
 
     file = folder / "little.yaml"
     file.write_text(file.read_text().replace("width: 8", "width: 100"))
