@@ -250,12 +250,12 @@ class SlotMaker:
         settings: Settings,
         fork: PrivateForks,
     ) -> None:
-        self._ctx, self._state, self._rest = ctx, state, (facts, settings, fork)
+        self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "SlotMaker":
         """Copy it as one that makes all of them, for copies of slots draw by themselves."""
-        return SlotMaker(*deepcopy((self._ctx, self._state, *self._rest), memo))
+        return SlotMaker(*deepcopy((self._ctx, self._state, self._facts, self._settings, self._fork), memo))
 
     def of_living(self, made: Iterable[AgentSlot]) -> Sequence[AgentSlot]:
         """Return the slots of the living agents by their names; made when needed where there are teams in arrays.
@@ -267,7 +267,7 @@ class SlotMaker:
         all_agents, access_of, table = agents.agents, agents.storage.turn_access, self._table
         if table is None or not known or table.seed != seed or len(table) > 2 * len(known) + _FEW_GONE:
             table, known = DrawTable(seed, self._state), {}
-        self._table, given = table, (self._state, table, *self._rest)
+        self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
 
         def make(name: str) -> AgentSlot:
             agent, slot = all_agents[name], known.get(name)
@@ -275,7 +275,7 @@ class SlotMaker:
             return slot if slot is not None and slot.holds(agent, access) else AgentSlot(agent, access, *given)
 
         if agents.block.has_arrays:
-            return LazySlots(agents.block, self._rest[1], make, self._state.counts)
+            return LazySlots(agents.block, self._settings, make, self._state.counts)
         return [make(name) for name in sorted(name for name, agent in all_agents.items() if agent.alive)]
 
 

@@ -46,13 +46,11 @@ class ArrayEngine:
 
     Attributes:
         state: of all games.
-        before_moves: called in each turn when rules of the phase "before" were applied, before agents move; settable.
     """
 
     def __init__(self, game: PlayedGame, seeds: Sequence[int], start: IntArray, roster: Roster) -> None:
         self._game, movement = game, movement_of(game, roster)
         self.state = self._made_state(roster, movement, seeds, movement.streets.rows(start))
-        self.before_moves: Callable[[], object] = bool
         settings = game.settings()
         self._has_scalar_rules = bool(called_one_by_one(game))
         asked = self._teams_asked = teams_asked(game)
@@ -257,17 +255,22 @@ class ArrayEngine:
         is_played[list(self.state.apart)] = False
         return np.flatnonzero(is_played)
 
-    def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over; they leave if a form lacks what it keeps of earlier turns."""
+    def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
+        """Play one turn of all games that are not over; they leave if a form lacks what it keeps of earlier turns.
+
+        Args:
+            given: what agents do whose strategies are not asked.
+            before_moves: called when rules of the phase "before" were applied, before agents move.
+        """
         playing = self._playing().tolist()
         try:
-            self._step(given)
+            self._step(given, before_moves)
         except NotTakenUp as error:
             why = " ".join((f"{error}.", *getattr(error, "__notes__", ())))
             self.state.apart |= dict.fromkeys(playing, why)
             self.state.now.clear()
 
-    def _step(self, given: Mapping[Hashable, Given]) -> None:
+    def _step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
         state = self.state
         if given and (self._here.rules["before"] or len(self._grounds) > 1):
             self._check(given)
@@ -282,7 +285,7 @@ class ArrayEngine:
         self._leave_small_grounds()
         if given and (self._here.rules["before"] or len(self._grounds) > 1):
             self._check(given)  # again, by the roads that these rules have closed
-        self.before_moves()
+        before_moves()
         for ground, games in self._by_ground(self._playing()):
             with self._on(ground):
                 self._play_turn(ArrayTurn(state, games), given)

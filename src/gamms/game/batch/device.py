@@ -241,8 +241,8 @@ class DeviceEngine(ArrayEngine):
     def _made_state(self, roster: Roster, movement: Movement, seeds: Sequence[int], start: IntArray) -> GameArrays:
         return DeviceGames(roster, movement, seeds, start, self.library)
 
-    def step(self, given: Mapping[Hashable, Given]) -> None:
-        """Play one turn of all games that are not over."""
+    def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
+        """Play one turn of all games that are not over; see `ArrayEngine.step`."""
         state, playing = self.state, ~self.is_over
         if self._here.rules["before"]:
             self._given(only_playing(state.there["alive"], playing, self.library), given)
@@ -255,6 +255,7 @@ class DeviceEngine(ArrayEngine):
         actions = self._actions(mask, given)
         node = state.there["node"]
         ends = state.streets_there.step(node, actions)
+        before_moves()
         state.move(self._unopposed(playing, node, ends), playing)
         for named, form in self._here.rules["after"]:
             self._play(named, form, playing)

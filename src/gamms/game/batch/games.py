@@ -188,9 +188,11 @@ class Batch:
         with uninterrupted(at_most_once=True):
             try:
                 with self._watched():
+                    actions_there = given if is_there else self._on_host(given)
                     if isinstance(self._engine, ArrayEngine):
-                        self._engine.before_moves = partial(self._play_apart, given)
-                    self._engine.step(given if is_there else self._on_host(given))
+                        self._engine.step(actions_there, partial(self._play_apart, given))
+                    else:
+                        self._engine.step(actions_there)
                     self._play_apart(given)
                 is_played = True
             finally:
