@@ -258,9 +258,7 @@ class ArrayEngine:
     def step(self, given: Mapping[Hashable, Given], before_moves: Callable[[], object]) -> None:
         """Play one turn of all games that are not over; they leave if a form lacks what it keeps of earlier turns.
 
-        Args:
-            given: what agents do whose strategies are not asked.
-            before_moves: called when rules of the phase "before" were applied, before agents move.
+        `before_moves` is called when rules of the phase "before" were applied, before agents move.
         """
         playing = self._playing().tolist()
         try:

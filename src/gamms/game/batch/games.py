@@ -8,17 +8,7 @@ from typing import Any, Literal, NamedTuple, NoReturn, Self, TypeVar
 
 import numpy as np
 
-from gamms.arguments import (
-    as_array,
-    as_bool,
-    as_choice,
-    as_count,
-    as_int,
-    as_items,
-    as_key,
-    as_mapping,
-    as_path,
-)
+from gamms.arguments import as_array, as_bool, as_choice, as_count, as_int, as_items, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, agents_of, reserved
@@ -180,7 +170,6 @@ class Batch:
         given = {team: self._as_given(team, value)._replace(may_stay=may_stay) for team, value in wanted.items()}
         if not self.is_in_arrays:
             self._refuse_too_many(_BYTES_PER_SNAPSHOT)
-        is_there = isinstance(self._engine, DeviceEngine)
         if self._apart is not None and given:
             games = [number for number in self.detached if self._apart.over(number) is None]
             self._apart.check(self._on_host(given), np.array(games, np.int64))
@@ -188,7 +177,7 @@ class Batch:
         with uninterrupted(at_most_once=True):
             try:
                 with self._watched():
-                    actions_there = given if is_there else self._on_host(given)
+                    actions_there = given if isinstance(self._engine, DeviceEngine) else self._on_host(given)
                     if isinstance(self._engine, ArrayEngine):
                         self._engine.step(actions_there, partial(self._play_apart, given))
                     else:
