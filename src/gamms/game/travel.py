@@ -228,8 +228,9 @@ class Travel:
     def reachable(self, row: int, here: int, speed: float | None) -> tuple[int, ...]:
         """Return the nodes that an agent may go to: those next to it, then those in reach in this turn.
 
-        One whose edge was closed is on the node that it has passed last when the next turn begins. One on its way that
-        decides where it arrives gets the nodes that are in reach from there.
+        Without a speed it may leave an edge for one of its ends only. One whose edge was closed is on the node that it
+        has passed last when the next turn begins. One on its way that decides where it arrives gets the nodes that are
+        in reach from there.
         """
         near, place = self._ctx.graph.graph.neighborhoods, self.place(row)
         if place is None or self.roads.on(place.edge) is None:
@@ -241,12 +242,13 @@ class Travel:
         else:
             road = self._road_of(place)
             may_turn = self.roads.back(road) is not None
-            found = [here] if may_turn else []
-            found += near[place.target]
-            found += near[here] if may_turn else ()
-            found += self._around(place.target, speed, self._turns(road, 1.0 - place.share, speed))
-            if may_turn:
-                found += self._around(here, speed, self._turns(road, place.share, speed))
+            ends = [(place.target, 1.0 - place.share), *([(here, place.share)] if may_turn else [])]
+            found = [*([here] if may_turn else []), place.target]
+            if speed is not None:  # else it goes to one of the ends
+                found += [node for end, _ in ends for node in near[end]]
+                found += [
+                    node for end, part in ends for node in self._around(end, speed, self._turns(road, part, speed))
+                ]
         return tuple(dict.fromkeys(found))
 
     # -- what ways are made of --------------------------------------------------------------------------------------
@@ -349,7 +351,7 @@ class Travel:
         `begun` is the part of the turn that it takes to the node.
         """
         left = 1.0 - self.now
-        if speed is None or begun > left + SLACK:
+        if speed is None:
             return {}
         if speed == inf and not self._has_speeds:
             return dict.fromkeys(self._ctx.graph.graph.distances(source=node), begun)

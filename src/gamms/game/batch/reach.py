@@ -100,7 +100,7 @@ class Reach:
     def around(self, node: int, kind: int, begun: float) -> dict[int, float]:
         """Return the nodes within a turn from a node, the first ones first, and when each is reached; see `Travel`."""
         speed, columns = self._speeds[kind], self._streets.columns
-        if np.isnan(speed) or begun > 1.0 + SLACK:
+        if np.isnan(speed):
             return {}
         ids, found, heap = columns.node_ids, dict[int, float](), [(begun, int(columns.node_ids[node]), node)]
         while heap:

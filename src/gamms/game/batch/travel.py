@@ -198,20 +198,17 @@ class ByMetres(Movement):
 
     def _on_edge(self, here: int, who: tuple[int, int], kind: int) -> list[int]:
         """Return what is legal for an agent of a game on an edge; see `Travel.reachable`."""
-        columns, edge, share = self.streets.columns, int(self.edge[who]), float(self.share[who])
-        may_turn, speed, near, around = (
-            bool(self.back[edge] >= 0),
-            self._kinds[kind],
-            self._reach.near,
-            self._reach.around,
-        )
-        row, target = np.array(edge), int(columns.targets[edge])
-        ahead, behind = (float(self.takes(row, part, speed)) for part in (1.0 - share, share))
-        if self.terms.decides_at_arrivals and self.motion[who] != Motion.STOPPED:
-            end, begun = (here, behind) if self.motion[who] == Motion.BACK else (target, ahead)
-            return [*near(end), *around(end, kind, begun)]
-        found = [*([here] if may_turn else ()), *near(target), *(near(here) if may_turn else ())]
-        return [*found, *around(target, kind, ahead), *(around(here, kind, behind) if may_turn else ())]
+        edge, share, speed = np.array(self.edge[who]), float(self.share[who]), self._kinds[kind]
+        target, near, around = int(self.streets.columns.targets[edge]), self._reach.near, self._reach.around
+        ends = [(target, 1.0 - share), *([(here, share)] if self.back[edge] >= 0 else [])]
+        goes_on = self.terms.decides_at_arrivals and self.motion[who] != Motion.STOPPED
+        if goes_on:
+            ends = [(here, share) if self.motion[who] == Motion.BACK else (target, 1.0 - share)]
+        found = [end for end, _ in reversed(ends)]
+        if goes_on or not np.isnan(speed):  # else it goes to one of the ends
+            found += [node for end, _ in ends for node in near(end)]
+            found += [node for end, part in ends for node in around(end, kind, float(self.takes(edge, part, speed)))]
+        return found
 
     # -- what strategies decide -----------------------------------------------------------------------------------
 
