@@ -219,9 +219,19 @@ class Context(Guarded, typing.IContext):
 
     @refused_while_deciding
     def reseed(self, seed: int, rng_state: Mapping[str, Any] | None = None) -> None:
-        """Let every stream follow from another seed; `rng` continues from a state that `rng_state` returned."""
-        self._seed, self.is_seeded, self._rng = as_int(seed, "seed"), True, None
+        """Let all that is drawn from now on follow from another seed, what agents draw included.
+
+        The start of the game stays as it was drawn.
+
+        Args:
+            seed: the same seed gives the same random streams.
+            rng_state: a state that `rng_state` returned, from which `rng` goes on.
+        """
+        last, self._seed = self._seed, as_int(seed, "seed")
+        self.is_seeded, self._rng = True, None
         self.graph.storage.restart_stream()
+        if self._game is not None:
+            self._game.internals.restart_streams(is_other_seed=self._seed != last)
         if rng_state is not None:
             self.rng.bit_generator.state = rng_state
 

@@ -77,7 +77,7 @@ HIDDEN = {
     "a fact for a team": lambda ctx: ctx.game.publish(to="blue", word="fox"),
     "what a rule remembers": lambda ctx: ctx.game.data.update(secret=1),
     "a range": lambda ctx: setattr(ctx.sensor.get_sensor("eyes of bob"), "range", 2.0),
-    "the seed": lambda ctx: ctx.game.internals.reseed(99),
+    "the seed": lambda ctx: ctx.reseed(99),
     "what was collected": lambda ctx: ctx.game.collect("where", lambda agent: agent.current_node_id, per="agent"),
     "a message under way": lambda ctx: ctx.game.messages.append(
         {"turn": 1, "channel": "radio", "sender": "bob", "to": "blue", "body": 1, "size": 1, "heard": {"cat": 4}}

@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import random
 
 import pytest
 from hypothesis import given
@@ -190,3 +191,30 @@ def test_what_an_agent_draws_from_stays_when_others_die_and_come_and_is_new_with
     for name, drawn in held.items():
         for turn, (_, _, bits) in enumerate(drawn, 2 if name == "late" else 0):
             assert bits == Draws(DrawTable(6 if turn == 4 else 5, GameState(turn=turn)), name).below(1 << 32)
+
+
+@pytest.mark.parametrize("is_team", [False, True])
+def test_draws_follow_another_seed_from_the_moment_at_which_it_is_given(grid, is_team):
+    drawn = []
+
+    def strategy(state):
+        drawn.append((state["draw"].bits(), state["rng"].random(), random.random()))
+
+    def add(ctx):
+        if is_team:
+            ctx.agent.create_team("red", [0], strategy=strategy)
+        else:
+            ctx.agent.create_agent("red_0", start_node_id=0, strategy=strategy)
+
+    with grid(seed=5) as ctx, grid(seed=6) as other:
+        add(ctx)
+        add(other)
+        ctx.game.step()
+        ctx.reseed(6)
+        for _ in range(2):
+            ctx.game.step()
+        other.game.internals.state.turn = 1
+        for _ in range(2):
+            other.game.step()
+    assert [one[:2] for one in drawn[1:3]] == [one[:2] for one in drawn[3:]]
+    assert drawn[1][2] == drawn[3][2], "the global generators begin with the seed"

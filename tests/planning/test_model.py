@@ -177,7 +177,7 @@ HIDDEN = {
     "its strategy": lambda ctx: ctx.agent.get_agent("cat").register_strategy(lambda state: state.update(action=35)),
     "what it remembers": lambda ctx: ctx.game.memories["cat"].update(secret=1),
     "what its team was told": lambda ctx: ctx.game.publish(to="blue", word="fox"),
-    "the seed": lambda ctx: ctx.game.internals.reseed(8),
+    "the seed": lambda ctx: ctx.reseed(8),
 }
 
 

@@ -515,7 +515,6 @@ class Game(RuleVerbs):
         """Key every stream by a seed, and continue that of the context as at the start with this seed."""
         start = self._state.start
         self.ctx.reseed(seed, None if start is None else start.rng_of(seed))
-        self._restart_streams()
 
     def _begin_with(self, seed: int) -> None:
         """Key everything by another seed, the start too; by the last one again if that fails."""
@@ -524,18 +523,12 @@ class Game(RuleVerbs):
             return
         last, chance = self.ctx.seed, self.ctx.rng_state()
         self.ctx.reseed(seed)
-        self._restart_streams()
         try:
             self._internals.draw_start()
             self._prepared = -1
         except BaseException:
             self.ctx.reseed(last, chance)
             raise
-
-    def _restart_streams(self) -> None:
-        """Start all draws again from the seed of the context as it is now."""
-        self._state.stream_version += 1
-        self._global_random.forget()
 
     def _apply_rules(self, phase: str) -> None:
         began = perf_counter()

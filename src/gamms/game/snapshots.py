@@ -154,8 +154,6 @@ class SnapshotTaker(NamedTuple):
     def restore_streams(self, snapshot: Snapshot) -> None:
         """Restore the seed and the random streams, before anything else."""
         ctx, parts = self.ctx, snapshot._parts
-        if ctx.seed != snapshot.seed:
-            self.state.stream_version += 1
         ctx.reseed(snapshot.seed, parts["rng"])
         ctx.is_seeded = parts["is_seeded"]
         self.global_random.restore(parts["global_random"])
@@ -411,10 +409,9 @@ class GameInternals(Guarded):
         return self._parts.global_random.of(self._parts.ctx)
 
     @refused_while_deciding
-    def reseed(self, seed: int) -> None:
-        """Let all random numbers follow from another seed from now on; the start stays as it was drawn."""
-        self._parts.ctx.reseed(seed)
-        self.state.stream_version += 1
+    def restart_streams(self, *, is_other_seed: bool) -> None:
+        """Start what agents and the global generators draw again from the seed that the context has now."""
+        self.state.stream_version += is_other_seed
         self._parts.global_random.forget()
 
     @refused_while_deciding

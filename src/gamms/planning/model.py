@@ -123,7 +123,7 @@ class Model:
         game, which = self.game, as_count(number, "number of a world", 0)
         game.restore(self._now)
         names = ",".join(self.names)
-        game.internals.reseed(kernels.purpose_key(self._seed, "model", names, self._turn, which) >> 1)
+        self.ctx.reseed(kernels.purpose_key(self._seed, "model", names, self._turn, which) >> 1)
         if self._hidden is not None:
             game.internals.state.began.update(self._hidden.place())
         if self._sample is not None:

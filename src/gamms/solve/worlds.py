@@ -428,7 +428,6 @@ class ContextWorld:
         state.turn = turn + shift.turns
         if shift.seed:
             game.ctx.reseed(kernels.purpose_key(snapshot.seed, "solve", shift.seed) >> 1)
-            state.stream_version += 1
         for place, team in enumerate(self.roster.teams):
             if shift.scores:
                 game.scores[team] += shift.scores * (place + 1)
