@@ -3,14 +3,13 @@
 import logging
 import os
 from collections.abc import Callable, Mapping
-from copy import deepcopy
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, NoReturn, Self
 
 from gamms import agent, graph, kernels, memory, sensor, typing, visual
 from gamms.arguments import as_int, as_mapping, as_member, as_path, as_text
 from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
-from gamms.errors import BadType, BadValue, UnknownEngine
+from gamms.errors import BadType, BadValue, ContextTerminated, UnknownEngine
 from gamms.text import printable, shown
 from gamms.typing.context import contexts
 from gamms.typing.visualization_engine import live_engines
@@ -276,6 +275,7 @@ class Context(Guarded, typing.IContext):
         graph.engine.share_map(ahead.graph_engine, self.graph, memo)
         ahead.sensor_engine.storage.copy_from(self.sensor.storage, memo)
         ahead.agent_engine.storage.copy_from(self.agent.storage, memo)
+        vars(ahead).update(vars(self) | vars(ahead))  # attributes of the caller's
         ahead.set_alive()
         return ahead, memo
 
@@ -333,17 +333,24 @@ class Context(Guarded, typing.IContext):
         )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Context":
-        """Copy the context with all of its engines.
+        """Return a fork that draws what this context and its game draw, without recorder and window.
 
         Raises:
-            BadType: there are teams that were made at once.
+            SnapshotError: a turn is being played.
+            ContextTerminated: the context has ended.
         """
-        with self._phase.suspended():
-            block = getattr(self.agent_engine, "block", None)  # an engine of the caller's may have none
-        if getattr(block, "has_arrays", False):
-            raise BadType("copy.deepcopy copies no teams that create_team made: ctx.game.fork(seed) copies their game.")
-        twin = memo[id(self)] = object.__new__(type(self))
-        twin.__dict__.update(deepcopy(self.__dict__, memo))
+        self._phase.refuse("copy the context: state['fork'](seed) gives a copy to look ahead in")
+        if self.is_terminated():
+            raise ContextTerminated("copy.deepcopy")
+        twin, parts = self.fork(self._seed) if self._game is None else self._game.internals.fork(self._seed)
+        memo |= parts
+        twin.reseed(self._seed, self.rng_state())
+        twin.is_seeded = self.is_seeded
+        if self.graph.storage.has_placed:
+            streams = [one.graph.storage.place_stream() for one in (twin, self)]
+            streams[0].bit_generator.state = streams[1].bit_generator.state
+        if self._game is not None:
+            self._game.internals.copy_streams(twin.game.internals)
         return twin
 
     def __reduce__(self) -> NoReturn:

@@ -8,6 +8,7 @@ set is `Guarded`, and an attribute that holds what can change is `Protected`.
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from copy import deepcopy
 from functools import wraps
 from operator import attrgetter
 from types import UnionType
@@ -19,6 +20,7 @@ from gamms.readonly import Shareable, frozen
 from gamms.text import shown
 
 T = TypeVar("T")
+PartOfContext = TypeVar("PartOfContext", bound="ContextPart")
 Method = TypeVar("Method", bound=Callable[..., Any])
 
 
@@ -53,7 +55,7 @@ class DecidePhase:
         self.sensor_changes = self.owner_changes = self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
-        """Copy a context as one in which no agent decides, so that a strategy may look ahead in a copy."""
+        """Copy what belongs to a context, such as its graph, as part of one in which no agent decides."""
         return DecidePhase()
 
     def decide_in_this_task(self, agent: object) -> None:
@@ -133,6 +135,28 @@ class Guarded(Shareable):
         if name[0] != "_" and self._phase.agent is not None:
             self._phase.refuse(f"delete {self._called}.{name}")
         object.__delattr__(self, name)
+
+
+class ContextPart(Guarded):
+    """Mix-in: a part of a context, of which only a copy of the context makes copies."""
+
+    __slots__ = ()
+
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        """Stay itself in a copy of something else, such as `ctx.game.data`; `memo` has the copies, by `id()`."""
+        return self
+
+
+def copied_part(part: PartOfContext, memo: dict[int, Any]) -> PartOfContext:
+    """Return a copy of a part for a copy of its context.
+
+    Args:
+        part: what is copied.
+        memo: what takes the place of which objects there, by `id()`, see `copy.deepcopy`; it gets the copy.
+    """
+    twin = memo[id(part)] = object.__new__(type(part))
+    twin.__setstate__(deepcopy(part.__getstate__(), memo))  # type: ignore[arg-type] # of an object with slots
+    return twin
 
 
 def refused_while_deciding(method: Method) -> Method:

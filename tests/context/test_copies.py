@@ -6,7 +6,7 @@ import pickle
 import pytest
 
 import gamms
-from gamms.errors import BadType
+from gamms.errors import BadType, ContextTerminated
 
 
 def world():
@@ -96,9 +96,15 @@ def test_both_engines_list_the_same_stores():
     assert listed == [["graph_store"]] * 2
 
 
-def test_a_context_with_teams_made_at_once_says_how_its_game_is_copied():
+def test_a_context_that_has_ended_is_not_copied():
     with world() as ctx:
-        ctx.agent.create_team("red", [0, 1])
-        with pytest.raises(BadType, match=r"copies no teams that create_team made: ctx\.game\.fork\(seed\)"):
-            copy.deepcopy(ctx)
-        assert len(ctx.game.fork(1).agents) == 5
+        ctx.game.step()
+    with pytest.raises(ContextTerminated):
+        copy.deepcopy(ctx)
+
+
+def test_what_holds_a_part_of_a_context_holds_the_same_in_copies():
+    with world() as ctx:
+        held = {"agent": ctx.agent.get_agent("anna"), "sensor": ctx.sensor.get_sensor("AGENT"), "game": ctx.game}
+        for key, part in copy.deepcopy(held).items():
+            assert part is held[key]

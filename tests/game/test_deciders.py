@@ -627,22 +627,6 @@ def test_an_interrupt_leaves_the_turn_unplayed_and_cancels(ctx, is_in_loop, is_h
     ctx.game.emit("allowed")
 
 
-def test_a_strategy_may_play_ahead_in_a_copy_with_strategies_that_are_awaited(grid):
-    ctx = grid()
-    ahead = {}
-
-    async def plan_ahead(state):
-        if "copy" not in ahead:
-            ahead["copy"] = copy.deepcopy(ctx)
-            ahead["copy"].game.step()
-        await asyncio.sleep(0)
-        state["action"] = 6
-
-    team(ctx, "a", strategy=plan_ahead)
-    ctx.game.step()
-    assert (nodes(ctx), nodes(ahead["copy"])) == ({"a": 6}, {"a": 6})
-
-
 def test_the_paper_s_loop_and_strategies_made_of_strategies_say_that_they_do_not_await(ctx, collect):
     (agent,) = team(ctx, "a", strategy=later(0.0))
     with warnings.catch_warnings():

@@ -1,5 +1,7 @@
 """A fork goes on from where the game is, with other random numbers, and leaves the game alone."""
 
+import copy
+import random
 import threading
 from functools import partial
 
@@ -9,6 +11,7 @@ from hypothesis import strategies as st
 from test_snapshots import build, plain, wander
 
 import gamms
+from gamms import rules
 from gamms.errors import BadType, ContextTerminated, IllegalMutation
 from gamms.game import SnapshotError
 from gamms.sensor import SensorType
@@ -35,6 +38,53 @@ def game(grid):
 
 def test_a_fork_begins_as_the_game_is(game):
     assert seen(game.fork(1)) == seen(game)
+
+
+def test_a_copy_of_the_context_plays_the_same_turns(game):
+    random.seed(1)
+    game.observation(next(iter(game.agents)))["draw"].bits()  # what was drawn since the last turn counts
+    twin = copy.deepcopy(game.ctx)
+    assert plain(twin) == plain(game.ctx)
+    assert [twin.rng.random(), *twin.graph.place(3)] == [game.ctx.rng.random(), *game.ctx.graph.place(3)]
+    for ctx in (game.ctx, twin):
+        ctx.game.run(9)
+    assert plain(twin) == plain(game.ctx)
+    twin.terminate()
+
+
+@pytest.mark.parametrize("turns", [0, 3])
+def test_copies_of_games_with_teams_and_strategies_of_the_context_play_the_same_turns(grid, turns):
+    with grid(side=9, seed=4) as ctx:
+        ctx.sensor.create_sensor("near", "AGENT_RANGE", sensor_range=30.0)
+        ctx.agent.create_team("blue", [80] * 6, strategy=gamms.strategies.random_walk)
+        for number in range(3):
+            near = ctx.sensor.create_sensor(f"near{number}", "AGENT_RANGE", sensor_range=30.0)
+            strategy = gamms.strategies.chase(ctx)
+            ctx.agent.create_agent(
+                f"red_{number}", start_node_id=number, team="red", sensors=[near.sensor_id], strategy=strategy
+            )
+        ctx.game.add(rules.tag("red", "blue"))
+        ctx.game.run(turns)
+        with copy.deepcopy(ctx) as twin:
+            assert twin.game.run(turns + 9) == ctx.game.run(turns + 9)
+            assert places(twin.game) == places(ctx.game)
+            assert twin.agent.get_agent("red_0").current_node_id != 0
+
+
+def test_agents_that_are_held_are_those_of_the_game_that_holds_them(grid):
+    with grid() as ctx:
+        a, b = (ctx.agent.create_agent(name, start_node_id=0, strategy=wander) for name in "ab")
+        a.target, a.friends = b, {"late": [b]}
+        ctx.game.run(1)
+        ctx.game.data["it"], ctx.game.internals.state.memory_of("a")["it"] = b, b
+        snapshot, fork = ctx.game.snapshot(), ctx.game.fork(1)
+        ctx.game.restore(snapshot)
+        for game in (ctx.game, fork):
+            one, other = (game.ctx.agent.get_agent(name) for name in "ab")
+            held = one.target, one.friends["late"][0], game.data["it"], game.memories["a"]["it"]
+            assert all(agent is other for agent in held)
+        ctx.game.reset()
+        assert a.target is b
 
 
 def test_a_fork_leaves_the_game_alone(game):

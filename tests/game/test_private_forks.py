@@ -224,7 +224,7 @@ def test_a_fork_is_given_only_while_an_agent_decides(world):
     assert deepcopy(state["fork"]) == state["fork"]
     copy = deepcopy(world)
     copy.game.step()
-    assert world.forks[-1].game.turn == copy.game.turn - 1 == 1
+    assert copy.forks[-1].game.turn == copy.game.turn - 1 == 1
 
 
 def test_a_strategy_that_closes_over_the_game_is_of_the_fork(world):

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from gamms import kernels
 from gamms.agent.carried import carried
 from gamms.arguments import as_bool, as_float, as_function_of, as_key, as_name, as_range
-from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock, Position, Quat
@@ -55,7 +55,7 @@ class _Derived:
         return self if agent is None else self._value_of(agent)
 
 
-class BaseAgent(Guarded, IAgent):
+class BaseAgent(ContextPart, IAgent):
     """An agent of any kind; a subclass says where it begins, where it is and how it acts."""
 
     # NOTE: slots keep its own attributes close together; the caller's are in __dict__. The last state is in a list,

@@ -3,7 +3,6 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from copy import deepcopy
 from numbers import Integral
 from types import MappingProxyType
 from typing import Any, Literal, overload
@@ -15,7 +14,7 @@ from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.snapshots import AgentsSnapshot, attributes_of, copied_attributes, details_of, teams_in
 from gamms.agent.teams import AgentsByName, Members, Team, column_of, is_attribute, make_member, values_in
 from gamms.arguments import as_function_of, as_ids, as_member, as_name, misspelt
-from gamms.deciding import Guarded, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
 from gamms.ir.agents import AgentBlock
@@ -41,7 +40,7 @@ _KEYWORDS = dict.fromkeys(
 _OF_TEAMS = dict.fromkeys(("start_node_id", "sensors", "team", "strategy"))  # what a team has besides its columns
 
 
-class AgentEngine(Guarded, IAgentEngine):
+class AgentEngine(ContextPart, IAgentEngine):
     """The agents of one context."""
 
     _called = "ctx.agent"
@@ -503,16 +502,18 @@ class AgentStorage(Guarded):
                 engine._agents[name] = memo[id(agent)]
                 continue
             shared: dict[int, Any] = {
-                id(agent.__dict__): copied_attributes(agent.__dict__),
+                id(agent.__dict__): {},
                 id(agent._last): [dict(agent._last[0])],
                 id(agent._carried): (),
                 id(agent.strategy): agent.strategy,
             }
             memo |= shared
-            twin = engine._agents[agent.name] = deepcopy(agent, memo)
+            twin = engine._agents[agent.name] = copied_part(agent, memo)
             for key in shared:
                 del memo[key]
             twin._carry()
+        for agent in other.made():  # once there are copies of all, which attributes may hold
+            memo[id(agent)].__dict__.update(copied_attributes(agent.__dict__, memo))
 
     @refused_while_deciding
     def hide(self, before: AgentsSnapshot, known: Collection[str]) -> None:

@@ -80,14 +80,19 @@ def teams_in(stored: dict[str, Any]) -> dict[int, Members]:
     return {key: one for key, one in each.items() if type(one) is Members}
 
 
-def copied_attributes(attributes: dict[str, Any]) -> dict[str, Any]:
-    """Copy the caller's attributes; values that cannot be copied are shared."""
+def copied_attributes(attributes: dict[str, Any], memo: dict[int, Any] | None = None) -> dict[str, Any]:
+    """Copy the caller's attributes; values that cannot be copied are shared.
+
+    Args:
+        attributes: of an agent.
+        memo: in a copy of the context, what takes the place of which objects; see `copy.deepcopy`.
+    """
     if not attributes:
         return {}
     values = {}
     for name, value in attributes.items():
         try:
-            values[name] = copied(value)
+            values[name] = copied(value, memo)
         except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
             values[name] = value
     return values

@@ -36,10 +36,6 @@ class EventLoop:
         self._loop: asyncio.AbstractEventLoop | None = None
         self.close: Callable[[], object] = lambda: None
 
-    def __deepcopy__(self, memo: dict[int, Any]) -> "EventLoop":
-        """Copy a game as one whose loop is not open yet."""
-        return EventLoop()
-
     def collect(
         self,
         phase: DecidePhase,

@@ -375,7 +375,7 @@ class Game(RuleVerbs):
             SnapshotError: a turn is being played.
             ContextTerminated: the context has ended.
         """
-        self._refuse_in_turn("taken")
+        self._snapshots.refuse_in_turn("taken")
         return self._snapshots.take()
 
     @refused_while_deciding
@@ -393,7 +393,7 @@ class Game(RuleVerbs):
         """
         if not isinstance(snapshot, Snapshot):
             raise BadType(f"ctx.game.restore needs what ctx.game.snapshot() gave, not {shown(snapshot)}.")
-        self._refuse_in_turn("restored")
+        self._snapshots.refuse_in_turn("restored")
         if not self._snapshots.belongs_here(snapshot):
             raise BadValue("This snapshot is of another context; it can only be restored in its own.")
         if self.ctx.is_recording:
@@ -419,13 +419,9 @@ class Game(RuleVerbs):
             SnapshotError: a turn is being played.
             ContextTerminated: the context has ended.
         """
-        self._refuse_in_turn("taken")
         own_seed = kernels.purpose_key(self.ctx.seed, "fork", as_int(seed, "seed")) >> 1
-        ctx, memo = self.ctx.fork(own_seed)
+        ctx, _ = self._internals.fork(own_seed)
         game: Game = ctx.game
-        copy_game(self._snapshots, game._snapshots, {**memo, id(self): game, id(self._state): game._state})
-        game._state.began, game._internals.scenario = self._internals.starts, self._internals.scenario
-        game._internals.digests = self._internals.digests
         return game
 
     def fork_for_deciders(self, seed: int, information: Information = "private") -> PrivateFork:
@@ -504,12 +500,6 @@ class Game(RuleVerbs):
         )
 
     # -- inside -------------------------------------------------------------------------------------------------
-
-    def _refuse_in_turn(self, action: str) -> None:
-        if self.ctx.is_terminated():
-            raise ContextTerminated("ctx.game")
-        if self._turns.is_playing:
-            raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
     def _reseed(self, seed: int) -> None:
         """Key every stream by a seed, and continue that of the context as at the start with this seed."""

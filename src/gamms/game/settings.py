@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal, NamedTuple, Unpack
 
 from gamms.arguments import as_bool, as_count, as_function_of, as_items, as_key, as_known, as_name, as_positive, as_text
-from gamms.deciding import Guarded, refused_while_deciding
+from gamms.deciding import ContextPart, refused_while_deciding
 from gamms.errors import BadType, BadValue, Duplicate, GammsError, UnknownName, nearest
 from gamms.game.channels import Channel, as_channel, as_channels
 from gamms.game.deeds import as_deeds
@@ -43,7 +43,7 @@ class UnknownSetting(GammsError, AttributeError):
         super().__init__(f"ctx.game has no {name!r}.{hint} What rules remember belongs into ctx.game.data.")
 
 
-class Settings(Guarded):
+class Settings(ContextPart):
     """The settings of one game.
 
     Attributes:

@@ -1,7 +1,7 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from copy import copy, deepcopy
+from copy import copy
 from functools import cache
 from typing import Any
 
@@ -252,10 +252,6 @@ class SlotMaker:
     ) -> None:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
-
-    def __deepcopy__(self, memo: dict[int, Any]) -> "SlotMaker":
-        """Copy it as one that makes all of them, for copies of slots draw by themselves."""
-        return SlotMaker(*deepcopy((self._ctx, self._state, self._facts, self._settings, self._fork), memo))
 
     def of_living(self, made: Iterable[AgentSlot]) -> Sequence[AgentSlot]:
         """Return the slots of the living agents by their names; made when needed where there are teams in arrays.

@@ -8,8 +8,8 @@ from types import CellType, FunctionType, MethodType
 from typing import Any, NamedTuple, NoReturn, cast
 
 from gamms.arguments import annotations_of
-from gamms.deciding import DecidePhase, Guarded, refused_while_deciding
-from gamms.errors import BadType, GammsError
+from gamms.deciding import DecidePhase, Guarded, copied_part, refused_while_deciding
+from gamms.errors import BadType, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
 from gamms.game.moves import TurnMoves
 from gamms.game.random_streams import GlobalRandom
@@ -113,6 +113,13 @@ class SnapshotTaker(NamedTuple):
     collectors: Collectors
     turns: TurnEngine
     global_random: GlobalRandom
+
+    def refuse_in_turn(self, action: str) -> None:
+        """Refuse a snapshot or a copy while a turn is being played, and once the context has ended."""
+        if self.ctx.is_terminated():
+            raise ContextTerminated("ctx.game")
+        if self.turns.is_playing:
+            raise SnapshotError(f"A snapshot cannot be {action} in the middle of a turn: do it between two turns.")
 
     def take(self, *, is_start: bool = False) -> Snapshot:
         """Take a snapshot; that of a start is without the global streams, which begin again at a reset."""
@@ -220,7 +227,11 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     for agent in source.ctx.agent.storage.made():
         memo[id(agent)].strategy = own(agent.strategy, memo)
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
-    players = {name: deepcopy(agent, memo) for name, agent in source.state.players.items()}
+
+    def twin_of(agent: Any) -> Any:  # there is none yet of one that was deleted
+        return memo.get(id(agent)) or copied_part(agent, memo)
+
+    players = {name: twin_of(agent) for name, agent in source.state.players.items()}
     shared = {name: value for name, value in _fields(source.state).items() if name not in _OWN}
     _write(target.state, _copies(shared, memo))
     target.state.share_logs(source.state)
@@ -231,7 +242,7 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     _renew_states(target)
     moves: TurnMoves | None = source.state.moves
     if moves is not None:
-        target.state.moves = moves.of_agents(target.ctx.agent.agents, lambda agent: deepcopy(agent, memo))
+        target.state.moves = moves.of_agents(target.ctx.agent.agents, twin_of)
 
 
 def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **others: object) -> None:
@@ -413,6 +424,32 @@ class GameInternals(Guarded):
         """Start what agents and the global generators draw again from the seed that the context has now."""
         self.state.stream_version += is_other_seed
         self._parts.global_random.forget()
+
+    @refused_while_deciding
+    def fork(self, seed: int) -> tuple[Any, Memo]:
+        """Return a context with a copy of this game, in which all that is drawn follows from a seed.
+
+        Returns:
+            The context (Any: its own class), and what takes the place of which objects there, by `id()`; see
+            `copy.deepcopy`.
+
+        Raises:
+            SnapshotError: a turn is being played.
+            ContextTerminated: the context has ended.
+        """
+        source = self._parts
+        source.refuse_in_turn("taken")
+        ctx, memo = source.ctx.fork(seed)
+        ahead: GameInternals = ctx.game.internals
+        memo |= {id(source.ctx.game): ctx.game, id(self.state): ahead.state}
+        copy_game(source, ahead.parts, memo)
+        ahead.state.began, ahead.scenario, ahead.digests = self.starts, self.scenario, self.digests
+        return ctx, memo
+
+    def copy_streams(self, target: "GameInternals") -> None:
+        """Let a copy of this game draw what the game itself is going to draw."""
+        target.parts.global_random.restore(self._parts.global_random.snapshot())
+        target.parts.turns.restore(self._parts.turns.snapshot())
 
     @refused_while_deciding
     def restore_rules(self, rules: Sequence[NamedRule]) -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec, TypeVar
 
 from gamms.arguments import as_ids, as_known
-from gamms.deciding import Guarded, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, phase_of, refused_while_deciding
 from gamms.errors import BadFile, BadValue, ContextTerminated, DuplicateId, UnknownType, WriteConflict
 from gamms.graph.finding import Found, Part, StreetNames, Track, bounds, find, inside, region_of, track_of
 from gamms.graph.graph import Graph
@@ -48,7 +48,7 @@ def _forwarded(verb: Callable[Concatenate[Graph, P], R]) -> "Callable[Concatenat
     return forwarded
 
 
-class GraphEngine(Guarded, IGraphEngine):
+class GraphEngine(ContextPart, IGraphEngine):
     """Owns the graph; with `Engine.SQLITE`, also keeps it in a database file.
 
     Args:

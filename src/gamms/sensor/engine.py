@@ -6,7 +6,7 @@ from copy import deepcopy
 from typing import Any, Literal, NamedTuple, Unpack, overload
 
 from gamms.arguments import as_member, as_name
-from gamms.deciding import Guarded, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import BadValue, ContextTerminated, Duplicate, UnknownName, UnknownType, nearest
 from gamms.readonly import ReadOnlyMapping
 from gamms.sensor.aerial import AerialAgentSensor, AerialSensor
@@ -47,7 +47,7 @@ class SensorsSnapshot(NamedTuple):
     sensed: list[Any]  # what each had sensed whose class has a `snapshot`
 
 
-class SensorEngine(Guarded, ISensorEngine):
+class SensorEngine(ContextPart, ISensorEngine):
     """The sensors of one context."""
 
     _called = "ctx.sensor"
@@ -346,7 +346,7 @@ def _memory_of(sensor: object) -> tuple[Callable[[], Any], Callable[[Any], None]
 def _copy_of(sensor: ISensor, memo: dict[int, Any]) -> ISensor:
     """Return a copy; a sensor of the caller's class that cannot be copied is shared."""
     if isinstance(sensor, Sensor):
-        return deepcopy(sensor, memo)
+        return copied_part(sensor, memo)
     try:
         return deepcopy(sensor, memo)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied

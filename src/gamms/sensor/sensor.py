@@ -7,7 +7,7 @@ from math import hypot, inf
 from typing import Any, ClassVar, Self, TypeVar
 
 from gamms.arguments import as_float, as_name, as_range
-from gamms.deciding import DecidePhase, Guarded, phase_of, refused_while_deciding
+from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.ir.graph import FloatArray
 from gamms.ir.sensed import SensorView
@@ -42,7 +42,7 @@ def of_data(look: Callable[[S], R]) -> Callable[[S], R]:
     return read
 
 
-class Sensor(Guarded, ISensor):
+class Sensor(ContextPart, ISensor):
     """A built-in sensor; a subclass writes `sense`."""
 
     # NOTE: slots, not properties, and what changes with every look in a list, because setting an attribute asks whether
