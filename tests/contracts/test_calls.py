@@ -154,7 +154,6 @@ class Own(ISensor):
 
 def test_a_game_with_a_sensor_of_its_own_that_names_a_built_in_type_is_recorded(ctx, tmp_path):
     ctx.sensor.add_sensor(Own())
-    ctx.sensor.sensors["near"].type = SensorType.RANGE
     ctx.record.start(tmp_path / "game")
     ctx.record.stop()
     with gamms.recorder.open(tmp_path / "game") as recording:

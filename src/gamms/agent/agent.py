@@ -207,12 +207,13 @@ class BaseAgent(ContextPart, IAgent):
             self._last[0] = state
             return state
         sensed = {}
-        for name, sense, sensor, last, lists in self._carried:
-            if lists is None:
-                sense(node)
+        for name, last, lists, kind, look in self._carried:
+            if look is None:
+                last[0] = seen = [*lists[node]]
+                sensed[name] = kind, seen
             else:
-                last[0] = [*lists[node]]
-            sensed[name] = (sensor.type, last[0])
+                look.sense(node)
+                sensed[name] = look.type, last[0]
         state = {"curr_pos": node, "sensor": sensed}
         self._last[0] = state
         return state
@@ -223,9 +224,9 @@ class BaseAgent(ContextPart, IAgent):
         node, place = self.current_node_id, self._on_edge()
         where: Any = node if place is None else place.xy
         sensed = {}
-        for name, sense, sensor, last, _ in self._carried:
-            sense(where if getattr(sensor, "looks_from_points", False) else node)
-            sensed[name] = (sensor.type, last[0])
+        for sensor, (name, last, *_, look) in zip(self._sensor_list.values(), self._carried, strict=True):
+            (look or sensor).sense(where if getattr(sensor, "looks_from_points", False) else node)
+            sensed[name] = sensor.type, last[0]
         return sensed
 
     def set_state(self) -> None:

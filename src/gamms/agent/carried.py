@@ -3,31 +3,35 @@
 from collections.abc import Callable
 from typing import Any
 
-from gamms.typing.sensor_engine import Carried, ISensor, LiveData, owner_of
+from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of
 
 
 def carried(name: str, sensor: ISensor, own: str | None) -> Carried:
     """Return a sensor in this form; `own` names the agent that asks if others carry the sensor, too."""
     offered: Callable[[], Any] | None = getattr(sensor, "live_result", None)
     last = LiveData(sensor) if offered is None else offered()
-    is_plain = own is None and type(last) is list
-    lists = getattr(sensor, "lists", None) if is_plain else None
-    return name, sensor.sense if is_plain else _Look(sensor, own), sensor, last, lists
+    lists = getattr(sensor, "lists", None) if own is None and type(last) is list else None
+    if lists is not None:
+        # NOTE: without the sensor, which would be read from memory at every look (benchmarks: turns).
+        return name, last, lists, sensor.type, None
+    return name, last, None, None, sensor if own is None else _Look(sensor, own)
 
 
 class _Look:
-    """Asks a sensor of a caller's class, or one that several agents carry, on behalf of one of them."""
+    """Asks a sensor that several agents carry on behalf of one of them."""
 
-    __slots__ = ("_own", "_sensor")
+    __slots__ = ("_own", "_sensor", "sees_world_only")
 
-    def __init__(self, sensor: ISensor, own: str | None) -> None:
+    def __init__(self, sensor: ISensor, own: str) -> None:
         self._sensor, self._own = sensor, own
+        self.sees_world_only = getattr(sensor, "sees_world_only", False)
 
-    def __call__(self, node_id: int) -> None:
+    @property
+    def type(self) -> SensorType:
+        return self._sensor.type
+
+    def sense(self, node_id: int) -> None:
         sensor, own = self._sensor, self._own
-        if own is None:
-            sensor.sense(node_id)
-            return
         owner = owner_of(sensor)
         sensor.set_owner(own)
         try:

@@ -240,22 +240,22 @@ class Decisions:
             individuals: of agents, see `Part.individuals`.
             near: the nodes that are legal along one edge.
         """
-        phase, starts, ends = self._phase, self.starts, self.ends
-        turn, shared = self._state.turn, self._state.team_memories
+        turn, shared, phase = self._state.turn, self._state.team_memories, self._phase
+        starts, ends = self.starts, self.ends
         for i, agent, template, carried, last in individuals:
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
                 self.ask(i, self.observe(self.slots[i]))
                 continue
             # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.
-            here = starts[i]
-            sensed = {}
-            for key, sense, sensor, result, lists in carried:
-                if lists is None:
-                    sense(here)
+            here, sensed = starts[i], {}
+            for key, result, lists, kind, look in carried:
+                if look is None:
+                    result[0] = seen = [*lists[here]]
+                    sensed[key] = kind, seen
                 else:
-                    result[0] = [*lists[here]]
-                sensed[key] = (sensor.type, result[0])
+                    look.sense(here)
+                    sensed[key] = look.type, result[0]
             last[0] = state = template.copy()
             state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
             state["legal"] = legal = near[here]

@@ -17,6 +17,7 @@ from gamms.typing import AgentType
 from gamms.typing.agent_engine import IAgent, TurnAccess
 from gamms.typing.context import HostContext
 
+_MOST_SHARED = 32  # instances, after which their table has places for no more keys
 _FEW_GONE = 64  # agents of which a table of draws may have the draws after they have gone
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
@@ -76,8 +77,9 @@ class AgentSlot:
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
         self._template: dict[str, Any] | None = None
-        self.foreign = [name for name, _, _, result, _ in self.carried if type(result) is not list]
-        self.sees_world_only = all(getattr(sensor, "sees_world_only", False) for _, _, sensor, *_ in self.carried)
+        self.foreign = [name for name, last, *_ in self.carried if type(last) is not list]
+        looks = [look for *_, look in self.carried if look is not None]
+        self.sees_world_only = all(getattr(look, "sees_world_only", False) for look in looks)
         self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
     def holds(self, agent: IAgent, access: TurnAccess) -> bool:
@@ -291,11 +293,16 @@ def _layout(keys: tuple[str, ...]) -> dict[str, Any]:
     """Return a dict of these keys, whose copies share one table of them; of other keys it is another one.
 
     It is of a class of its own: in one for all, the keys of later kinds of games would find no place in its table.
+    A table has places for keys to come, of which each instance takes one away: dicts of many instances are smallest.
     """
-    instance: Any = type("_Layout", (), {})()
+    kind: Any = type("_Layout", (), {})
+    first = kind()
     for key in (*keys, "action"):
+        setattr(first, key, None)
+    for _ in range(_MOST_SHARED):
+        instance = kind()
+    for key in keys:
         setattr(instance, key, None)
-    del instance.action
     layout: dict[str, Any] = instance.__dict__
     return layout
 

@@ -42,6 +42,10 @@ def of_data(look: Callable[[S], R]) -> Callable[[S], R]:
     return read
 
 
+class FixedType(GammsError, AttributeError):
+    """The type of a built-in sensor cannot be set."""
+
+
 class Sensor(ContextPart, ISensor):
     """A built-in sensor; a subclass writes `sense`."""
 
@@ -87,9 +91,12 @@ class Sensor(ContextPart, ISensor):
 
         Raises:
             BadValue, BadType: it cannot be set to that.
+            FixedType (AttributeError): the type of a built-in sensor is what its class says.
         """
         if name[0] != "_":
             self._phase.refuse(f"set sensor.{name}")
+            if name == "type" and self._is_ours:
+                raise FixedType(f"The type of sensor {self.sensor_id!r} cannot be set: create another sensor.")
             self._phase.sensor_changes += name != "data"
             check = self._CHECKS.get(name)
             value = value if check is None else check(value, f"{name} of {getattr(self, 'sensor_id', None)!r}")
@@ -190,7 +197,6 @@ def _checked_type(value: object, name: str) -> SensorType:
 
 Sensor._CHECKS = {
     "sensor_id": lambda value, _: as_name(value, "a sensor"),
-    "type": _checked_type,
     "range": as_range,
     "fov": as_range,
     "orientation": checked_orientation,

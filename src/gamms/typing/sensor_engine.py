@@ -1,7 +1,7 @@
 """Contract of the sensor engine."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from enum import Enum
 from typing import Any, TypedDict, Unpack
 
@@ -151,9 +151,9 @@ class LiveData(Sequence[Any]):
         return 1
 
 
-# A sensor as an agent asks it: its name in the state, the call that senses, the sensor, its `live_result`; and what it
-# has for each node, where a look only copies that into a list, for agents that look often.
-Carried = tuple[str, Callable[[int], None], ISensor, Any, Mapping[int, Sequence[int]] | None]
+# A sensor as an agent asks it: its name in the state, and its `live_result`. Where a look only copies what the sensor
+# has for a node into a list: its `lists`, its type, and None. Else None, None, and what is asked: `sense`, `type`.
+Carried = tuple[str, Any, Any, Any, Any]
 
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 

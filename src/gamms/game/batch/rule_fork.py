@@ -150,7 +150,7 @@ class RuleFork:
         self._are_plain = not any(why_not_plain(own) for own in self._attributes)  # so that they can be compared
         self._last_attributes: list[dict[str, Any]] | None = None
         access = [self.ctx.agent.storage.turn_access(agent) for agent in self._agents]
-        self._held = [one.last for one in access] + [result for one in access for *_, result, _ in one.carried]
+        self._held = [one.last for one in access] + [last for one in access for _, last, *_ in one.carried]
         self._heading, self._all = list(self._block.heading), Selection(list(range(len(self.rows))))
         self._orders: dict[tuple[bool, ...], TurnOrder] = {}  # by which agents live
         self._equipped, self._sensors = self._equipment(), self.ctx.sensor.storage.described()

@@ -3,7 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -33,7 +33,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.readonly import ReadOnlyMapping
 from gamms.typing import IAgent
 from gamms.typing.game import EdgePlace
-from gamms.typing.sensor_engine import ISensor
+from gamms.typing.sensor_engine import ISensor, SensorType
 
 # From how many games on arrays are not slower, see decisions 0057 and 0058: where agents are asked, where they decide
 # at arrivals, where their strategies may need their context, and where rules are called.
@@ -105,6 +105,16 @@ class _Targets(Legality):
                 is_plain = found.progress is None and len(found.path) == len({*found.path}) <= 2
                 return ResolvedAction(found.end, (here,)) if is_plain else found
         return ResolvedAction(nodes[0], (here,))
+
+
+class _Shown(NamedTuple):
+    """Stands for a sensor of which arrays have said what it shows."""
+
+    type: SensorType
+    sees_world_only: bool = True
+
+    def sense(self, node_id: int) -> None:
+        """Leave what is shown."""
 
 
 class _NoForks(PrivateForks):
@@ -276,9 +286,9 @@ class ScalarStrategies:
         def observe(slot: AgentSlot) -> dict[str, Any]:
             node, agent, sensed = here[fork.number[slot.name]], slot.agent, dict[str, Any]()
             where: Any = agent.xy if slot.travels and agent.edge is not None else node
-            for key, sense, sensor, result, _ in slot.carried:
-                sense(where if getattr(sensor, "looks_from_points", False) else node)
-                sensed[key] = sensor.type, result[0]
+            for sensor, (key, last, *_, look) in zip(agent.sensors.values(), slot.carried, strict=True):
+                (look or sensor).sense(where if getattr(sensor, "looks_from_points", False) else node)
+                sensed[key] = sensor.type, last[0]
             found = turns.observed(slot, node, sensed, state, players.inboxes)
             self._targets.legal[slot.name] = found["legal"]
             return found
@@ -344,11 +354,11 @@ class ScalarStrategies:
                 agent = agents.agents[self._state.roster.names[number]]
                 access = agents.storage.turn_access(agent)
                 slot = AgentSlot(agent, access, state, table, facts, settings, forks)
-                slot.carried = tuple(  # of some, arrays have said what they show
-                    (name, lambda _: None, sensor, self._cells[name][number], None)
+                slot.carried = tuple(
+                    (name, self._cells[name][number], None, None, _Shown(agent.sensors[name].type))
                     if number in self._cells.get(name, ())
-                    else (name, sense, sensor, result, lists)
-                    for name, sense, sensor, result, lists in slot.carried
+                    else (name, *rest)
+                    for name, *rest in slot.carried
                 )
                 players.slots[number] = slot
         if self._counting:
