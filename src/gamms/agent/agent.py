@@ -342,7 +342,7 @@ class BaseAgent(ContextPart, IAgent):
         self._carry()
 
     def _carry(self) -> None:
-        self._block.structure_version += 1
+        self._block.structure.note((self._row,))
         owner_of_shared = {id(one): self.name for one in self._shared}
         sensors = self._sensor_list.items()
         self._carried = tuple([carried(name, one, owner_of_shared.get(id(one))) for name, one in sensors])

@@ -418,6 +418,10 @@ class AgentStorage(Guarded):
         """Return the sensors, attributes and strategy of each agent, which are not to be written to."""
         return details_of(self._engine._stored())
 
+    def strategies(self) -> list[Any]:
+        """Return the strategies of all agents, those of the members of a team once."""
+        return [one.strategy for one in dict.fromkeys(self._engine._stored().values())]
+
     def attributes(self) -> dict[int, dict[str, Any]]:
         """Return the attributes of agents that have some, by their rows; not to be written to."""
         return attributes_of(self._engine._agents)
@@ -426,9 +430,11 @@ class AgentStorage(Guarded):
         """Return the agents that were made: all but those of teams that no program has asked for."""
         return [agent for agent in self._engine._stored().values() if type(agent) is not Members]
 
-    def left(self, name: str) -> BaseAgent | None:
-        """Return the agent of a name that was deleted; None if there is one of this name."""
-        return None if name in self._engine._agents else self._engine._left.get(name)
+    @property
+    def left(self) -> dict[str, BaseAgent]:
+        """The agents that were deleted, by name, where there are teams and none has come by this name."""
+        agents = self._engine._agents
+        return {name: agent for name, agent in self._engine._left.items() if name not in agents}
 
     def renew_strategies(self, own: Callable[[Any], Any]) -> None:
         """Replace the strategies of teams, which agents get that are made later."""

@@ -233,16 +233,19 @@ class Decisions:
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
 
-    def ask_each(self, individuals: Sequence[tuple[Any, ...]], near: Mapping[int, tuple[int, ...]]) -> None:
+    def ask_each(
+        self, asked: Sequence[int], individuals: Sequence[tuple[Any, ...]], near: Mapping[int, tuple[int, ...]]
+    ) -> None:
         """Ask agents one by one, where there are no channels and no time budget.
 
         Args:
-            individuals: of agents, see `Part.individuals`.
+            asked: the indices of their slots.
+            individuals: of the agents, see `Part.individuals`.
             near: the nodes that are legal along one edge.
         """
         turn, shared, phase = self._state.turn, self._state.team_memories, self._phase
         starts, ends = self.starts, self.ends
-        for i, agent, template, carried, last in individuals:
+        for i, (agent, template, carried, last) in zip(asked, individuals, strict=True):
             strategy: Callable[[Any], Any] | None = agent.strategy
             if template is None or strategy is None:
                 self.ask(i, self.observe(self.slots[i]))

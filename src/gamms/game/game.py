@@ -222,7 +222,7 @@ class Game(RuleVerbs):
     def _prepare_strategies(self) -> None:
         """Call `prepare(ctx)` of the strategies and plans that have it, as of rules."""
         changes = self._phase.strategy_changes
-        strategies = {id(strategy): strategy for *_, strategy in self.ctx.agent.storage.details()}
+        strategies = {id(strategy): strategy for strategy in self.ctx.agent.storage.strategies()}
         strategies |= {id(plan.function): plan.function for plan in self.plans.values()}
         for strategy in strategies.values():
             prepare = getattr(strategy, "prepare", None)

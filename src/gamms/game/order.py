@@ -1,8 +1,9 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
+from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import chain, compress, pairwise
 from math import floor, inf
 from operator import eq
@@ -19,7 +20,7 @@ from gamms.game.slots import AgentSlot, LazySlots
 from gamms.game.streets import Streets
 from gamms.game.travel import Travel, Way
 from gamms.ir.agents import AgentBlock, Position, Progress, Quat
-from gamms.ir.columns import Selection
+from gamms.ir.columns import Selection, Succession
 from gamms.ir.graph import IntArray, RowArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
@@ -37,13 +38,22 @@ class Commanded:
         indices: of their slots.
         are_plain: whether all move along one edge, on the ground.
         deciders: their names.
+        name_keys: returns the hashes of these.
     """
 
     def __init__(
-        self, team: Hashable, plan: Plan, indices: Sequence[int], names: Sequence[str], *, are_plain: bool
+        self,
+        team: Hashable,
+        plan: Plan,
+        indices: Sequence[int],
+        names: Sequence[str],
+        name_keys: Callable[[], BitArray],
+        *,
+        are_plain: bool,
     ) -> None:
         self.team, self.plan, self.indices, self.are_plain = team, plan, indices, are_plain
         self.deciders = Deciders(f"The plan of team {shown(team)}", tuple(names))
+        self.name_keys = name_keys
         self._draw_keys: tuple[int, BitArray] | None = None  # a seed, and the keys
 
     def draw_keys(self, seed: int) -> BitArray:
@@ -51,7 +61,7 @@ class Commanded:
         # NOTE: looking them up by 100,000 names takes as long as the draws of a turn (benchmarks: teams).
         if self._draw_keys is None or self._draw_keys[0] != seed:
             purpose = np.array([kernels.purpose_key(seed, "agent")], np.uint64)
-            self._draw_keys = seed, kernels.first_key_rows(purpose, kernels.name_keys(self.deciders.names))
+            self._draw_keys = seed, kernels.first_key_rows(purpose, self.name_keys())
         return self._draw_keys[1]
 
 
@@ -66,8 +76,8 @@ class Part:
 
     Attributes:
         members: as given, all written out.
-        individuals: of each agent that no plan decides for, what a usual turn needs, in the form that is read fastest:
-            the index of its slot, the agent, its template if it is plain, its sensors and its last state.
+        asked: the indices of the slots of agents that no plan decides for.
+        individuals: what a usual turn needs of each of these, see `AgentSlot.asked`.
         commanded: the agents that plans decide for, team by team.
         observing: the indices of the slots of agents whose sensors are asked.
         see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
@@ -83,21 +93,29 @@ class Part:
         if isinstance(slots, LazySlots):
             self._take_columns(slots, plans)
             return
-        pairs = [(i, slots[i]) for i in self.members]
-        self.individuals = [
-            (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
-            for i, slot in pairs
-            if slot.team not in plans
-        ]
-        teams = dict.fromkeys(slot.team for _, slot in pairs)  # in the order of their first agents
-        self.commanded = [_commanded(pairs, team, plans[team]) for team in teams if team in plans]
+        mine = slots if members is None else [slots[i] for i in members]
+        self.asked, self.commanded = self.members, list[Commanded]()
+        if plans:
+            pairs = list(zip(self.members, mine, strict=True))
+            self.asked = [i for i, slot in pairs if slot.team not in plans]
+            self.commanded = [
+                _commanded(pairs, team, plans[team])
+                for team in dict.fromkeys(slot.team for slot in mine)
+                if team in plans
+            ]
+        self.individuals = [slots[i].asked for i in self.asked]
         blind = {i for one in self.commanded if one.plan.arrays for i in one.indices}
-        self.observing = [i for i in self.members if i not in blind]
+        self.observing = [i for i in self.members if i not in blind] if blind else self.members
         self.see_world_only = all(slots[i].sees_world_only for i in self.observing)
-        ground = [i for i, slot in pairs if not slot.flies]
-        self.on_ground = None if len(ground) == len(slots) else ground
+        fly = [slot.flies for slot in mine]
+        ground = [i for i, flies in zip(self.members, fly, strict=True) if not flies] if any(fly) else self.members
+        self.on_ground = None if len(ground) == len(slots) else list(ground)
         self.ground = Selection([slots[i].row for i in ground])
-        self.paced = [i for i, slot in pairs if slot.speed is not None or slot.travels or progress[slot.row]]
+        self.paced = [
+            i
+            for i, slot in zip(self.members, mine, strict=True)
+            if slot.speed is not None or slot.travels or progress[slot.row]
+        ]
 
     def _take_columns(self, slots: LazySlots, plans: Mapping[Any, Plan]) -> None:
         """Take what the columns of agents say, without making the slots of those that plans of arrays decide for."""
@@ -111,23 +129,21 @@ class Part:
         self.observing = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
         chosen = [slots[i] for i in self.observing]
         self.see_world_only = all(slot.sees_world_only for slot in chosen)
-        self.individuals = [
-            (i, slot.agent, slot.template if slot.is_plain else None, slot.carried, slot.last)
-            for i, slot in zip(self.observing, chosen, strict=True)
-            if slot.team not in plans
-        ]
+        self.asked = [i for i in self.observing if slots.teams[i] not in plans] if plans else self.observing
+        self.individuals = [slots[i].asked for i in self.asked]
         self.commanded = []
         for team, indices in of_team.items():
             if team in plans and indices:
                 is_all = len(indices) == len(slots)
                 names = slots.names if is_all else [slots.names[i] for i in indices]
+                members, keys = range(len(slots)) if is_all else indices, partial(slots.keys_of, indices)
                 are_plain = slots.are_plain or all(slots[i].is_plain for i in indices)
-                members = range(len(slots)) if is_all else indices
-                self.commanded.append(Commanded(team, plans[team], members, names, are_plain=are_plain))
+                self.commanded.append(Commanded(team, plans[team], members, names, keys, are_plain=are_plain))
         mine, flying = set(self.members) if slots.flying or slots.paced else set[int](), set(slots.flying)
         ground = [i for i in self.members if i not in flying] if flying else self.members
         self.on_ground = None if len(ground) == len(slots) else list(ground)
-        self.ground = Selection(slots.rows if len(ground) == len(slots) else [slots.rows[i] for i in ground])
+        rows = slots.selection.rows
+        self.ground = slots.selection if len(ground) == len(slots) else Selection([rows[i] for i in ground])
         self.paced = [i for i in slots.paced if i in mine]
 
     def of_ground(self, values: Any) -> Any:
@@ -147,6 +163,8 @@ class TurnOrder:
         block: of the agents.
         settings: of the game.
         order: the teams that move at once, in their order; None: all.
+        before: the order at an earlier moment.
+        change: which agents have come, gone or changed since; None: this order does not follow from that one.
 
     Attributes:
         slots, block: as given.
@@ -168,6 +186,8 @@ class TurnOrder:
         block: AgentBlock,
         settings: Settings,
         order: Sequence[Sequence[Any]] | None,
+        before: "TurnOrder | None",
+        change: Succession | None,
     ) -> None:
         self.slots, self.block, self.structure_version = slots, block, block.structure_version
         self.progress, plans = block.progress, settings.plans
@@ -186,24 +206,37 @@ class TurnOrder:
             self.parts = [Part(slots, some, progress, plans) for some in members]
         self.selection = self.whole.ground
         if self.whole.on_ground is not None:
-            self.selection = Selection(slots.rows if isinstance(slots, LazySlots) else [slot.row for slot in slots])
+            self.selection = (
+                slots.selection if isinstance(slots, LazySlots) else Selection([slot.row for slot in slots])
+            )
         self._of_team: dict[Hashable, Selection] = {}
         self._moved: RowArray | None = None  # (agents,) how often each has moved, where there are many
+        self._blocked: RowArray  # and was stopped by conflicts
         self._turns, self._stayed = 0, list[int]()  # else how many turns there were, and who has stayed in one
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
         self.restart_counts()
+        if before is not None and change is not None:
+            self._follow(before, change)
+
+    def _follow(self, before: "TurnOrder", change: Succession) -> None:
+        """Go on from an earlier order, whose agents that have changed since are counted from here."""
+        if isinstance(self.slots, LazySlots):
+            before.update_some(change.gone)
+            self._moved, self._blocked = (
+                change.of_array(np.asarray(before._moved), 0),
+                change.of_array(before._blocked, 0),
+            )
+            return
+        before.update_counts()
+        self.names = change.of(before.names, [self.block.names[row] for row in change.rows])
 
     def of_side(self, side: Hashable | Callable[[IAgent], object]) -> Selection:
         """Return the slots of the agents of a team, or of those for which a function says so."""
         known = self._of_team.get(side)
-        if known is not None:
-            return known
-        if isinstance(self.slots, LazySlots) and not callable(side):
-            known = self._of_team[side] = Selection([i for i, team in enumerate(self.slots.teams) if team == side])
-        else:
-            known = Selection([i for i, slot in enumerate(self.slots) if plays_for(slot.agent, side)])
-            if not callable(side):
-                self._of_team[side] = known
+        if known is None and callable(side):
+            return Selection([i for i, slot in enumerate(self.slots) if side(slot.agent)])
+        if known is None:
+            known = self._of_team[side] = Selection([i for i, team in enumerate(self._all_teams()) if team == side])
         return known
 
     @cached_property
@@ -230,7 +263,7 @@ class TurnOrder:
     @cached_property
     def keys(self) -> BitArray:
         """The hashes of the names, for keyed draws, (agents,)."""
-        return kernels.name_keys(self.names)
+        return self.slots.keys if isinstance(self.slots, LazySlots) else kernels.name_keys(self.names)
 
     def _all_teams(self) -> list[Any]:
         return self.slots.teams if isinstance(self.slots, LazySlots) else [slot.team for slot in self.slots]
@@ -267,18 +300,24 @@ class TurnOrder:
             for i, slot in enumerate(self.slots):
                 slot.counts["moves"] += self._turns - stayed[i]
         else:
-            self._add_to_counts("moves", self._moved)
+            self._add_to_counts("moves", self._moved, np.flatnonzero(self._moved).tolist())
             self.update_blocked()
         self.restart_counts()
 
     def update_blocked(self) -> None:
         """Add the counted conflicts alone."""
-        self._add_to_counts("blocked", self._blocked)
+        self._add_to_counts("blocked", self._blocked, np.flatnonzero(self._blocked).tolist())
         self._blocked[:] = 0
 
-    def _add_to_counts(self, key: str, numbers: RowArray) -> None:
-        for i in np.flatnonzero(numbers).tolist():
-            cast("LazySlots", self.slots).counts_of(i)[key] += int(numbers[i])
+    def update_some(self, those: list[int]) -> None:
+        """Add what is counted of some agents, by slot, where slots are made when they are needed."""
+        self._add_to_counts("moves", self._moved, those)
+        self._add_to_counts("blocked", self._blocked, those)
+
+    def _add_to_counts(self, key: str, numbers: RowArray | None, those: list[int]) -> None:
+        counts_of = cast("LazySlots", self.slots).counts_of
+        for i, number in zip(those, np.asarray(numbers)[those].tolist(), strict=True):
+            counts_of(i)[key] += number
 
     def restart_counts(self) -> None:
         """Count moves from here."""
@@ -288,15 +327,17 @@ class TurnOrder:
         self._blocked = np.zeros(0 if are_few else agents, np.int32)
 
 
-def plays_for(agent: IAgent, side: Hashable | Callable[[IAgent], object]) -> bool:
-    """Whether an agent is of a team, or a function says that it is on this side."""
-    return bool(side(agent) if callable(side) else agent.team == side)
+def is_among(name: str, names: Sequence[str]) -> bool:
+    """Whether a name is one of several, which are in their order."""
+    i = bisect_left(names, name)
+    return i < len(names) and names[i] == name
 
 
 def _commanded(members: Sequence[tuple[int, AgentSlot]], team: Hashable, plan: Plan) -> Commanded:
     own = [(i, slot) for i, slot in members if slot.team == team]
     are_plain = all(slot.is_plain for _, slot in own)
-    return Commanded(team, plan, [i for i, _ in own], [slot.name for _, slot in own], are_plain=are_plain)
+    names = [slot.name for _, slot in own]
+    return Commanded(team, plan, [i for i, _ in own], names, partial(kernels.name_keys, names), are_plain=are_plain)
 
 
 SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding

@@ -2,17 +2,21 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from functools import cache
+from functools import cache, cached_property
+from itertools import compress
 from typing import Any
 
+from gamms import kernels
 from gamms.arguments import as_range
 from gamms.errors import GammsError
 from gamms.game.facts import FactsOf, PrivateForks
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
 from gamms.game.settings import Settings
 from gamms.ir.agents import AgentBlock
+from gamms.ir.columns import Selection, Succession
 from gamms.ir.game_state import GameState
 from gamms.ir.obstacles import BoolArray
+from gamms.kernels.draws import BitArray
 from gamms.typing import AgentType
 from gamms.typing.agent_engine import IAgent, TurnAccess
 from gamms.typing.context import HostContext
@@ -50,7 +54,7 @@ class AgentSlot:
     """
 
     __slots__ = (
-        *("_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign"),
+        *("_asked", "_draws", "_made_of", "_rng", "_template", "agent", "carried", "counts", "flies", "foreign"),
         *("fork", "is_plain", "last", "name", "row", "sees_world_only", "speed", "team", "travels"),
     )
 
@@ -77,6 +81,7 @@ class AgentSlot:
         self._draws: Draws | None = None
         self._rng: TurnGenerator | None = None
         self._template: dict[str, Any] | None = None
+        self._asked: tuple[Any, ...] | None = None
         self.foreign = [name for name, last, *_ in self.carried if type(last) is not list]
         looks = [look for *_, look in self.carried if look is not None]
         self.sees_world_only = all(getattr(look, "sees_world_only", False) for look in looks)
@@ -109,6 +114,13 @@ class AgentSlot:
         if self._template is None:
             self._template = self._new_template()
         return self._template
+
+    @property
+    def asked(self) -> tuple[Any, ...]:
+        """What a usual turn needs of it: the agent, its template if it is plain, its sensors and its last state."""
+        if self._asked is None:
+            self._asked = self.agent, self.template if self.is_plain else None, self.carried, self.last
+        return self._asked
 
     def _new_template(self) -> dict[str, Any]:
         state, _, facts, settings = self._made_of
@@ -165,9 +177,11 @@ class LazySlots(Sequence[AgentSlot]):
         settings: of the game.
         make: makes the slot of the agent of a name.
         counts: of the game, by name.
+        before: the same slots at an earlier moment; None: those of no agents.
+        change: which agents have come, gone or changed since.
 
     Attributes:
-        rows, names, teams: of the agents.
+        selection, names, teams: of the agents; the rows of the block.
         flying: the indices of those who fly.
         paced: the indices of those on the ground that may cover part of an edge.
         are_plain: whether all move along one edge, on the ground.
@@ -179,37 +193,64 @@ class LazySlots(Sequence[AgentSlot]):
         settings: Settings,
         make: Callable[[str], AgentSlot],
         counts: dict[str, dict[str, int]],
+        before: "LazySlots | None",
+        change: Succession,
     ) -> None:
-        names, teams, kind, speed, progress = block.names, block.teams, block.kind, block.speed, block.progress
-        self.rows = sorted([row for row in range(len(block)) if row not in block.inactive], key=names.__getitem__)
-        self.names, self.teams = [names[row] for row in self.rows], [teams[row] for row in self.rows]
-        self.flying = [i for i, row in enumerate(self.rows) if kind[row]] if block.flyers else []
+        kind, speed, progress = block.kind, block.speed, block.progress
+        selection, names, teams = Selection([]), list[str](), list[Any]()
+        if before is not None:
+            selection, names, teams = before.selection, before.names, before.teams
+        self.selection: Selection = selection.after(change)
+        self.names: list[str] = change.of(names, [block.names[row] for row in change.rows])
+        self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
+        rows = self.selection.rows
+        self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
         travels = settings.legal == "edges" and settings.speed_unit != "edges"
         some = travels or speed.count(None) + progress.count(None) < 2 * len(block)
         self.paced = [
             i
-            for i, row in enumerate(self.rows if some else ())
+            for i, row in enumerate(rows if some else ())
             if not kind[row] and (travels or speed[row] is not None or progress[row])
         ]
-        has_speed = travels or any(speed[self.rows[i]] is not None for i in self.paced)
+        has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
         self._make, self._counts = make, counts
-        self._made: dict[int, AgentSlot] = {}
+        self._made: dict[str, AgentSlot] = {}
+        if before is not None:
+            self._made = before._made.copy()
+            for i in change.gone:
+                self._made.pop(before.names[i], None)
+            if "keys" in before.__dict__:
+                self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
 
     def __len__(self) -> int:
-        return len(self.rows)
+        return len(self.names)
 
     def __getitem__(self, i: Any) -> Any:
         if isinstance(i, slice):
             return [self[one] for one in range(*i.indices(len(self)))]
-        slot = self._made.get(i)
+        name = self.names[i]
+        slot = self._made.get(name)
         if slot is None:
-            slot = self._made[i] = self._make(self.names[i])
+            slot = self._made[name] = self._make(name)
         return slot
+
+    @cached_property
+    def keys(self) -> BitArray:
+        """The hashes of the names, for keyed draws, (agents,)."""
+        return kernels.name_keys(self.names)
+
+    def keys_of(self, indices: Sequence[int]) -> BitArray:
+        """Return the keys of some, or of all."""
+        return self.keys if len(indices) == len(self) else self.keys[indices]
 
     def counts_of(self, i: int) -> dict[str, int]:
         """Return the counts of an agent; see `COUNTED`."""
         return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))
+
+    def make(self, names: Iterable[str]) -> None:
+        """Make those of some agents."""
+        self._made |= {name: self._make(name) for name in names}
 
     def made(self) -> list[AgentSlot]:
         """Return those that were asked for."""
@@ -217,11 +258,11 @@ class LazySlots(Sequence[AgentSlot]):
 
     def made_of(self, which: BoolArray) -> list[AgentSlot]:
         """Return those of some, (agents,), that were asked for."""
-        return [slot for i, slot in self._made.items() if which[i]]
+        return [self._made[name] for name in compress(self.names, which.tolist()) if name in self._made]
 
     def is_made(self, i: int) -> bool:
         """Whether one was asked for."""
-        return i in self._made
+        return self.names[i] in self._made
 
     def of_agents(self, agents: Mapping[str, IAgent]) -> "LazySlots":
         """Return the same slots for other agents of the same names."""
@@ -255,26 +296,45 @@ class SlotMaker:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
 
-    def of_living(self, made: Iterable[AgentSlot]) -> Sequence[AgentSlot]:
-        """Return the slots of the living agents by their names; made when needed where there are teams in arrays.
+    def of_living(
+        self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
+    ) -> tuple[Sequence[AgentSlot], Succession | None]:
+        """Return the slots of the living agents by their names, and how they follow from those of before.
+
+        They are made when needed where there are teams in arrays; those of before that still hold are used again.
 
         Args:
-            made: slots of the same game, of which those that still hold are used again.
+            before: the slots of the same game at an earlier moment; none at its first one.
+            names: of these.
+            version: the `structure_version` at that moment; None: at the first one.
         """
-        agents, seed, known = self._ctx.agent, self._ctx.seed, {slot.name: slot for slot in made}
-        all_agents, access_of, table = agents.agents, agents.storage.turn_access, self._table
-        if table is None or not known or table.seed != seed or len(table) > 2 * len(known) + _FEW_GONE:
-            table, known = DrawTable(seed, self._state), {}
+        agents, seed, block, table = self._ctx.agent, self._ctx.seed, self._ctx.agent.block, self._table
+        are_lazy, made, rows = isinstance(before, LazySlots), made_slots(before), None
+        if table is None or version is None or table.seed != seed or len(table) > 2 * len(made) + _FEW_GONE:
+            table, made = DrawTable(seed, self._state), ()
+        elif are_lazy == block.has_arrays:
+            rows = block.structure.since(version)
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
+        all_agents, access_of = agents.agents, agents.storage.turn_access
+        if rows is None:
+            change = Succession((), range(len(block)), block.names, block.inactive)
+            known = {slot.name: slot for slot in made}
+        else:
+            change = Succession(names, rows, block.names, block.inactive)
+            known = {names[i]: before[i] for i in change.gone if not isinstance(before, LazySlots) or before.is_made(i)}
 
         def make(name: str) -> AgentSlot:
             agent, slot = all_agents[name], known.get(name)
             access = access_of(agent)
             return slot if slot is not None and slot.holds(agent, access) else AgentSlot(agent, access, *given)
 
-        if agents.block.has_arrays:
-            return LazySlots(agents.block, self._settings, make, self._state.counts)
-        return [make(name) for name in sorted(name for name, agent in all_agents.items() if agent.alive)]
+        now = [block.names[row] for row in change.rows]
+        if block.has_arrays:
+            past = before if rows is not None and isinstance(before, LazySlots) else None
+            slots = LazySlots(block, self._settings, make, self._state.counts, past, change)
+            slots.make([name for name in now if name in known])
+            return slots, None if rows is None else change
+        return change.of([] if rows is None else before, list(map(make, now))), None if rows is None else change
 
 
 def restart_draws(slots: Iterable[AgentSlot]) -> None:

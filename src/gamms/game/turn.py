@@ -17,7 +17,7 @@ from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
-from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of
+from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of, is_among
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.game_state import GameState, in_conflict
@@ -83,19 +83,25 @@ class TurnEngine:
         block = agents.block
         if block.flyers:
             block.locate()
-        settings = self._settings
+        settings, order = self._settings, self._order
         is_public = not state.agent_facts and not state.team_facts
         key = (block, settings.changes, state.stream_version, is_public, block.structure_version)
-        if self._order is None or self._order_key != key:
-            self.update_counts()
+        if order is None or self._order_key != key:
             refuse_unused(settings)
+            before = None if self._order_key[:-1] != key[:-1] else order
+            if before is None:
+                slots, change = self._slots.of_living((), (), None)
+            else:
+                slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
+            if change is None:
+                self.update_counts()
             groups = self._groups if self.is_moving else settings.order
-            made = made_slots(self._order.slots) if self._order and self._order_key[:-1] == key[:-1] else ()
-            slots = self._slots.of_living(made)
-            self._order, self._order_key = TurnOrder(slots, block, settings, groups), key
+            order = self._order = TurnOrder(slots, block, settings, groups, before, change)
+            self._order_key = key
             if isinstance(slots, list):
-                state.players.update((slot.name, slot.agent) for slot in slots)
-        return self._order
+                new = slots if change is None else [slots[i] for i in change.places]
+                state.players.update((slot.name, slot.agent) for slot in new)
+        return order
 
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of their names."""
@@ -131,8 +137,10 @@ class TurnEngine:
             return
         self._order.update_counts()
         if isinstance(self._order.slots, LazySlots):
-            agents, players = self._ctx.agent, self._state.players
-            players |= {one.name: one for name in self._order.slots.names if (one := agents.storage.left(name))}
+            names = self._order.names
+            self._state.players |= {
+                name: one for name, one in self._ctx.agent.storage.left.items() if is_among(name, names)
+            }
 
     def list_counts(self) -> None:
         """Enter all agents that have been asked into the counts, also those of teams that have not been made."""
@@ -365,9 +373,9 @@ class TurnEngine:
         """
         slots, observe = decisions.slots, decisions.observe
         if seen is None and is_usual and part.individuals:
-            decisions.ask_each(part.individuals, self._ctx.graph.graph.neighborhoods)
+            decisions.ask_each(part.asked, part.individuals, self._ctx.graph.graph.neighborhoods)
         else:
-            for i, *_ in part.individuals:
+            for i in part.asked:
                 decisions.ask(i, observe(slots[i]) if seen is None else seen[i])
         for commanded in part.commanded:
             if commanded.plan.arrays:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, Selection
+from gamms.ir.columns import ChangeLog, Selection, StructureLog
 from gamms.ir.events import COLUMN_EVENTS
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import CLOSED, PLAIN, Journal
@@ -109,14 +109,14 @@ class AgentBlock:
         removed: how many rows are those of agents that were removed; `keep` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         rows_version: changes whenever agents have other rows, or their rows are those of agents that were removed.
-        structure_version: changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor.
+        structure: which rows came, went, died, returned, or got another team, speed or sensor.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
         under_way: where agents are within a turn, where some of them decide while others go on.
     """
 
     __slots__ = (
         *(*BY_ROW, "_buffers", "_changed", "_have_all_changed", "_logs", "_row_of", "_located_revision", "_unlocated"),
-        *("_version", "flyers", "graph", "inactive", "journal", "removed", "rows_version", "structure_version"),
+        *("_version", "flyers", "graph", "inactive", "journal", "removed", "rows_version", "structure"),
         *("travellers", "trusts_nodes", "under_way"),
     )
 
@@ -140,7 +140,8 @@ class AgentBlock:
         self.travellers: set[int] = set()
         self.removed = 0
         self.journal = journal
-        self.structure_version = self.rows_version = 0
+        self.rows_version = 0
+        self.structure = StructureLog()
         self.trusts_nodes = False
         self.graph = graph
         self._row_of: dict[str, int] = {}
@@ -151,9 +152,7 @@ class AgentBlock:
         self._version = 0
         self.under_way = UnderWay(self)
         self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
-        self._located_revision: int | None = (
-            None  # the revision of the graph in which the nodes of the other flyers were found
-        )
+        self._located_revision: int | None = None  # of the graph, when the nodes of the other flyers were found
 
     def arrays(self, names: Iterable[str]) -> dict[str, Any]:
         """Return copies of columns, those in `ARRAYS` as arrays, where NaN stands for None."""
@@ -222,7 +221,7 @@ class AgentBlock:
         for column, (_, value) in NUMBERS.items():
             getattr(self, column).append(value)
         self._row_of[name] = row
-        self.structure_version += 1
+        self.structure.note((row,))
         self._changed.add(row)
         if flies:
             self.flyers.append(row)
@@ -240,7 +239,7 @@ class AgentBlock:
             getattr(self, column).extend([value] * count)
         rows = range(first, first + count)
         self._row_of.update(zip(names, rows, strict=True))
-        self.structure_version += 1
+        self.structure.note(rows)
         self._changed.update(rows)
         return first
 
@@ -269,7 +268,7 @@ class AgentBlock:
         del self._row_of[self.names[row]]
         self.removed += 1
         self.rows_version += 1
-        self.structure_version += 1
+        self.structure.note_all(self.structure_version)
 
     def keep(self, rows: list[int]) -> None:
         """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
@@ -287,7 +286,8 @@ class AgentBlock:
     def succeed(self, block: "AgentBlock") -> None:
         """Take the place of another block: write as it does, with other versions than it had."""
         self.graph, self.journal = block.graph, block.journal
-        self.structure_version, self._version = block.structure_version + 1, block.version + 1
+        self._version = block.version + 1
+        self.structure.note_all(block.structure_version)
 
     def row_of(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
@@ -351,11 +351,11 @@ class AgentBlock:
         journal = self.journal
         if journal is CLOSED:
             return
-        self._put(row, column, value)
+        getattr(self, column)[row] = value
         if column in _OF_VERSION:
             self._changed.add(row)
         if column in _OF_STRUCTURE:
-            self.structure_version += 1
+            self.structure.note((row,))
         if column == "alive":
             (self.inactive.discard if value else self.inactive.add)(row)
         if column == "node" or (column == "alive" and not value and self.on_edge(row) is None):
@@ -427,14 +427,11 @@ class AgentBlock:
     def write(self, row: int, values: dict[str, Any]) -> None:
         """Overwrite columns of one agent and note nothing (used by replay)."""
         for name, value in values.items():
-            self._put(row, name, value)
+            getattr(self, name)[row] = value
         self._follow_progress(row)
         self._changed.add(row)
         if self.kind[row]:
             self._unlocated.add(row)
-
-    def _put(self, row: int, name: str, value: object) -> None:
-        getattr(self, name)[row] = value
 
     # -- the nodes below flyers ---------------------------------------------------------------------------------
 
@@ -496,6 +493,11 @@ class AgentBlock:
             self.publish()
         return self._version
 
+    @property
+    def structure_version(self) -> int:
+        """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor."""
+        return self.structure.version
+
     def subscribe(self) -> ChangeLog:
         """Return a log of what changes from now on; at first all may have."""
         log = ChangeLog(self.publish)
@@ -537,13 +539,10 @@ class AgentBlock:
                 column[:] = before.tolist() if isinstance(column, list) and isinstance(before, np.ndarray) else before
         self._have_all_changed = True
         self._unlocated.update(self.flyers)
-        self._find_travellers()
-        if not has_structure:
-            self._renew()
+        (self._find_travellers if has_structure else self._renew)()
 
     def _find_travellers(self) -> None:
-        progress = enumerate(self.progress)
-        self.travellers = {row for row, one in progress if one is not None and one.motion}
+        self.travellers = {row for row, one in enumerate(self.progress) if one is not None and one.motion}
 
     def _renew(self) -> None:
         """Derive again what follows from the columns, the rows of names among it."""
@@ -552,7 +551,7 @@ class AgentBlock:
         self.flyers = [row for row, kind in enumerate(self.kind) if kind]
         self.inactive = {row for row, alive in enumerate(self.alive) if not alive}
         self._find_travellers()
-        self.structure_version += 1
+        self.structure.note_all(self.structure_version)
         self._version += 1
         self._have_all_changed = True
 

@@ -1,13 +1,18 @@
 """Columns of agents, each a list, or a view of an array where there are many: some rows of them, and which changed."""
 
-from collections.abc import Callable, Iterable, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cached_property
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from gamms.ir.graph import IntArray
+
+Column = np.ndarray[Any, Any]
+_MOST_NOTED = 1 << 16  # rows in a `StructureLog`
 
 
 class ChangeLog:
@@ -28,6 +33,92 @@ class ChangeLog:
         return rows
 
 
+class StructureLog:
+    """The rows of a block that came, or changed their life, team, speed or sensors, each under a version of its own."""
+
+    __slots__ = ("_first", "_rows")
+
+    def __init__(self) -> None:
+        self._first = 0  # the version before the first of these
+        self._rows: list[int] = []
+
+    @property
+    def version(self) -> int:
+        """A number that changes with every row that is noted."""
+        return self._first + len(self._rows)
+
+    def note(self, rows: Iterable[int]) -> None:
+        """Note that these rows have changed."""
+        self._rows += rows
+        if len(self._rows) > _MOST_NOTED:
+            self.note_all(self.version)
+
+    def note_all(self, version: int) -> None:
+        """Note that all rows may have changed, and be those of other agents, since a version."""
+        self._first, self._rows = version + 1, []
+
+    def since(self, version: int) -> list[int] | None:
+        """Return the rows that have changed since a version; None where all may have."""
+        return None if version < self._first else self._rows[version - self._first :]
+
+
+class Succession:
+    """How the living agents, in the order of their names, follow from those of an earlier moment.
+
+    Args:
+        before: the names of those.
+        rows: which have changed since.
+        names: by row.
+        inactive: the rows of agents that are not alive.
+
+    Attributes:
+        gone: the places of those that are gone or have changed, ascending.
+        rows: of those that have come or changed, in the order of their names.
+    """
+
+    def __init__(
+        self, before: Sequence[str], rows: Iterable[int], names: Sequence[str], inactive: Collection[int]
+    ) -> None:
+        self.gone: list[int] = []
+        self.rows: list[int] = []
+        self._places: list[int] = []  # before which of those that are left they belong
+        for row in sorted(set(rows), key=names.__getitem__):
+            name = names[row]
+            i = bisect_left(before, name)
+            if row not in inactive:
+                self.rows.append(row)
+                self._places.append(i - len(self.gone))
+            if i < len(before) and before[i] == name:
+                self.gone.append(i)
+
+    @property
+    def places(self) -> list[int]:
+        """The places of those that have come or changed."""
+        return [place + number for number, place in enumerate(self._places)]
+
+    def of_array(self, column: Column, values: ArrayLike) -> Column:
+        """Return a column without those that are gone, and with values, or one value, of those that have come."""
+        return np.insert(np.delete(column, self.gone), self._places, values)
+
+    def of(self, column: Sequence[Any], values: Iterable[Any]) -> list[Any]:
+        """Return a column without those that are gone, and with the values of those that have come."""
+        if not column:
+            return [*values]
+        left = _joined(column, [(i, i + 1, ()) for i in self.gone])
+        return _joined(left, [(i, i, (value,)) for i, value in zip(self._places, values, strict=True)])
+
+
+def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...]]]) -> list[Any]:
+    """Return a list in which each cut, from one place to another, is replaced by other values."""
+    joined: list[Any] = []
+    at = 0
+    for begin, end, values in cuts:
+        joined += column[at:begin]
+        joined += values
+        at = end
+    return [*joined, *column[at:]]
+
+
 def copied_column(column: Any) -> Any:
     """Return a copy of a list or of a view of an array."""
     return column.copy() if type(column) is list else np.array(column).data
@@ -44,6 +135,13 @@ class Selection:
 
     def __init__(self, rows: list[int]) -> None:
         self.rows = rows
+
+    def after(self, change: Succession) -> "Selection":
+        """Return the rows of the living agents once they have changed."""
+        now = Selection(change.of(self.rows, change.rows))
+        if "array" in self.__dict__:
+            now.array = change.of_array(self.array, change.rows)
+        return now
 
     @cached_property
     def as_set(self) -> frozenset[int]:

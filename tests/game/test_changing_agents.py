@@ -1,0 +1,88 @@
+"""Games in which agents die, come, leave and change: what is known of the last turn changes nothing."""
+
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from gamms.rules import Conflicts
+
+CHANGES = st.lists(
+    st.tuples(st.sampled_from(["die", "return", "come", "go", "change team", "be faster"]), st.integers(0, 99)),
+    max_size=4,
+)
+NAMES = ["a", "b", "blue_1a", "m", "z"]  # before, between and behind those of a team
+
+
+def wander(state):
+    state["action"] = state["draw"].choice(state["legal"])
+
+
+def spread(arrays):
+    return arrays.choose(arrays.draw.below(arrays.counts))
+
+
+def change(ctx, kind, number):
+    """Let something happen to one of the agents, or to none."""
+    agents, game = ctx.agent.agents, ctx.game
+    alive, dead = [one for one in agents.values() if one.alive], [one for one in agents.values() if not one.alive]
+    chosen = (dead if kind == "return" else alive)[number % max(1, len(dead if kind == "return" else alive)) :][:1]
+    free = [f"{name}{suffix}" for name in NAMES for suffix in ("", "2", "3") if f"{name}{suffix}" not in agents]
+    if kind == "come":
+        ctx.agent.create_agent(free[number % len(free)], start_node_id=number % 16, team="red", strategy=wander)
+    for one in chosen:
+        if kind == "die":
+            game.eliminate(one)
+        elif kind == "return":
+            game.respawn(one, number % 16)
+        elif kind == "go":
+            ctx.agent.delete_agent(one.name)
+        elif kind == "change team":
+            one.team = "blue" if one.team == "red" else "red"
+        elif kind == "be faster" and number % 3 == 0:
+            one.speed = 2
+
+
+def played(grid, turns, *, has_team, has_plan, order, forgets):
+    """Play turns with such changes, after some of which a rule asks who is there, and return all that came of it.
+
+    One that forgets makes everything for each turn and each such question, as after any change of the settings.
+    """
+    with grid(seed=4) as ctx:
+        for number, name in enumerate(NAMES):
+            ctx.agent.create_agent(name, start_node_id=number, team="red", strategy=wander)
+        if has_team:
+            ctx.agent.create_team("blue", range(6), strategy=wander)
+        if has_plan:
+            ctx.game.command("blue", spread, arrays=True)
+        ctx.game.conflicts, ctx.game.order = Conflicts(2), order
+        waiting = list(turns)
+
+        def forget(ctx):
+            if forgets:
+                ctx.game.max_turns = None
+
+        def happen(ctx):
+            for kind, number in waiting.pop(0):
+                change(ctx, kind, number)
+                forget(ctx)
+                if number % 2:
+                    ctx.game.data.setdefault("there", []).append([one.name for one in ctx.game.agents])
+
+        ctx.game.add(happen)
+        for _ in turns:
+            ctx.game.step()
+        states = {name: repr(one.state.get("legal")) for name, one in ctx.agent.agents.items()}
+        return ctx.game.result(), ctx.game.data, ctx.game.moves, states
+
+
+@settings(max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    turns=st.lists(CHANGES, min_size=2, max_size=6),
+    has_team=st.booleans(),
+    has_plan=st.booleans(),
+    order=st.sampled_from([None, [["red"], ["blue"]], [["blue"], ["red"]]]),
+)
+def test_a_game_whose_agents_change_is_as_if_nothing_were_known_of_the_last_turn(
+    grid, turns, has_team, has_plan, order
+):
+    play = {"has_team": has_team, "has_plan": has_plan and has_team, "order": order}
+    assert played(grid, turns, **play, forgets=False) == played(grid, turns, **play, forgets=True)
