@@ -58,6 +58,13 @@ def test_a_few_outliers_do_not_spoil_the_cells():
     assert len(kernels.candidate_rows(cells, 50.0, 50.0, 2.0)) < 200
 
 
+@pytest.mark.parametrize("stretch", [(1e4, 1.0), (1.0, 1e4)])
+def test_a_small_disc_in_a_long_town_is_not_offered_what_is_far_along_it(stretch):
+    xy = np.random.default_rng(0).uniform(0, 1, (10_000, 2)) * stretch
+    x, y = 0.5 * np.array(stretch)
+    assert len(kernels.candidate_rows(kernels.build_cells(xy), x, y, 1.0)) < 30
+
+
 def test_a_disc_over_everything_is_left_to_a_scan():
     cells = kernels.build_cells(np.random.default_rng(0).uniform(0, 1, (1000, 2)))
     assert kernels.candidate_rows(cells, 0.0, 0.0, 1e6) is None
@@ -99,3 +106,25 @@ def test_pairs_on_a_lattice_are_exact_and_need_no_array_of_all():
     assert len(rows) == 120 * 120 + 4 * 120 * 119
     assert set(distances.tolist()) == {0.0, 1.0}
     assert (np.abs(lattice[rows] - lattice[others]).sum(axis=1) <= 1.0).all()
+
+
+@given(
+    sizes=st.tuples(st.integers(0, 150), st.integers(0, 150)),
+    groups=st.tuples(st.integers(1, 9), st.integers(1, 9)),
+    limit=st.sampled_from([0.0, 0.3, 2.0, 20.0]),
+    seed=st.integers(0, 99),
+)
+@settings(max_examples=20, deadline=None, derandomize=True)
+def test_pairs_are_of_one_map_alone_where_there_are_several(sizes, groups, limit, seed):
+    rng = np.random.default_rng(seed)
+    a, b = (
+        kernels.Area(*rng.integers(0, 9, (2, n)).astype(float), rng.integers(0, groups_of, n))
+        for n, groups_of in zip(sizes, groups, strict=True)
+    )
+    found = [
+        pair
+        for rows in kernels.near_each_other(a, b, limit)
+        for pair in zip(*map(np.ndarray.tolist, rows), strict=True)
+    ]
+    near = np.hypot(a.x[:, None] - b.x, a.y[:, None] - b.y) <= limit
+    assert found == [tuple(pair) for pair in np.argwhere(near & (a.group[:, None] == b.group)).tolist()]

@@ -1,5 +1,7 @@
 """Keyed draws: what they follow from, that both forms agree, and that they are spread evenly."""
 
+from math import log
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -39,6 +41,18 @@ def test_numbers_below_n_and_fractions_agree_in_both_forms(pairs):
     assert kernels.fraction_many(bits).tolist() == fractions
     assert all(0 <= number < most for number, (_, most) in zip(numbers, pairs, strict=True))
     assert all(0.0 <= one < 1.0 for one in fractions)
+
+
+@given(st.lists(st.tuples(WORDS, st.integers(0, 2**31), st.integers(0, 2**20), st.integers(1, 2**32)), min_size=1))
+def test_signed_forms_for_any_array_library_give_the_same_bits(draws):
+    words = np.array([draw[0] for draw in draws], np.uint64)
+    turns, counts, n = np.array([draw[1:] for draw in draws]).T
+    signed, k = kernels.as_signed(words), int(counts[0])
+    assert (kernels.later_keys_signed(signed, turns).view(np.uint64) == kernels.later_key_rows(words, turns)).all()
+    for count in (counts, k):
+        assert (kernels.bits_at_signed(signed, count).view(np.uint64) == kernels.bits_at_rows(words, count)).all()
+    assert (kernels.below_signed(signed, n) == kernels.below_many(words, n)).all()
+    assert (kernels.fraction_signed(signed, np) == kernels.fraction_many(words)).all()
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 10])
@@ -83,3 +97,9 @@ def test_poisson_numbers_have_their_mean_and_variance(mean):
     assert abs(counts.var() - mean) <= 0.15 * mean + 0.02
     assert kernels.poisson(0, mean) == 0 or mean == 100.0
     assert kernels.poisson(2**64 - 1, mean) < mean + 15 * (mean**0.5 + 1.5)
+
+
+def test_a_poisson_number_is_the_first_whose_chances_up_to_it_come_to_more_than_the_draw():
+    half = log(2.0)  # the chance of none
+    draws = [0, (1 << 63) - 1, 1 << 63]
+    assert [kernels.poisson(bits, half) for bits in draws] == [0, 0, 1]

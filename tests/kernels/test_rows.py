@@ -90,3 +90,25 @@ def test_just_outside_the_rim_is_outside():
 
 def test_the_observer_sees_its_own_place():
     assert kernels.in_cone(np.array([0.0, -0.0]), np.array([-0.0, 0.0]), (0.0, -1.0), 0.0).all()
+
+
+def ring_from(starts, ends, row):
+    """The line with which a ring begins that a line closes, the latest there is; None: it closes none."""
+    begins = [begin for begin in range(row + 1) if starts[begin] == ends[row]]
+    chained = begins and all(ends[i] == starts[i + 1] for i in range(begins[-1], row))
+    return begins[-1] if chained and row - begins[-1] >= 2 else None
+
+
+@given(steps=st.lists(st.tuples(st.integers(0, 5), st.integers(0, 3), st.integers(0, 3)), min_size=6, max_size=14))
+@settings(LAWS, max_examples=100)
+def test_closed_rings_are_lines_one_after_the_other_that_end_where_they_began(steps):
+    places, starts, ends = [(0.0, 0.0), (0.0, 5.0), (5.0, 0.0), (5.0, 5.0)], [], []
+    for goes_on, start, end in steps:
+        starts.append(ends[-1] if goes_on and ends else places[start])
+        ends.append(places[end])
+    rings = []
+    for row in range(len(starts)):
+        begin = ring_from(starts, ends, row)
+        if begin is not None and (not rings or begin >= rings[-1][1]):
+            rings.append([begin, row + 1])
+    assert kernels.closed_rings(np.array(starts).reshape(-1, 2), np.array(ends).reshape(-1, 2)).tolist() == rings

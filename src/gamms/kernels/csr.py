@@ -126,7 +126,7 @@ def closed_rings(starts: FloatArray, ends: FloatArray) -> IntArray:
     by_place = np.argsort(begins, kind="stable")
     at = np.searchsorted(begins[by_place] * count + by_place, finishes * count + rows, side="right") - 1
     first = by_place[at]
-    closes = (at >= 0) & (begins[first] == finishes) & (chain[first] == chain) & (rows - first + 1 >= _FEWEST)
+    closes = (begins[first] == finishes) & (chain[first] == chain) & (rows - first + 1 >= _FEWEST)
     rings: list[tuple[int, int]] = []
     for row, begin in zip(rows[closes].tolist(), first[closes].tolist(), strict=True):
         if not rings or begin >= rings[-1][1]:
