@@ -326,6 +326,28 @@ def test_an_agent_goes_on_along_its_edge_where_that_is_shorter_than_from_the_nod
         assert places == [pytest.approx(one) for one in ([10 / 3, 0.0], [20 / 3, 0.0], [10.0, 0.0], [16.0, 4.0])]
 
 
+def along_the_bend(state):
+    state["action"] = [1]
+
+
+def test_a_pursuer_takes_the_edge_of_its_target_though_another_way_to_its_end_is_shorter():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.add_nodes(range(3), [0.0, 10.0, 5.0], [0.0, 0.0, 5.0])
+        for number, (one, other, length) in enumerate([(0, 1, 100.0), (0, 2, 20.0), (2, 1, 20.0)]):
+            for id, source, target in ((2 * number, one, other), (2 * number + 1, other, one)):
+                ctx.graph.graph.add_edge({"id": id, "source": source, "target": target, "length": length})
+        ctx.sensor.create_sensor("all", "AGENT_RANGE", sensor_range=99.0)
+        ctx.agent.create_agent("anna", start_node_id=2, team="red", speed=30.0, sensors=["all"], strategy=chase(ctx))
+        ctx.agent.create_agent("ben", start_node_id=0, team="blue", speed=31.0, strategy=along_the_bend)
+        ctx.game.speed_unit = "metres"
+        with ctx.game.batch(1) as games, ctx.game.fork(0).ctx as alone:
+            for x in (0.0, 3.0, 6.0):
+                games.step()
+                alone.game.step()
+                assert games.observe_agent("anna")["xy"][0, 0].tolist() == pytest.approx([x, 0.0])
+                assert alone.agent.get_agent("anna").xy == pytest.approx((x, 0.0))
+
+
 def test_a_fixed_field_of_view_is_played_in_arrays_by_metres(same_as_one_by_one):
     sight = {"type": "AGENT_ARC", "fov": 2.0, "at": [30.0, 20.0], "orientation": [1.0, 0.0]}
     scenario = hunted(sight=sight, settings={"speed_unit": "metres"}).replace(max_turns=6)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.rules import Conflicts, tag
+from gamms.rules import Conflicts, resource, tag
 
 SPEEDS = [7.0, 17.0, 17.0, 40.0, 63.0, 110.0, inf, 0.0, None]
 
@@ -144,6 +144,7 @@ def test_agents_in_arrays_may_go_where_those_of_games_one_by_one_may_and_meet_as
             speed = rng.choice([7.0, 17.0, 17.0, 40.0, 63.0, 110.0, 0.0, None, None])
             ctx.agent.create_agent(f"agent {i}", start_node_id=i % 3 % nodes, speed=speed, team=["red", "blue"][i // 3])
         ctx.game.add(tag("red", "blue", then="respawn"))
+        ctx.game.add(resource("fuel", 1e4, per_metre=1))
         ctx.game.conflicts = rng.choice([None, Conflicts(1), Conflicts(2, edge_capacity=1)])
         fast = ctx.game.batch(1, seed=1)
         ctx.game.time_budget = 60.0  # which arrays cannot have
@@ -159,4 +160,7 @@ def test_agents_in_arrays_may_go_where_those_of_games_one_by_one_may_and_meet_as
                         given[team] = [[rng.randrange(count) for count in views[0].counts[0].tolist()]]
                 fast.step(given, on_illegal="stay")
                 slow.step(given, on_illegal="stay")
+            alone = slow.context(0).game
+            fuel = [alone.observation(agent)["facts"]["fuel"] for agent in alone.agents]
+            assert fast.observe("red")["facts"]["fuel"].tolist() == [fuel]
             assert fast.result(0).events == slow.result(0).events
