@@ -232,6 +232,19 @@ def test_one_that_is_faster_overtakes():
     assert x_of(bert) == pytest.approx(100.0)
 
 
+def test_in_an_order_of_play_agents_stand_on_their_edges_before_and_after_their_part():
+    with road(0, 90, order=[["first"], ["second"], ["third"]]) as ctx:
+        for team in ("first", "second", "third"):
+            agent(ctx, team, 0, 1, speed=9.0, team=team)
+        ctx.game.run(2)
+        legs = {name: [leg[3:7] for leg in move.legs] for name, move in ctx.game.moves.items()}
+        goes = {"first": (0.0, 1 / 3), "second": (1 / 3, 2 / 3), "third": (2 / 3, 1.0)}
+        for name, (since, until) in goes.items():
+            stands = (0.1, 0.1, 0.0, since), (0.2, 0.2, until, 1.0)
+            expected = [stands[0], (0.1, 0.2, since, until), stands[1]]
+            assert legs[name] == [pytest.approx(leg) for leg in expected if leg[2] < leg[3]]
+
+
 def test_one_that_stands_on_an_edge_is_met_by_one_that_comes_along_it():
     ctx, met = road(0, 90), []
     agent(ctx, "anna", 0, 1, 1, None, speed=10.0, team="a")
