@@ -1,5 +1,6 @@
 """Games in which agents die, come, leave and change: what is known of the last turn changes nothing."""
 
+import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
@@ -86,3 +87,15 @@ def test_a_game_whose_agents_change_is_as_if_nothing_were_known_of_the_last_turn
 ):
     play = {"has_team": has_team, "has_plan": has_plan and has_team, "order": order}
     assert played(grid, turns, **play, forgets=False) == played(grid, turns, **play, forgets=True)
+
+
+@pytest.mark.parametrize("goes", ["die", "go"])
+def test_members_of_a_team_give_way_in_a_turn_in_which_one_goes_before_they_move(grid, goes):
+    with grid(seed=1, side=8) as ctx:
+        ctx.agent.create_team("red", range(40))
+        ctx.game.command("red", spread, arrays=True)
+        ctx.game.conflicts = Conflicts(1)
+        ctx.game.add(lambda ctx: change(ctx, goes, ctx.game.turn), phase="deeds")
+        for turn in range(1, 6):
+            ctx.game.step()
+            assert len({agent.current_node_id for agent in ctx.game.agents}) == len(ctx.game.agents) == 40 - turn

@@ -419,8 +419,8 @@ class AgentStorage(Guarded):
         return details_of(self._engine._stored())
 
     def strategies(self) -> list[Any]:
-        """Return the strategies of all agents, those of the members of a team once."""
-        return [one.strategy for one in dict.fromkeys(self._engine._stored().values())]
+        """Return the strategy of each agent."""
+        return [one.strategy for one in self._engine._stored().values()]
 
     def attributes(self) -> dict[int, dict[str, Any]]:
         """Return the attributes of agents that have some, by their rows; not to be written to."""

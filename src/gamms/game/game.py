@@ -222,7 +222,8 @@ class Game(RuleVerbs):
     def _prepare_strategies(self) -> None:
         """Call `prepare(ctx)` of the strategies and plans that have it, as of rules."""
         changes = self._phase.strategy_changes
-        strategies = {id(strategy): strategy for strategy in self.ctx.agent.storage.strategies()}
+        found = self.ctx.agent.storage.strategies()
+        strategies = dict(zip(map(id, found), found, strict=True))
         strategies |= {id(plan.function): plan.function for plan in self.plans.values()}
         for strategy in strategies.values():
             prepare = getattr(strategy, "prepare", None)

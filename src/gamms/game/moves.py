@@ -3,6 +3,8 @@
 from collections.abc import Callable, Hashable, Iterable, Mapping, MutableSequence, Sequence
 from copy import copy
 from functools import lru_cache
+from itertools import compress, count
+from operator import ne
 from typing import Any, TypeVar
 
 import numpy as np
@@ -259,14 +261,16 @@ class TurnMoves:
     def give_up(self, block: AgentBlock) -> None:
         """Let agents that are elsewhere than where their moves begin stay there."""
         nodes, self.starts = self.order.nodes(), copied_column(self.starts)
-        for i, (start, node) in enumerate(zip(self.starts, nodes, strict=True)):
-            action = self.actions.get(i)
-            was_put = action is not None and action.begun is not None and block.on_edge(self.slots[i].row) is None
-            if action is not None and was_put:
-                self.actions[i] = action._replace(begun=None)
-            if start != node or was_put:
-                self.starts[i] = node
-                self._stay(i, node)
+        put = {
+            i
+            for i, action in self.actions.items()
+            if action.begun is not None and block.on_edge(self.slots[i].row) is None
+        }
+        for i in put:
+            self.actions[i] = self.actions[i]._replace(begun=None)
+        for i in put.union(compress(count(), map(ne, self.starts, nodes))):
+            self.starts[i] = nodes[i]
+            self._stay(i, nodes[i])
 
     def refuse_deed(self, i: int, kind: str) -> None:
         """Take back a deed of the agent of a slot."""
@@ -297,13 +301,19 @@ class TurnMoves:
         """Return the moves of the agents of another order; those that are new in it stay."""
         if order is self.order:
             return self
-        old = {id(slot.agent): i for i, slot in enumerate(self.slots)}
-        pairs = [(i, old[id(slot.agent)]) for i, slot in enumerate(order.slots) if id(slot.agent) in old]
-        starts = [slot.agent.current_node_id for slot in order.slots]
-        ends = starts.copy()
-        for i, j in pairs:
-            starts[i], ends[i] = self.starts[j], self.ends[j]
-        return TurnMoves(order, starts, ends, {i: self.actions[j] for i, j in pairs if j in self.actions})
+        places = list(map(self.order.index_of.get, order.names))
+        if order.rows_version != self.order.rows_version:  # one that came may have the name of one that was deleted
+            slots, known = order.slots, enumerate(places)
+            places = [j if j is not None and slots[i].agent is self.slots[j].agent else None for i, j in known]
+        nodes = order.nodes()
+        starts, ends = np.array(nodes, np.int64), np.array(nodes, np.int64)
+        there = [i for i, j in enumerate(places) if j is not None]
+        before = [j for j in places if j is not None]
+        starts[there], ends[there] = np.asarray(self.starts)[before], np.asarray(self.ends)[before]
+        actions = {i: self.actions[j] for i, j in enumerate(places) if j in self.actions} if self.actions else {}
+        are_listed = isinstance(nodes, list)
+        now: list[Any] = [column.tolist() if are_listed else column.data for column in (starts, ends)]
+        return TurnMoves(order, now[0], now[1], actions)
 
     def between(self, number: int, parts: int) -> "TurnMoves":
         """Return the same moves, made in that one of several equal parts of the turn."""

@@ -177,7 +177,7 @@ class TurnOrder:
         parts: those that move at once, in their order.
         unlisted: the first of an agent whose team is in no part; None: there is no such.
         selection: the rows of all.
-        structure_version: of the agents.
+        structure_version, rows_version: of the agents.
     """
 
     def __init__(
@@ -190,7 +190,7 @@ class TurnOrder:
         change: Succession | None,
     ) -> None:
         self.slots, self.block, self.structure_version = slots, block, block.structure_version
-        self.progress, plans = block.progress, settings.plans
+        self.progress, self.rows_version, plans = block.progress, block.rows_version, settings.plans
         self.groups = order
         self.has_channels, self.has_deeds = bool(settings.channels), bool(settings.deeds)
         self.decides_at_arrivals = settings.decide == "arrival"

@@ -313,7 +313,7 @@ class StrategyChanges:
         ]
 
     def _now(self) -> list[Any]:
-        return deciders(self._ctx, self._ctx.agent.storage.details())
+        return deciders(self._ctx, self._ctx.agent.storage.strategies())
 
 
 class SensorChanges:

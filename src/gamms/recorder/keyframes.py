@@ -84,7 +84,7 @@ def members_of(ctx: HostContext, described: list[dict[str, Any]]) -> Columns:
         "teams": to_plain(list(rows.teams)),
         "speed": to_plain(list(rows.speed)),
         "carried": _carried(sensors, grouped(described)),
-        "strategies": _names_of(deciders(ctx, details)),
+        "strategies": _names_of(deciders(ctx, [strategy for *_, strategy in details])),
     }
 
 
@@ -312,13 +312,13 @@ def grouped(described: list[dict[str, Any]]) -> list[dict[str, Any]]:
     return list(groups.values())
 
 
-def deciders(ctx: HostContext, details: list[tuple[Any, Any, Any]]) -> list[Any]:
-    """Return the functions that decide for agents of such details: the plan of the team of each, its own, or None."""
-    strategies, plans = [strategy for _, _, strategy in details], ctx.game.plans
+def deciders(ctx: HostContext, strategies: list[Any]) -> list[Any]:
+    """Return the functions that decide for the agents, which have such strategies: the plan of a team, or their own."""
+    plans = ctx.game.plans
     if not plans:
         return strategies
     functions = {team: plan.function for team, plan in plans.items()}
-    return [functions.get(team, own) for team, own in zip(ctx.agent.block.teams, strategies, strict=True)]
+    return list(map(functions.get, ctx.agent.block.teams, strategies))
 
 
 def _names_of(functions: list[Any]) -> list[str | None]:
