@@ -1,7 +1,7 @@
 """Games in which agents die, come, leave and change: what is known of the last turn changes nothing."""
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from gamms.rules import Conflicts
@@ -10,6 +10,7 @@ CHANGES = st.lists(
     st.tuples(st.sampled_from(["die", "return", "come", "go", "change team", "be faster"]), st.integers(0, 99)),
     max_size=4,
 )
+ALL_DIE = [[("die", 0)] * 11, [("return", 2)], [("die", 0), ("return", 1), ("return", 5)], []]
 NAMES = ["a", "b", "blue_1a", "m", "z"]  # before, between and behind those of a team
 
 
@@ -82,6 +83,8 @@ def played(grid, turns, *, has_team, has_plan, order, forgets):
     has_plan=st.booleans(),
     order=st.sampled_from([None, [["red"], ["blue"]], [["blue"], ["red"]]]),
 )
+@example(turns=ALL_DIE, has_team=True, has_plan=True, order=None)
+@example(turns=ALL_DIE, has_team=False, has_plan=False, order=None)
 def test_a_game_whose_agents_change_is_as_if_nothing_were_known_of_the_last_turn(
     grid, turns, has_team, has_plan, order
 ):

@@ -296,9 +296,9 @@ class TurnOrder:
     def update_counts(self) -> None:
         """Add the counted moves and conflicts to the counts of the agents."""
         if self._moved is None:
-            stayed = Counter(self._stayed)
+            turns, stayed = self._turns, Counter(self._stayed).get
             for i, slot in enumerate(self.slots):
-                slot.counts["moves"] += self._turns - stayed[i]
+                slot.counts["moves"] += turns - stayed(i, 0)
         else:
             self._add_to_counts("moves", self._moved, np.flatnonzero(self._moved).tolist())
             self.update_blocked()

@@ -3,7 +3,8 @@
 from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Sequence
 from functools import cached_property
-from operator import itemgetter
+from itertools import count
+from operator import add, itemgetter
 from typing import Any
 
 import numpy as np
@@ -79,14 +80,14 @@ class Succession:
     def __init__(
         self, before: Sequence[str], rows: Iterable[int], names: Sequence[str], inactive: Collection[int]
     ) -> None:
+        changed = set(rows)
         self.gone: list[int] = []
-        self.rows: list[int] = []
-        self._places: list[int] = []  # before which of those that are left they belong
-        for row in sorted(set(rows), key=names.__getitem__):
+        self.rows = sorted(changed.difference(inactive), key=names.__getitem__)
+        self._places = [] if before else [0] * len(self.rows)  # before which of those that are left they belong
+        for row in sorted(changed, key=names.__getitem__) if before else ():
             name = names[row]
             i = bisect_left(before, name)
             if row not in inactive:
-                self.rows.append(row)
                 self._places.append(i - len(self.gone))
             if i < len(before) and before[i] == name:
                 self.gone.append(i)
@@ -94,7 +95,7 @@ class Succession:
     @property
     def places(self) -> list[int]:
         """The places of those that have come or changed."""
-        return [place + number for number, place in enumerate(self._places)]
+        return list(map(add, self._places, count()))
 
     def of_array(self, column: Column, values: ArrayLike) -> Column:
         """Return a column without those that are gone, and with values, or one value, of those that have come."""
