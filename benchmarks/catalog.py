@@ -37,6 +37,7 @@ CELLS = "a grid of cells in NumPy"
 STREAM = "an int32 kernel of NumPy"
 KEYED = "an int32 kernel of NumPy with keyed draws"
 FREE = "the same turns without conflicts"
+DEATHLESS = "the same turns in which all live"
 
 CASES = [
     Case("frequent: sense RANGE 50 m again", "sense", cases.sense(ST.RANGE, 100, again=True), READY, 1.5),
@@ -169,6 +170,26 @@ CASES = [
         teams.walk(1_000_000, 1000, is_keyed=False, is_recorded=True),
         STREAM,
         2.5,
+    ),
+    Case(
+        "targeted: a death and a return each turn, 1,000 one by one",
+        "agent-step",
+        teams.deaths(1000, 40, are_members=False),
+        DEATHLESS,
+        2.0,
+    ),
+    Case(
+        "targeted: a death and a return each turn, 10,000 one by one",
+        "agent-step",
+        teams.deaths(10_000, 110, are_members=False),
+        DEATHLESS,
+        2.0,
+    ),
+    Case(
+        "targeted: a death and a return each turn, a team of 20,000",
+        "agent-step",
+        teams.deaths(20_000, 150, are_members=True),
+        DEATHLESS,
     ),
     Case("teams: conflicts of 20,000 on 400,000 nodes", "agent-step", teams.conflicts(20_000, 632), FREE),
     Case("teams: conflicts of 20,000 on 40,000 nodes", "agent-step", teams.conflicts(20_000, 200), FREE),

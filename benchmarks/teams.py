@@ -1,7 +1,7 @@
 """One large team that a plan of arrays moves, against a kernel of NumPy, and what conflicts add to its turns."""
 
 import tempfile
-from itertools import count, islice
+from itertools import count, cycle, islice
 from pathlib import Path
 
 import numpy as np
@@ -98,3 +98,41 @@ def conflicts(agents, side, *, apart=True):
         return game(agents, side, by_stream, nodes, Conflicts(1)), game(agents, side, by_stream, nodes)
 
     return make
+
+
+def deaths(agents, side, *, are_members):
+    """Return the case of turns after each of which an agent dies and the one that died before returns, against none."""
+
+    def game_of(is_deadly):
+        ctx = lattice(side)
+        if are_members:
+            ctx.agent.create_team("red", range(agents))
+            ctx.game.command("red", by_stream, arrays=True)
+        for i in range(0 if are_members else agents):
+            ctx.sensor.create_sensor(f"near {i}", "NEIGHBOR")
+            ctx.agent.create_agent(f"red_{i}", start_node_id=i, sensors=[f"near {i}"], strategy=wander)
+        dying = cycle(range(0, agents, 7))
+        dead = []
+
+        def fight(ctx):
+            for name in dead:
+                ctx.game.respawn(name)
+            dead[:] = [f"red_{next(dying)}"]
+            ctx.game.eliminate(dead[0])
+
+        if is_deadly:
+            ctx.game.add(fight)
+
+        def play():
+            for _ in range(TURNS):
+                ctx.game.step()
+            return TURNS * agents
+
+        return play
+
+    return lambda: (game_of(is_deadly=True), game_of(is_deadly=False))
+
+
+def wander(state):
+    """Go along any edge."""
+    state["action"] = state["draw"].choice(state["legal"])
