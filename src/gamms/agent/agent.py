@@ -207,9 +207,9 @@ class BaseAgent(ContextPart, IAgent):
             self._last[0] = state
             return state
         sensed = {}
-        for name, last, lists, kind, look in self._carried:
+        for name, last, kind, look in self._carried:
             if look is None:
-                last[0] = seen = [*lists[node]]
+                last[0] = seen = [*self._near[node]]
                 sensed[name] = kind, seen
             else:
                 look.sense(node)
@@ -345,7 +345,7 @@ class BaseAgent(ContextPart, IAgent):
         self._block.structure.note((self._row,))
         owner_of_shared = {id(one): self.name for one in self._shared}
         sensors = self._sensor_list.items()
-        self._carried = tuple([carried(name, one, owner_of_shared.get(id(one))) for name, one in sensors])
+        self._carried = tuple([carried(name, one, owner_of_shared.get(id(one)), self._near) for name, one in sensors])
 
     def _clear_owner(self, sensor: ISensor) -> None:
         if owner_of(sensor) in (None, self.name):  # unless another agent carries it by now

@@ -1,20 +1,28 @@
 """Sensors in the form in which agents ask them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from gamms.typing.sensor_engine import Carried, ISensor, LiveData, SensorType, owner_of
 
 
-def carried(name: str, sensor: ISensor, own: str | None) -> Carried:
-    """Return a sensor in this form; `own` names the agent that asks if others carry the sensor, too."""
+def carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequence[int]]) -> Carried:
+    """Return a sensor in this form.
+
+    Args:
+        name: what it is called in the agent's state.
+        sensor: the sensor.
+        own: the agent that asks, if others carry the sensor, too.
+        near: the neighbourhoods of the agent's graph.
+    """
     offered: Callable[[], Any] | None = getattr(sensor, "live_result", None)
     last = LiveData(sensor) if offered is None else offered()
-    lists = getattr(sensor, "lists", None) if own is None and type(last) is list else None
-    if lists is not None:
+    if own is not None:
+        return name, last, None, _Look(sensor, own)
+    if type(last) is list and getattr(sensor, "copied", None) is near:
         # NOTE: without the sensor, which would be read from memory at every look (benchmarks: turns).
-        return name, last, lists, sensor.type, None
-    return name, last, None, None, sensor if own is None else _Look(sensor, own)
+        return name, last, sensor.type, None
+    return name, last, None, sensor
 
 
 class _Look:

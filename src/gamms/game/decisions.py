@@ -251,17 +251,17 @@ class Decisions:
                 self.ask(i, self.observe(self.slots[i]))
                 continue
             # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.
-            here, sensed = starts[i], {}
-            for key, result, lists, kind, look in carried:
+            legal, sensed = near[here := starts[i]], {}
+            for key, result, kind, look in carried:
                 if look is None:
-                    result[0] = seen = [*lists[here]]
+                    result[0] = seen = [*legal]
                     sensed[key] = kind, seen
                 else:
                     look.sense(here)
                     sensed[key] = look.type, result[0]
             last[0] = state = template.copy()
-            state["curr_pos"], state["sensor"], state["turn"] = here, sensed, turn
-            state["legal"] = legal = near[here]
+            state["curr_pos"], state["sensor"] = here, sensed
+            state["turn"], state["legal"] = turn, legal
             state["team_memory"] = memory_copy(shared.get(template["team"], {})) if shared else {}
             phase.agent = agent
             try:

@@ -264,7 +264,7 @@ class NeighborSensor(Sensor):
         return Sensed(*ragged([[*near[node_id]] for node_id in as_ids(node_ids, "node_ids")]))
 
     @property
-    def lists(self) -> Mapping[int, Sequence[int]]:
+    def copied(self) -> Mapping[int, Sequence[int]]:
         """The neighbourhoods of the graph."""
         return self._neighborhoods
 

@@ -130,7 +130,7 @@ class Sensor(ContextPart, ISensor):
         self._last[:] = [] if isinstance(self._last[0], list) else {}, None
 
     @property
-    def lists(self) -> Mapping[int, Sequence[int]] | None:
+    def copied(self) -> Mapping[int, Sequence[int]] | None:
         """By node, what a look from there copies into `data`, if it does nothing else (used by agents); else None."""
         return None
 

@@ -151,9 +151,9 @@ class LiveData(Sequence[Any]):
         return 1
 
 
-# A sensor as an agent asks it: its name in the state, and its `live_result`. Where a look only copies what the sensor
-# has for a node into a list: its `lists`, its type, and None. Else None, None, and what is asked: `sense`, `type`.
-Carried = tuple[str, Any, Any, Any, Any]
+# A sensor as an agent asks it: its name in the state, and its `live_result`; where a look only copies the neighbourhood
+# of the agent's node, its type and None, else None and what is asked, by `sense` and `type`.
+Carried = tuple[str, Any, Any, Any]
 
 _INTERFACE = ("sensor_id", "type", "data", "sense", "update", "set_owner")
 

@@ -355,7 +355,7 @@ class ScalarStrategies:
                 access = agents.storage.turn_access(agent)
                 slot = AgentSlot(agent, access, state, table, facts, settings, forks)
                 slot.carried = tuple(
-                    (name, self._cells[name][number], None, None, _Shown(agent.sensors[name].type))
+                    (name, self._cells[name][number], None, _Shown(agent.sensors[name].type))
                     if number in self._cells.get(name, ())
                     else (name, *rest)
                     for name, *rest in slot.carried
