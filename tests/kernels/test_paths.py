@@ -2,6 +2,7 @@
 
 import itertools
 import math
+from importlib.util import find_spec
 
 import networkx as nx
 import numpy as np
@@ -74,6 +75,11 @@ def test_without_scipy_the_heap_is_used(monkeypatch):
     monkeypatch.setattr(paths, "has_scipy", lambda: False)
     monkeypatch.setattr(paths, "scipy_distances", None)
     assert kernels.shortest_distances(arcs, np.array([3])).tobytes() == known.tobytes()
+
+
+def test_scipy_is_lacking_only_where_it_cannot_be_imported():
+    is_there = find_spec("scipy") is not None
+    assert [kernels.lacks_scipy(arcs) for arcs in (10, 10**6)] == [False, not is_there]
 
 
 def test_nothing_is_reached_from_nowhere():

@@ -480,6 +480,22 @@ def test_an_agent_without_a_speed_goes_one_edge_a_turn_also_where_agents_decide_
     assert [one["time"] for one in anna.seen] == [0.0, 0.0, 0.0]
 
 
+@pytest.mark.parametrize(
+    ("actions", "faces"),
+    [
+        ([{"node_id": 1, "orientation": (0.0, 1.0)}, 2], (0.0, 1.0)),
+        ([1, {"node_id": 2, "orientation": (0.0, 1.0)}], (0.0, 1.0)),
+        ([{"node_id": 1, "orientation": (0.0, 1.0)}, {"node_id": 2, "orientation": None}], (1.0, 0.0)),
+        ([1, 2], (1.0, 0.0)),
+    ],
+)
+def test_of_several_decisions_in_a_turn_the_last_that_names_an_orientation_counts(actions, faces):
+    with road(0, 10, 20, decide="arrival") as ctx:
+        anna = agent(ctx, "anna", 0, *actions, speed=20.0)
+        ctx.game.run(1)
+        assert (anna.current_node_id, anna.orientation) == (2, pytest.approx(faces))
+
+
 def test_edges_of_no_length_end_in_a_wait():
     ctx = road(0, 0, decide="arrival", on_illegal="stay")
 
