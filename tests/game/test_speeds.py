@@ -3,6 +3,7 @@
 from fractions import Fraction
 from itertools import pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -32,10 +33,10 @@ def test_rules_see_the_way(ctx, play):
     assert ctx.game.moves["a"].path == (0, 1, 2, 3)
 
 
-def test_a_list_is_walked_along_as_far_as_the_speed_goes(ctx, play):
-    agent = play("a", 0, [4, 5, 1, 0], [4, 6], speed=2)
-    result = ctx.game.run(2)
-    assert places(agent, result) == [0, 5, 5]
+def test_a_list_or_an_array_is_walked_along_as_far_as_the_speed_goes(ctx, play):
+    agent = play("a", 0, [4, 5, 1, 0], [4, 6], np.array([4, 8]), speed=2)
+    result = ctx.game.run(3)
+    assert places(agent, result) == [0, 5, 5, 8]
     assert result.errors[0]["message"] == "BadValue: No edge leads from node 4 to node 6."
 
 
