@@ -43,7 +43,7 @@ def change(ctx, kind, number):
             one.speed = 2
 
 
-def played(grid, turns, *, has_team, has_plan, order, forgets):
+def played(grid, turns, *, has_team, has_plan, order, phase, forgets):
     """Play turns with such changes, after some of which a rule asks who is there, and return all that came of it.
 
     One that forgets makes everything for each turn and each such question, as after any change of the settings.
@@ -63,13 +63,13 @@ def played(grid, turns, *, has_team, has_plan, order, forgets):
                 ctx.game.max_turns = None
 
         def happen(ctx):
-            for kind, number in waiting.pop(0):
+            for kind, number in waiting.pop(0) if waiting else ():
                 change(ctx, kind, number)
                 forget(ctx)
                 if number % 2:
                     ctx.game.data.setdefault("there", []).append([one.name for one in ctx.game.agents])
 
-        ctx.game.add(happen)
+        ctx.game.add(happen, phase=phase)
         for _ in turns:
             ctx.game.step()
         states = {name: repr(one.state.get("legal")) for name, one in ctx.agent.agents.items()}
@@ -82,13 +82,14 @@ def played(grid, turns, *, has_team, has_plan, order, forgets):
     has_team=st.booleans(),
     has_plan=st.booleans(),
     order=st.sampled_from([None, [["red"], ["blue"]], [["blue"], ["red"]]]),
+    phase=st.sampled_from(["after", "deeds"]),
 )
-@example(turns=ALL_DIE, has_team=True, has_plan=True, order=None)
-@example(turns=ALL_DIE, has_team=False, has_plan=False, order=None)
+@example(turns=ALL_DIE, has_team=True, has_plan=True, order=None, phase="after")
+@example(turns=ALL_DIE, has_team=False, has_plan=False, order=None, phase="deeds")
 def test_a_game_whose_agents_change_is_as_if_nothing_were_known_of_the_last_turn(
-    grid, turns, has_team, has_plan, order
+    grid, turns, has_team, has_plan, order, phase
 ):
-    play = {"has_team": has_team, "has_plan": has_plan and has_team, "order": order}
+    play = {"has_team": has_team, "has_plan": has_plan and has_team, "order": order, "phase": phase}
     assert played(grid, turns, **play, forgets=False) == played(grid, turns, **play, forgets=True)
 
 

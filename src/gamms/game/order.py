@@ -127,10 +127,13 @@ class Part:
                 cast("list[int]", of_team[slots.teams[i]]).append(i)
         blind = {team for team in of_team if team in plans and plans[team].arrays}
         self.observing = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
-        chosen = [slots[i] for i in self.observing]
+        chosen = slots.those(self.observing)
         self.see_world_only = all(slot.sees_world_only for slot in chosen)
-        self.asked = [i for i in self.observing if slots.teams[i] not in plans] if plans else self.observing
-        self.individuals = [slots[i].asked for i in self.asked]
+        self.asked, asked = self.observing, chosen
+        if plans:
+            self.asked = [i for i in self.observing if slots.teams[i] not in plans]
+            asked = slots.those(self.asked)
+        self.individuals = [slot.asked for slot in asked]
         self.commanded = []
         for team, indices in of_team.items():
             if team in plans and indices:

@@ -244,6 +244,12 @@ class LazySlots(Sequence[AgentSlot]):
         """Return the keys of some, or of all."""
         return self.keys if len(indices) == len(self) else self.keys[indices]
 
+    def those(self, indices: Sequence[int]) -> list[AgentSlot]:
+        """Return some, or all."""
+        names = self.names if len(indices) == len(self) else [self.names[i] for i in indices]
+        self.make([name for name in names if name not in self._made])
+        return list(map(self._made.__getitem__, names))
+
     def counts_of(self, i: int) -> dict[str, int]:
         """Return the counts of an agent; see `COUNTED`."""
         return self._counts.setdefault(self.names[i], dict.fromkeys(COUNTED, 0))

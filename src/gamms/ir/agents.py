@@ -340,10 +340,12 @@ class AgentBlock:
             rows.write_all(previous, nodes)
             self._buffers.update(node=self._buffers["previous"], previous=self._buffers["node"])
             self.node, self.previous = self.previous, self.node
-            self._have_all_changed = True
         else:
             previous[rows.array] = node[rows.array]
             node[rows.array] = nodes
+        if 2 * len(rows.rows) > len(node):
+            self._have_all_changed = True
+        else:
             self._changed |= rows.as_set
 
     def set(self, row: int, column: str, value: object) -> None:
