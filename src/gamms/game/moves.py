@@ -3,7 +3,7 @@
 from collections.abc import Callable, Hashable, Iterable, Mapping, MutableSequence, Sequence
 from copy import copy
 from functools import lru_cache
-from itertools import compress, count
+from itertools import compress, count, repeat
 from operator import ne
 from typing import Any, TypeVar
 
@@ -301,16 +301,17 @@ class TurnMoves:
         """Return the moves of the agents of another order; those that are new in it stay."""
         if order is self.order:
             return self
-        places = list(map(self.order.index_of.get, order.names))
+        places = np.fromiter(map(self.order.index_of.get, order.names, repeat(-1)), np.int64, len(order.names))
         if order.rows_version != self.order.rows_version:  # one that came may have the name of one that was deleted
-            slots, known = order.slots, enumerate(places)
-            places = [j if j is not None and slots[i].agent is self.slots[j].agent else None for i, j in known]
-        nodes = order.nodes()
-        starts, ends = np.array(nodes, np.int64), np.array(nodes, np.int64)
-        there = [i for i, j in enumerate(places) if j is not None]
-        before = [j for j in places if j is not None]
+            for i, j in enumerate(places.tolist()):
+                if j >= 0 and order.slots[i].agent is not self.slots[j].agent:
+                    places[i] = -1
+        order.block.locate()
+        nodes, there = order.nodes(), np.flatnonzero(places >= 0)
+        starts, ends, before = np.array(nodes, np.int64), np.array(nodes, np.int64), places[there]
         starts[there], ends[there] = np.asarray(self.starts)[before], np.asarray(self.ends)[before]
-        actions = {i: self.actions[j] for i, j in enumerate(places) if j in self.actions} if self.actions else {}
+        number = dict(zip(before.tolist(), there.tolist(), strict=True)) if self.actions else {}
+        actions = {number[j]: self.actions[j] for j in sorted(self.actions) if j in number}
         are_listed = isinstance(nodes, list)
         now: list[Any] = [column.tolist() if are_listed else column.data for column in (starts, ends)]
         return TurnMoves(order, now[0], now[1], actions)

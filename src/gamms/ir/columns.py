@@ -106,6 +106,8 @@ class Succession:
         if not column:
             return [*values]
         left = _joined(column, [(i, i + 1, ()) for i in self.gone])
+        if not self._places:
+            return left
         return _joined(left, [(i, i, (value,)) for i, value in zip(self._places, values, strict=True)])
 
 
@@ -117,7 +119,8 @@ def _joined(column: Sequence[Any], cuts: Iterable[tuple[int, int, tuple[Any, ...
         joined += column[at:begin]
         joined += values
         at = end
-    return [*joined, *column[at:]]
+    joined += column[at:]
+    return joined
 
 
 def copied_column(column: Any) -> Any:
