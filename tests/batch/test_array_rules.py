@@ -264,3 +264,88 @@ def test_what_it_cannot_do_alone_is_refused():
         ctx.game.add(tolls())
         with pytest.raises(BadValue, match=r"turn\.visits is not known in a game by metres"):
             ctx.game.step()
+
+
+WRITES = {
+    name: lambda turn, name=name: getattr(turn, name).fill(0)
+    for name in ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "alive")
+}
+MISTAKES = {
+    "the name of an agent": (lambda turn: turn.eliminate([0], ["red_0"]), BadType, "agents must be an array of int"),
+    "no such agent": (lambda turn: turn.respawn([0], [99]), BadValue, "no number 99 of 6 agents"),
+    "no such game": (lambda turn: turn.add_score("red", [7], 1), BadValue, "no number 7 of [12] games of this turn"),
+    "a mask of games": (
+        lambda turn: turn.end(turn.turn > 0, "over", [None]),
+        BadType,
+        "at must be an array of integers",
+    ),
+    "too many winners": (
+        lambda turn: turn.end([0], "over", ["red", "blue"]),
+        BadValue,
+        "winner has a value for each of 1",
+    ),
+    "too few agents": (lambda turn: turn.emit("x", [0, 0], agents={"agent": [1]}), BadValue, "agent has a value for"),
+    "no such node": (lambda turn: turn.emit("x", [0], nodes={"node": [25]}), BadValue, "no number 25 of 25 nodes"),
+    "one value": (lambda turn: turn.emit("x", [0], values={"how": "fast"}), BadValue, "how has a value for each of 1"),
+    "points of no number": (
+        lambda turn: turn.add_score("red", [0], "3"),
+        BadType,
+        "points must be an array of numbers",
+    ),
+    "kept arrays of no games": (
+        lambda turn: turn.keep("k", lambda games: {"x": np.zeros(games + 1)}),
+        BadValue,
+        "first",
+    ),
+    "one kept array": (lambda turn: turn.keep("k", np.zeros), BadType, "returns name -> array"),
+}
+
+
+def played_alone(rule):
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(rule)
+        ctx.game.step()
+
+
+def played_in_a_batch(rule):
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(rule)
+        with ctx.game.batch(2) as games:
+            games.step()
+
+
+@pytest.mark.parametrize("play", [played_alone, played_in_a_batch])
+@pytest.mark.parametrize("write", WRITES.values(), ids=WRITES)
+def test_a_rule_changes_a_turn_by_its_verbs_alone(write, play):
+    with pytest.raises(ValueError, match="read-only"):
+        play(gamms.array_rule(write))
+
+
+@pytest.mark.parametrize("play", [played_alone, played_in_a_batch])
+@pytest.mark.parametrize("mistake", MISTAKES.values(), ids=MISTAKES)
+def test_a_verb_says_what_is_wrong_with_what_it_got(mistake, play):
+    call, kind, message = mistake
+
+    @gamms.array_rule
+    def rule(turn):
+        try:
+            call(turn)
+        finally:
+            assert (turn.alive.all(), turn.scores("red").sum(), turn.new_events("seen")) == (True, 0, [])
+
+    with pytest.raises(kind, match=message):
+        play(rule)
+
+
+def test_verbs_take_lists_and_one_agent_for_several_games():
+    @gamms.array_rule
+    def rule(turn):
+        at = list(range(len(turn.games)))
+        turn.eliminate(at, 1)
+        turn.respawn(at, [1] * len(at))
+        turn.add_score("red", [*at, *at], [0.5] * 2 * len(at))
+        turn.add_scores(at, 0, 1)
+        turn.emit("seen", at, agents={"agent": [2] * len(at)}, values={"how": ("far",) * len(at)})
+        turn.end(at, ["late"] * len(at), ("red",) * len(at))
+
+    same_in_both(scene(), rule)

@@ -42,6 +42,22 @@ def wary(view):
     return np.where(np.bincount(near.at * 3 + near.viewers, minlength=view.node.size).reshape(view.node.shape), 0, 1)
 
 
+@pytest.mark.parametrize("name", ["games", "agents", "node", "mask", "turn", "counts"])
+def test_it_cannot_write_into_what_it_is_shown(name):
+    @gamms.array_strategy
+    def write(view):
+        getattr(view, name).fill(0)
+        return view.draw.below(view.counts)
+
+    with pytest.raises(ValueError, match="read-only"):
+        scene().play(seed=1, strategies={"red": write})
+    with scene().batch(2, strategies={"red": write}) as games, pytest.raises(ValueError, match="read-only"):
+        games.step()
+    with scene().batch(2) as games:
+        games.step()
+        assert getattr(games.observe("red"), name).flags.writeable, "what a learner observes is its own"
+
+
 def test_it_may_look_at_what_some_of_its_sensors_show(same_as_one_by_one):
     sensors = {"near": {"type": "AGENT_RANGE", "sensor_range": 12.0}, "all": {"type": "AGENT"}}
     teams = {name: {**team, "sensors": ["near", "all"]} for name, team in SEEING["teams"].items()}

@@ -12,7 +12,7 @@ from gamms.arguments import as_context
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.begun import BEGINS, Begins
 from gamms.game.batch.channels import Heard, Radio
-from gamms.game.batch.columns import Roster
+from gamms.game.batch.columns import Roster, put_locked
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import F, form_declared
 from gamms.game.batch.given import as_flights, flown
@@ -75,6 +75,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
 
         def strategy(state: dict[str, Any]) -> None:
             view = _ViewOfOne(ctx, state, internals, takes_any=hasattr(form, TAKES_ANY_LEGAL))
+            view.lock()
             given, action = form(view), None
             if not view.flies:
                 action = state["legal"][int(view.checked(given, name)[0, 0])]
@@ -130,7 +131,9 @@ def array_rule(
 
     def rule(ctx: IContext) -> None:
         as_context(ctx, name)
-        form(_TurnOfOne(cast("HostContext", ctx)))
+        turn = _TurnOfOne(cast("HostContext", ctx))
+        turn.lock()
+        form(turn)
 
     rule.__dict__.update({IN_ARRAYS_ALONE: True, BEGINS: _kept_alone})
     form_declared(rule, name)(form)
@@ -377,12 +380,8 @@ class _TurnOfOne(ArrayTurn):
         read[reader] = len(events)
         return found
 
-    def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
-        """Add points to the score of a key, once for each of `at`."""
-        each: list[float] = [points] * len(at)  # type: ignore[list-item] # of arrays there are as many points as `at`
-        if not isinstance(points, int):
-            each = np.broadcast_to(np.asarray(points, np.float64), len(at)).tolist()
-        for number in each:
+    def _add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
+        for number in [points] * len(at) if isinstance(points, int) else np.broadcast_to(points, len(at)).tolist():
             self._game.scores[key] += number
 
     def scores(self, key: Hashable) -> FloatArray:
@@ -391,22 +390,23 @@ class _TurnOfOne(ArrayTurn):
 
     def end(self, at: IntArray, reason: str | Sequence[str], winner: Sequence[Any], truncated: bool = False) -> None:
         """End the game after this turn."""
-        reasons = [reason] * len(at) if isinstance(reason, str) else reason
-        for why, who in zip(reasons, winner, strict=True):
+        at = self._places(at)
+        reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
+        for why, who in zip(reasons, self._each("winner", winner, at), strict=True):
             self._game.end(why, winner=who, truncated=truncated)
 
     def eliminate(self, at: IntArray, agents: IntArray) -> None:
         """Take agents out of the game, those that are in it, each with an event."""
-        for number in agents[at == 0].tolist():
+        for number in self._pairs(at, agents)[1].tolist():
             self._game.eliminate(self.roster.names[number])
-            self.alive[0, number] = False
+            put_locked(self.alive, (0, number), values=False)
 
     def respawn(self, at: IntArray, agents: IntArray) -> None:
         """Put agents, dead or alive, where they began, each with an event."""
-        for number in agents[at == 0].tolist():
+        for number in self._pairs(at, agents)[1].tolist():
             self._game.respawn(self.roster.names[number])
-            self.node[0, number] = self.streets.rows(self.roster.agents[number].current_node_id)
-            self.alive[0, number] = True
+            put_locked(self.node, (0, number), self.streets.rows(self.roster.agents[number].current_node_id))
+            put_locked(self.alive, (0, number), values=True)
 
     def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
         """Refuse these deeds, which is for the check of a rule."""

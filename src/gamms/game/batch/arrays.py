@@ -421,6 +421,7 @@ class ArrayEngine:
 
     def _call(self, named: NamedRule, form: ArrayRule, turn: ArrayTurn) -> None:
         turn.has_scalar_form = not getattr(named.rule, IN_ARRAYS_ALONE, False)
+        turn.lock()
         try:
             form(turn)
         except Exception as error:

@@ -136,6 +136,7 @@ class Asking:
             if len(agents):
                 view = ArrayView(self._state, turn.games, agents, asked)
                 view.deeds, view.outboxes = [], []
+                view.lock()
                 try:
                     columns = agents if len(agents) < actions.shape[1] else np.s_[:]
                     actions[:, columns] = view.checked(group.form(view), group.name, may_aim=True)

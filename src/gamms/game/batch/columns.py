@@ -43,6 +43,30 @@ def _chosen(column: Tensor, which: BoolArray | IntArray) -> Any:
     return column[which] if hasattr(column, "shape") else column  # of another library, too
 
 
+def lock(arrays: Iterable[Column]) -> None:
+    """Let arrays be read alone, but for `put_locked`."""
+    for array in arrays:
+        if array.flags.writeable:
+            array.setflags(write=False)
+
+
+def put_locked(array: Column, where: Any, values: object) -> None:
+    """Write into an array that may be locked."""
+    is_writeable = array.flags.writeable
+    array.setflags(write=True)
+    array[where] = values
+    array.setflags(write=is_writeable)
+
+
+def once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
+    """Return each agent once, in the order of the first time."""
+    if len(at) < 2:
+        return at, agents
+    _, first = np.unique(np.column_stack((at, agents)), axis=0, return_index=True)
+    kept = np.sort(first)
+    return at[kept], agents[kept]
+
+
 def joined_rows(tables: Sequence[Table]) -> Table:
     """Return the rows of several such tables as one, one table after the other; there is at least one."""
     return type(tables[0])(*map(_joined, zip(*tables, strict=True))) if len(tables) > 1 else tables[0]

@@ -160,6 +160,7 @@ class HostTurn(ArrayTurn):
         if not self._before_moves:
             self.starts, self.ends, self.took_part = starts, ends, took_part != 0
         self._before = self.node.copy(), self.alive.copy()
+        self.node.flags.writeable = self.alive.flags.writeable = False
         return self.__dict__[name]
 
     def close(self) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from gamms.deciding import phase_of
 from gamms.errors import BadValue, GammsError
 from gamms.game.batch.begun import fits_float
-from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.forms import form_in
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
@@ -389,14 +389,14 @@ class RuleFork:
         new = [self.number[name] for name in came]
         rows = np.append(self.rows, np.array(new, np.int64))
         state.is_there[game, new] = True
-        for before, now, column in (
-            (node, block.node, turn.node[at]),
-            (previous, block.previous, headings.previous[game]),
+        for before, now, column, row in (
+            (node, block.node, turn.node, at),
+            (previous, block.previous, headings.previous, game),
         ):
             if now != before:
-                column[rows] = turn.streets.rows(now)
+                put_locked(column, (row, rows), turn.streets.rows(now))
         if block.alive != alive:
-            turn.alive[at, rows] = block.alive
+            put_locked(turn.alive, (at, rows), block.alive)
         left = [row for row in columns.progress[i] if block.progress[row] is None]
         if left:
             state.movement.clear(game, self.rows[left])

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from gamms.game.batch.columns import PlayedGame
+from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.forms import form_in, form_of
 from gamms.game.batch.movement import Moves, Paths
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NeedsTurnEngine, NoRow, OwnState, RuleFork
@@ -128,7 +128,8 @@ class RuleContext:
         if is_due.any():
             part = turn if is_due.all() else turn.of(is_due)
             self._each(part, "after", "a collector", lambda fork, _: fork.collect())
-            turn.node[is_due], turn.alive[is_due] = part.node, part.alive
+            put_locked(turn.node, is_due, part.node)
+            put_locked(turn.alive, is_due, part.alive)
 
     def ask(self, turn: ArrayTurn, named: str, act: Act, *, needs_game: bool) -> None:
         """Let strategies decide in each game of a turn, which is loaded if they need it; nothing changes there."""

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms import kernels
-from gamms.errors import BadValue, GammsError
+from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
@@ -124,6 +124,18 @@ class EventLog(GameLog[Emitted]):
         kind, games, turns, fields = noted
         for number, turn, *values in zip(games.tolist(), turns.tolist(), *fields.values(), strict=True):
             yield number, {"turn": turn, "kind": kind, **dict(zip(fields, values, strict=True))}
+
+
+def _refuse_other_arrays(made: object, games: int) -> None:
+    """Refuse what `make` of `keep` gave if it is no dict of arrays with the games first."""
+    if not isinstance(made, dict):
+        raise BadType(f"make of keep(key, make) returns name -> array, not {shown(made)}.")
+    for name, array in made.items():
+        if tuple(getattr(array, "shape", ()))[:1] != (games,):  # of any library
+            raise BadValue(
+                f"make({games}) of keep(key, make) returns arrays whose first axis is {games} games, and "
+                f"{shown(name)} is {shown(array)}."
+            )
 
 
 def _repeated(first: Arrays, games: int) -> Arrays:
@@ -377,8 +389,9 @@ class GameArrays:
                 make = partial(_repeated, first)
             elif self.has_begun:
                 raise NotTakenUp(f"it is not known what is kept under {shown(key)} of the turns before the batch")
-            known, self._makers[key] = make(len(self)), make
-            self.kept[key] = known
+            known = make(len(self))
+            _refuse_other_arrays(known, len(self))
+            self.kept[key], self._makers[key] = known, make
         return known
 
     def purposes(self, *purpose: str | int) -> BitArray:

@@ -7,8 +7,9 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_array, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
-from gamms.game.batch.columns import places_of, some_rows
+from gamms.game.batch.columns import lock, once, places_of, put_locked, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
 from gamms.game.batch.routes import RouteTable
@@ -25,6 +26,9 @@ ArrayRule = Callable[["ArrayTurn"], None]
 
 
 IN_ARRAYS_ALONE = "is_in_arrays_alone"  # an attribute of rules whose scalar form is made of the array form
+
+
+_READ_ONLY = ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "alive")
 
 
 class TurnPart(NamedTuple):
@@ -75,6 +79,8 @@ class MovesOfTurn:
         places: in games by metres, where moves begin, for conflicts: nodes and behind them edges; None: on `node`.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
+
+    Rules and checks read these arrays and cannot write into them.
     """
 
     _dropped: BoolArray | np.bool = np.False_  # agents that went out before they could move
@@ -106,6 +112,11 @@ class MovesOfTurn:
         self.node, self.alive = self.starts, self.took_part = node, alive
         self.ends = node
         self._earlier = node, node  # starts and ends of the parts of the turn that have moved
+
+    def lock(self) -> None:
+        """Let rules read where agents are, and change it by verbs alone."""
+        known = vars(self)  # on a device some are not read yet
+        lock([known[name] for name in _READ_ONLY if name in known])
 
     # -- how the engine plays it --------------------------------------------------------------------------------
 
@@ -354,24 +365,54 @@ class ArrayTurn(MovesOfTurn):
             at: (events,) the games of this turn.
             agents: fields that name agents, by their numbers in the roster.
             nodes: fields that are nodes, by their rows.
-            values: other fields.
+            values: other fields, a list of a value for each.
+
+        Raises:
+            BadType, BadValue: there is no such game, agent or node, or a field has not one value for each of `at`.
         """
         if not len(at):
             return
+        at = self._places(at)
         fields: dict[str, list[Any]] = {}
-        for name, numbers in (agents or {}).items():
-            fields[name] = [self.roster.names[number] for number in numbers.tolist()]
+        for name, given in (agents or {}).items():
+            numbers = self._each(name, as_numbers_of(given, name, len(self.roster.names), "agents").tolist(), at)
+            fields[name] = [self.roster.names[number] for number in numbers]
+            if STOPPED.get(kind) == name:
+                np.add.at(self._state.stops, (self.games[at], numbers), 1)
         for name, rows in (nodes or {}).items():
-            fields[name] = self.streets.ids(rows).tolist()
-        fields.update(values or {})
+            fields[name] = self._each(name, self.streets.ids(rows).tolist(), at)
+        for name, those in (values or {}).items():
+            fields[name] = self._each(name, those, at)
         self._note(kind, at, fields)
-        stopped = STOPPED.get(kind)
-        if stopped is not None and agents is not None and stopped in agents:
-            np.add.at(self._state.stops, (self.games[at], agents[stopped]), 1)
+
+    def _places(self, at: object) -> IntArray:
+        places: IntArray = as_numbers_of(at, "at", len(self.games), "games of this turn")
+        return places
+
+    def _pairs(self, at: object, agents: object) -> tuple[IntArray, IntArray]:
+        """Return the games of this turn and the agents that a verb got, one of each for each."""
+        numbers = as_numbers_of(agents, "agents", len(self.roster.names), "agents")
+        places = self._places(at)
+        if places.shape != numbers.shape:
+            places, numbers = as_one_shape({"at": places, "agents": numbers})
+        return places, numbers
+
+    def _each(self, name: str, values: Any, at: IntArray) -> list[Any]:
+        """Return the values of a field as a list, one for each of `at`."""
+        listed = values.tolist() if isinstance(values, np.ndarray) else values
+        if not isinstance(listed, list | tuple) or len(listed) != len(at):
+            raise BadValue(f"{name} has a value for each of {len(at)} in `at`, not {shown(values)}.")
+        return list(listed)
 
     def _note(self, kind: str, at: IntArray, fields: Mapping[str, list[Any]]) -> None:
         """Note events in the logs of their games."""
         self._state.events.add(kind, self.games[at], self.turn[at] + self._is_moving, fields)
+
+    def _note_place(self, kind: str, at: IntArray, agents: IntArray) -> None:
+        """Note that agents went out or came back where they are."""
+        names, nodes = self.roster.names, self.streets.ids(self.node[at, agents]).tolist()
+        self._note(kind, at, {"agent": [names[number] for number in agents.tolist()], "node": nodes})
+        np.add.at(self._state.stops, (self.games[at], agents), 1)
 
     def new_events(self, reader: Hashable) -> list[Emitted]:
         """Return the events of the games of this turn since the last call for a reader, at first all so far.
@@ -386,14 +427,30 @@ class ArrayTurn(MovesOfTurn):
         return [one if (one.games >= 0).all() else one.those(one.games >= 0) for one in found]
 
     def add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
-        """Add points to the score of a key, once for each of `at`, in their order."""
+        """Add points to the score of a key, once for each of `at`, in their order: the same, or those of each.
+
+        Raises:
+            BadType, BadValue: there is no such game, or these are no points.
+        """
         if len(at):
-            self._state.add_score(key, self.games[at], points)
+            at = self._places(at)
+            if not isinstance(points, int):
+                points = as_array(points, "points", "numbers", at.shape)
+            self._add_score(key, at, points)
+
+    def _add_score(self, key: Hashable, at: IntArray, points: float | FloatArray) -> None:
+        self._state.add_score(key, self.games[at], points)
 
     def add_scores(self, at: IntArray, agents: IntArray, points: float) -> None:
-        """Add points to the scores of the teams of agents."""
-        for number, team in enumerate(self.roster.teams):
-            self.add_score(team, at[self.roster.team_of[agents] == number], points)
+        """Add points to the scores of the teams of agents.
+
+        Raises:
+            BadType, BadValue: there is no such game or agent.
+        """
+        at, agents = self._pairs(at, agents)
+        of = self.roster.team_of[agents]
+        for number in np.flatnonzero(np.bincount(of)).tolist():
+            self._add_score(self.roster.teams[number], at[of == number], points)
 
     def scores(self, key: Hashable) -> FloatArray:
         """Return the scores of a key, (games,); 0 where there is none."""
@@ -408,32 +465,47 @@ class ArrayTurn(MovesOfTurn):
             reason: of all, or of each.
             winner: of each; None: no one has won.
             truncated: whether the time was up.
+
+        Raises:
+            BadType, BadValue: there is no such game, or not a reason and a winner for each.
         """
-        reasons = [reason] * len(at) if isinstance(reason, str) else reason
-        for game, why, who in zip(self.games[at].tolist(), reasons, winner, strict=True):
+        at = self._places(at)
+        reasons = [reason] * len(at) if isinstance(reason, str) else self._each("reason", reason, at)
+        for game, why, who in zip(self.games[at].tolist(), reasons, self._each("winner", winner, at), strict=True):
             over = self._state.over
             over[game] = joined_end(over[game], {"reason": why, "winner": who, "truncated": truncated})
         self._state.is_going[self.games[at]] = False
 
     def eliminate(self, at: IntArray, agents: IntArray) -> None:
-        """Take agents out of the game, those that are in it, each with an event."""
+        """Take agents out of the game, those that are in it, each with an event.
+
+        Raises:
+            BadType, BadValue: there is no such game or agent.
+        """
+        at, agents = self._pairs(at, agents)
         living = self.alive[at, agents]
-        at, agents = _once(at[living], agents[living])
+        at, agents = once(at[living], agents[living])
         if len(at):
-            self.alive[at, agents] = False
+            put_locked(self.alive, (at, agents), values=False)
             self._state.movement.take_out(self.games[at], agents)
-            self.emit("eliminated", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
+            self._note_place("eliminated", at, agents)
 
     def respawn(self, at: IntArray, agents: IntArray) -> None:
-        """Put agents, dead or alive, where they began, each with an event."""
+        """Put agents, dead or alive, where they began, each with an event.
+
+        Raises:
+            BadType, BadValue: there is no such game or agent.
+        """
+        at, agents = self._pairs(at, agents)
         if len(at):
             is_first = self.roster.is_first[agents]  # those that have come since began where they are
-            self.node[at, agents] = np.where(is_first, self._state.start[self.games[at], agents], self.node[at, agents])
-            self.alive[at, agents] = True
+            begun = np.where(is_first, self._state.start[self.games[at], agents], self.node[at, agents])
+            put_locked(self.node, (at, agents), begun)
+            put_locked(self.alive, (at, agents), values=True)
             self._state.movement.clear(self.games[at], agents)
             if self._state.headings is not None:
                 self._state.headings.put(self.games[at], agents, self.node[at, agents])
-            self.emit("respawned", at, agents={"agent": agents}, nodes={"node": self.node[at, agents]})
+            self._note_place("respawned", at, agents)
 
     def refuse(self, deeds: ArrayDeeds, why: Sequence[str]) -> None:
         """Refuse these deeds, each for a reason; for the array form of a rule's check."""
@@ -466,7 +538,7 @@ class ArrayTurn(MovesOfTurn):
                 "of the phases 'before' and 'after'."
             )
         if len(at):
-            change(self.games[at], tuple(edges), is_open)
+            change(self.games[self._places(at)], tuple(edges), is_open)
 
     def start_of(self, agents: IntArray) -> IntArray:
         """Return where agents began, (games, agents)."""
@@ -520,15 +592,6 @@ class ArrayTurn(MovesOfTurn):
         """Return 64 random bits for a purpose, names and this turn, one for each of `at`; see `kernels.draw_bits`."""
         purposes = self._state.purposes(*purpose)[self.games[at]]
         return kernels.draw_bits_rows(purposes, names, self.turn[at])
-
-
-def _once(at: IntArray, agents: IntArray) -> tuple[IntArray, IntArray]:
-    """Return each agent once, in the order of the first time."""
-    if len(at) < 2:
-        return at, agents
-    _, first = np.unique(np.column_stack((at, agents)), axis=0, return_index=True)
-    kept = np.sort(first)
-    return at[kept], agents[kept]
 
 
 def in_turns(turns: IntArray) -> str:

@@ -11,6 +11,7 @@ from gamms import kernels
 from gamms.arguments import as_array, as_count, as_key, as_numbers_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.channels import Heard, Outbox
+from gamms.game.batch.columns import lock
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import Tensor
@@ -29,7 +30,6 @@ from gamms.text import shown
 
 ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
-
 
 IS_BLIND = "is_blind"  # an attribute of forms that do not ask what sensors show, so that agents may carry any
 COVERS = "covers"  # an attribute of forms that ask what is in view of sensors, which must not turn with their agents
@@ -136,6 +136,10 @@ class ArrayView(Mapping[str, Any]):
             self.draw = ViewDraws(keys, self.turn, state.chosen(state.drawn, games, agents)).only(self.mask)
         self._whole, self._sights = self.mask, dict[tuple[str, ...], Seen]()
 
+    def lock(self) -> None:
+        """Let a strategy read the view, and not write into it."""
+        lock((self.games, self.agents, self.node, self.mask, self.turn))
+
     def __getitem__(self, key: str) -> Any:
         if key not in _VALUES:
             raise UnknownName("key of a view", key, tuple(_VALUES))
@@ -164,6 +168,7 @@ class ArrayView(Mapping[str, Any]):
         """How many nodes are legal for each agent, its own included."""
         if "counts" not in self._known:
             self._known["counts"] = self.movement.counts(self.choices)
+            self._known["counts"].flags.writeable = self.deeds is None  # strategies cannot write into it
         return self._known["counts"]
 
     def _heights(self) -> FloatArray:
@@ -527,11 +532,7 @@ class ArrayView(Mapping[str, Any]):
         return tuple(self.roster.names[number] for number in self.agents.tolist())
 
     def _teams(self) -> tuple[Hashable, ...]:
-        roster = self.roster
-        return tuple(roster.teams[number] for number in roster.team_of[self.agents].tolist())
-
-    def _sensors(self) -> "Sensors":
-        return Sensors(self)
+        return tuple(self.roster.teams[number] for number in self.roster.team_of[self.agents].tolist())
 
 
 def as_actions(given: object, by: str) -> Any:
@@ -595,5 +596,5 @@ _VALUES: dict[str, Callable[[ArrayView], Any]] = {
     "time": lambda view: view._time(),
     "draw": lambda view: view.draw,
     "facts": lambda view: view._state.facts,
-    "sensor": lambda view: view._sensors(),
+    "sensor": Sensors,
 }
