@@ -633,3 +633,15 @@ def test_ctrl_c_comes_between_two_turns_of_a_batch():
 def test_a_batch_says_that_its_scenario_is_to_be_pickled(copied, one_by_one):
     with scene().batch(2, one_by_one=one_by_one) as games, pytest.raises(BadType, match="Pickle its scenario"):
         copied(games)
+
+
+@pytest.mark.parametrize("one_by_one", [False, True])
+def test_scores_are_the_same_however_games_are_played(one_by_one):
+    tag = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
+    with scene([tag], side=3).batch(3, seed=1, one_by_one=one_by_one) as games:
+        assert games.scores["red"].tolist() == [0.0, 0.0, 0.0], "before one has scored"
+        games.run()
+        scores, column = games.scores, games.table()["score.red"]
+    assert scores["red"].dtype == column.dtype == scores["nothing"].dtype == np.float64
+    assert scores["red"].any()
+    assert "nothing" not in scores

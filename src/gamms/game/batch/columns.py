@@ -1,7 +1,7 @@
 """What a batch consists of: the game that it is made from, the agents of each of its games, and their logs."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from itertools import chain, count, islice
 from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
@@ -50,7 +50,7 @@ def lock(arrays: Iterable[Column]) -> None:
             array.setflags(write=False)
 
 
-def put_locked(array: Column, where: Any, values: object) -> None:
+def put_locked(array: Column, where: IntArray | BoolArray | tuple[Any, ...], values: object) -> None:
     """Write into an array that may be locked."""
     is_writeable = array.flags.writeable
     array.setflags(write=True)
@@ -261,3 +261,14 @@ def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
             )
         found[team] = names
     return found
+
+
+class ScoresOfGames(dict[Any, Any]):
+    """Scores by key, (games,) each; one that was not set is 0 in all games, as in `ctx.game.scores`."""
+
+    def __init__(self, zeros: Callable[[], Any]) -> None:
+        super().__init__()
+        self._zeros = zeros
+
+    def __missing__(self, key: object) -> Any:
+        return self._zeros()

@@ -11,7 +11,7 @@ import numpy as np
 from gamms.arguments import as_array, as_bool, as_choice, as_count, as_int, as_items, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
-from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, agents_of, reserved
+from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
 from gamms.game.batch.device import DeviceEngine, engine_for
 from gamms.game.batch.device_view import DeviceView, moved
 from gamms.game.batch.given import Acting, Given, as_given
@@ -425,8 +425,10 @@ class Batch:
 
     @property
     def scores(self) -> dict[Any, Any]:
-        """The scores: key -> (games,) numbers."""
-        return {key: self._put(numbers) for key, numbers in self._engine.scores().items()}
+        """The scores: key -> (games,) float64; of one that was not set in any game they are 0."""
+        scores = ScoresOfGames(lambda: self._put(np.zeros(len(self))))
+        scores.update((key, self._put(numbers)) for key, numbers in self._engine.scores().items())
+        return scores
 
     @property
     def is_over(self) -> BoolArray:

@@ -257,7 +257,7 @@ class OneByOneEngine:
     def scores(self) -> dict[Any, Any]:
         """Return the scores of all games: key -> (games,)."""
         keys = dict.fromkeys(key for scores in self._scores for key in scores)
-        return {key: np.array([scores.get(key, 0.0) for scores in self._scores]) for key in keys}
+        return {key: np.array([scores.get(key, 0) for scores in self._scores], np.float64) for key in keys}
 
     def turns(self) -> IntArray:
         """Return how many turns were played, (games,)."""

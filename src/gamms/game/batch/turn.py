@@ -397,7 +397,7 @@ class ArrayTurn(MovesOfTurn):
             places, numbers = as_one_shape({"at": places, "agents": numbers})
         return places, numbers
 
-    def _each(self, name: str, values: Any, at: IntArray) -> list[Any]:
+    def _each(self, name: str, values: object, at: IntArray) -> list[Any]:
         """Return the values of a field as a list, one for each of `at`."""
         listed = values.tolist() if isinstance(values, np.ndarray) else values
         if not isinstance(listed, list | tuple) or len(listed) != len(at):
