@@ -31,9 +31,9 @@ def actions_of(games):
     deeds = {
         "scan": (turn % 2 == 0, {"node": view.streets.step(view.node, moves)}),
         "mark": (agents + turn > 1, {"whom": np.where(turn % 3 == 0, 1, -1), "size": turn / 2, "how": "near"}),
-        "rest": turn % 5 == 0,
+        "rest": view.turn[:, None] % 5 == 0,
     }
-    messages = {"radio": (turn % 2 == 1, np.stack((turn, moves), axis=-1), np.array([1, 2, 0]))}
+    messages = {"radio": (view.turn[:, None] % 2 == 1, np.stack((turn, moves), axis=-1), np.array([1, 2, 0]))}
     return {"moves": moves, "deeds": deeds, "messages": messages}
 
 
@@ -81,7 +81,7 @@ def test_a_team_that_is_given_no_moves_stays():
         ({"deeds": {"scan": (True, {"nodes": 1})}}, UnknownName, "'nodes'"),
         ({"deeds": {"scan": (True, {"node": -2})}}, BadValue, "there is no node number -2"),
         ({"deeds": {"scan": (True, {"node": 1.0})}}, BadType, "nodes by their numbers, not 1.0"),
-        ({"deeds": {"rest": np.zeros((2, 2), bool)}}, BadValue, r"booleans \(2, 3\)"),
+        ({"deeds": {"rest": np.zeros((2, 2), bool)}}, BadValue, r"does not broadcast to \(2, 3\)"),
         ({"messages": {"radio": True}}, BadType, r"\(where, body\)"),
         ({"messages": {"phone": (True, 1)}}, UnknownName, "phone"),
         ({"messages": {"radio": (True, 1, "nobody")}}, UnknownName, "nobody"),

@@ -103,10 +103,8 @@ def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
 
 
 def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
-    mask = as_array(where, f"The agents of {what!r}", "booleans")
-    if mask.shape not in (shape, ()):
-        raise BadValue(f"{what!r} is done by agents: give booleans {shape}, not of the shape {mask.shape}.")
-    return np.broadcast_to(mask, shape)
+    mask: BoolArray = as_array(where, f"The agents of {what!r}", "booleans", shape)
+    return mask
 
 
 class Acting:
