@@ -1,6 +1,6 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache, cached_property
 from itertools import compress
@@ -243,6 +243,9 @@ class LazySlots(Sequence[AgentSlot]):
     def keys_of(self, indices: Sequence[int]) -> BitArray:
         """Return the keys of some, or of all."""
         return self.keys if len(indices) == len(self) else self.keys[indices]
+
+    def __iter__(self) -> Iterator[AgentSlot]:
+        return iter(self.those(range(len(self))))
 
     def those(self, indices: Sequence[int]) -> list[AgentSlot]:
         """Return some, or all."""
