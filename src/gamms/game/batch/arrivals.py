@@ -131,7 +131,7 @@ class Arrivals:
             gone = leg.begin + (leg.end - leg.begin) * (time - leg.since) / (leg.until - leg.since)
         gone = np.where(leg.begin == leg.end, gone, np.clip(gone, LEAST, MOST))
         share = np.where((time < leg.until) & (leg.until > leg.since), gone, leg.end)
-        on = (leg.edge >= 0) & (share > 0.0) & (share < 1.0)
+        on = leg.edge >= 0  # who has arrived is on no leg
         columns = np.where(on, leg.edge, -1), np.where(on, share, 0.0), self._motion, self._node
         for column, values in zip((by.edge, by.share, by.motion, state.node), columns, strict=True):
             column[games] = values.reshape(shape)[which]
