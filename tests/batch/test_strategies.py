@@ -93,6 +93,12 @@ def test_agents_by_metres_chase_others_along_edges_in_arrays_as_alone(decide, si
     same_as_one_by_one(scenario, [1], {"red": MADE["chase"], "blue": MADE["flee"]})
 
 
+def test_what_is_left_of_a_speed_is_covered_of_the_next_edge_in_arrays_as_alone(same_as_one_by_one):
+    scenario = hunted({"grid": {"width": 14, "height": 1}}, {"sensor_range": 999.0})
+    scenario = scenario.replace(**{"teams.red.count": 1, "teams.blue.count": 1, "teams.red.speed": 1.9})
+    same_as_one_by_one(scenario, [1, 2, 3, 4], {"red": lambda ctx: guard(ctx, 0, 999.0), "blue": stay})
+
+
 def test_mates_of_another_speed_confine_one_in_arrays_as_alone(same_as_one_by_one):
     more = {"teams.red.speed": 3, "teams.red.count": 6, "teams.blue.count": 1, "max_turns": 8}
     scenario = hunted(sight={"sensor_range": 99.0}).replace(**more)
