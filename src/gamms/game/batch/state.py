@@ -92,19 +92,19 @@ class EventLog(GameLog[Emitted]):
         for unread in self._unread.values():
             unread += [Emitted.of(game, entry) for entry in entries]
 
-    def new(self, reader: Hashable, later: BoolArray | None = None) -> list[Emitted]:
+    def new(self, reader: Hashable, later: BoolArray) -> list[Emitted]:
         """Return the events since the last call for a reader, at first all so far.
 
         Args:
             reader: whatever reads them.
-            later: (games,) those whose events are read by another call; None: none.
+            later: (games,) those whose events are read by another call.
         """
         if reader not in self._unread:
             self._unread[reader] = [
                 Emitted.of(game, entry) for game in range(len(self._of_game)) for entry in self.of(game)
             ]
         found, self._unread[reader] = self._unread[reader], []
-        if later is not None and later.any():
+        if later.any():
             self._unread[reader] = [one.those(later[one.games]) for one in found if later[one.games].any()]
         return found
 
