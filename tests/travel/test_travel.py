@@ -1,12 +1,14 @@
 """Agents that travel by metres: they may be anywhere on an edge."""
 
 import pickle
+import re
 from copy import deepcopy
 from math import hypot, inf
 
 import pytest
 
 import gamms
+from gamms.errors import NoPath
 from gamms.rules import Conflicts, contacts
 from gamms.sensor import SensorType
 
@@ -126,6 +128,15 @@ def test_no_agent_turns_round_on_a_one_way_road():
         ctx.game.run(1)
     assert anna.seen[-1]["legal"] == (1, 2)
     assert x_of(anna) == pytest.approx(10.0)
+
+
+def test_a_node_that_no_way_leads_to_from_a_one_way_road_is_said_to_have_none():
+    ctx = road(0, 90, one_way={(0, 1)})
+    ctx.graph.graph.add_node({"id": 2, "x": 0.0, "y": 50.0})
+    agent(ctx, "anna", 0, 1, 2, speed=10.0)
+    ctx.game.run(1)
+    with pytest.raises(ValueError, match=re.escape(str(NoPath(1, 2)))):
+        ctx.game.run(1)
 
 
 def test_legal_are_both_ends_and_what_lies_beyond():
@@ -505,6 +516,7 @@ def test_edges_of_no_length_end_in_a_wait():
     ctx.agent.create_agent("anna", start_node_id=0, speed=20.0, strategy=walk)
     result = ctx.game.run(1)
     assert "waits" in result.errors[0]["message"]
+    assert {(leg.edge, leg.back) for leg in ctx.game.moves["anna"].legs} == {(0, 1), (1, 0)}
 
 
 # -- records ----------------------------------------------------------------------------------------------------------
