@@ -93,7 +93,7 @@ class AgentEngine(ContextPart, IAgentEngine):
     @property
     def structure_version(self) -> int:
         """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor."""
-        return self._block.structure_version
+        return self._block.structure.version
 
     @overload  # type: ignore[override] # narrower: what is created is of the class that its type says
     def create_agent(

@@ -85,7 +85,7 @@ class TurnEngine:
             block.locate()
         settings, order = self._settings, self._order
         is_public = not state.agent_facts and not state.team_facts
-        key = (block, settings.changes, state.stream_version, is_public, block.structure_version)
+        key = (block, settings.changes, state.stream_version, is_public, block.structure.version)
         if order is None or self._order_key != key:
             refuse_unused(settings)
             before = None if self._order_key[:-1] != key[:-1] else order

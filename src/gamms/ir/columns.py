@@ -35,28 +35,29 @@ class ChangeLog:
 
 
 class StructureLog:
-    """The rows of a block that came, or changed their life, team, speed or sensors, each under a version of its own."""
+    """The rows of a block that came, or changed their life, team, speed or sensors, each under a version of its own.
 
-    __slots__ = ("_first", "_rows")
+    Attributes:
+        version: a number that changes with every row that is noted.
+    """
+
+    __slots__ = ("_first", "_rows", "version")
 
     def __init__(self) -> None:
-        self._first = 0  # the version before the first of these
+        self._first = self.version = 0  # the version before the first of these
         self._rows: list[int] = []
-
-    @property
-    def version(self) -> int:
-        """A number that changes with every row that is noted."""
-        return self._first + len(self._rows)
 
     def note(self, rows: Iterable[int]) -> None:
         """Note that these rows have changed."""
         self._rows += rows
+        self.version = self._first + len(self._rows)
         if len(self._rows) > _MOST_NOTED:
             self.note_all(self.version)
 
     def note_all(self, version: int) -> None:
         """Note that all rows may have changed, and be those of other agents, since a version."""
-        self._first, self._rows = version + 1, []
+        self._first = self.version = version + 1
+        self._rows = []
 
     def since(self, version: int) -> list[int] | None:
         """Return the rows that have changed since a version; None where all may have."""
