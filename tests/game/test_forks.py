@@ -71,6 +71,17 @@ def test_copies_of_games_with_teams_and_strategies_of_the_context_play_the_same_
             assert twin.agent.get_agent("red_0").current_node_id != 0
 
 
+def test_a_game_with_a_team_whose_agents_were_deleted_is_restored_and_copied_after_a_fork(grid):
+    with grid() as ctx:
+        ctx.agent.create_team("red", [0, 1, 2], strategy=gamms.strategies.random_walk)
+        ctx.game.run(1)
+        ctx.agent.delete_agent("red_1")
+        ctx.game.fork(1)  # which copies what the agent has drawn from
+        snapshot, twin = ctx.game.snapshot(), copy.deepcopy(ctx)
+        ctx.game.restore(snapshot)
+        assert twin.game.run(3) == ctx.game.run(3)
+
+
 def test_agents_that_are_held_are_those_of_the_game_that_holds_them(grid):
     with grid() as ctx:
         a, b = (ctx.agent.create_agent(name, start_node_id=0, strategy=wander) for name in "ab")

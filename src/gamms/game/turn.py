@@ -162,7 +162,7 @@ class TurnEngine:
             order.restart_counts()
             slots: Sequence[AgentSlot] = made_slots(order.slots)
             if isinstance(order.slots, LazySlots):
-                slots = [*slots, *(order.slots[order.index_of[name]] for name in drawn)]
+                slots = [*slots, *(order.slots[order.index_of[name]] for name in drawn if name in order.index_of)]
             for slot in slots:
                 slot.show_blocked()
                 slot.go_to(drawn.get(slot.name, (None, None)))
