@@ -1,9 +1,9 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
+from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache, cached_property
-from itertools import compress
 from typing import Any
 
 from gamms import kernels
@@ -22,6 +22,7 @@ from gamms.typing.agent_engine import IAgent, TurnAccess
 from gamms.typing.context import HostContext
 
 _MOST_SHARED = 32  # instances, after which their table has places for no more keys
+_FEW_MADE = 16  # where fewer than one in so many slots are made, their names are looked up
 _FEW_GONE = 64  # agents of which a table of draws may have the draws after they have gone
 COUNTED = ("moves", "blocked", "illegal", "errors", "overruns")
 
@@ -267,7 +268,10 @@ class LazySlots(Sequence[AgentSlot]):
 
     def made_of(self, which: BoolArray) -> list[AgentSlot]:
         """Return those of some, (agents,), that were asked for."""
-        return [self._made[name] for name in compress(self.names, which.tolist()) if name in self._made]
+        made, names = self._made, self.names
+        if _FEW_MADE * len(made) < len(names):  # NOTE: without a look at each of many names (benchmarks: teams)
+            return [slot for name, slot in made.items() if which[bisect_left(names, name)]]
+        return [made[name] for i in which.nonzero()[0].tolist() if (name := names[i]) in made]
 
     def is_made(self, i: int) -> bool:
         """Whether one was asked for."""
