@@ -46,6 +46,12 @@ def game(agents, side, plan, nodes, conflicts=None, file=None):
     if file:
         ctx.record.start(file)
 
+    return playing(ctx, agents, turns)
+
+
+def playing(ctx, agents, turns):
+    """Return the function that plays some turns of agents."""
+
     def play():
         for _ in range(turns):
             ctx.game.step()
@@ -123,12 +129,7 @@ def deaths(agents, side, *, are_members):
         if is_deadly:
             ctx.game.add(fight)
 
-        def play():
-            for _ in range(TURNS):
-                ctx.game.step()
-            return TURNS * agents
-
-        return play
+        return playing(ctx, agents, TURNS)
 
     return lambda: (game_of(is_deadly=True), game_of(is_deadly=False))
 
