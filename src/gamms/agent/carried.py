@@ -19,7 +19,7 @@ def carried(name: str, sensor: ISensor, own: str | None, near: Mapping[int, Sequ
     last = LiveData(sensor) if offered is None else offered()
     if own is not None:
         return name, last, None, _Look(sensor, own)
-    if type(last) is list and getattr(sensor, "copied", None) is near:
+    if type(last) is list and getattr(sensor, "neighborhoods", None) is near:
         # NOTE: without the sensor, which would be read from memory at every look (benchmarks: turns).
         return name, last, sensor.type, None
     return name, last, None, sensor

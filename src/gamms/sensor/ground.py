@@ -264,8 +264,8 @@ class NeighborSensor(Sensor):
         return Sensed(*ragged([[*near[node_id]] for node_id in as_ids(node_ids, "node_ids")]))
 
     @property
-    def copied(self) -> Mapping[int, Sequence[int]]:
-        """The neighbourhoods of the graph."""
+    def neighborhoods(self) -> Mapping[int, Sequence[int]]:
+        """Those of the graph, which looks copy into `data` and do nothing else (used by agents)."""
         return self._neighborhoods
 
     def sense(self, node_id: int) -> None:

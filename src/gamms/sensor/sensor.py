@@ -1,6 +1,6 @@
 """What built-in sensors have in common: a name, a kind, an owner, the last result, a fixed place, a field of view."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from copy import copy
 from functools import wraps
 from math import hypot, inf
@@ -128,11 +128,6 @@ class Sensor(ContextPart, ISensor):
     def reset(self) -> None:
         """Forget what was sensed."""
         self._last[:] = [] if isinstance(self._last[0], list) else {}, None
-
-    @property
-    def copied(self) -> Mapping[int, Sequence[int]] | None:
-        """By node, what a look from there copies into `data`, if it does nothing else (used by agents); else None."""
-        return None
 
     def live_result(self) -> Sequence[Any]:
         """Return the list whose first item is what was sensed last; of a class of the user's own, its `data`."""
