@@ -134,7 +134,7 @@ def test_every_subscriber_reads_its_own_log_of_changes(columns):
 
 def test_versions_say_what_kind_of_thing_has_changed(columns):
     def versions():
-        return columns.version, columns.structure_version
+        return columns.version, columns.structure.version
 
     before = versions()
     assert versions() == before

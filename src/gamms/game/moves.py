@@ -139,7 +139,7 @@ class TurnMoves:
     def are_single_steps(self, block: AgentBlock, a: Hashable, b: Hashable) -> bool:
         """Whether all living agents went along one edge or none, and are there; where some fly, those of two sides."""
         order = self.order
-        if block.travellers or order.structure_version != block.structure_version:
+        if block.travellers or order.structure_version != block.structure.version:
             return False
         if any(map(_is_long, self.actions.values())):
             return False

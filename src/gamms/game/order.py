@@ -192,7 +192,7 @@ class TurnOrder:
         before: "TurnOrder | None",
         change: Succession | None,
     ) -> None:
-        self.slots, self.block, self.structure_version = slots, block, block.structure_version
+        self.slots, self.block, self.structure_version = slots, block, block.structure.version
         self.progress, self.rows_version, plans = block.progress, block.rows_version, settings.plans
         self.groups = order
         self.has_channels, self.has_deeds = bool(settings.channels), bool(settings.deeds)

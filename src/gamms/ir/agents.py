@@ -268,7 +268,7 @@ class AgentBlock:
         del self._row_of[self.names[row]]
         self.removed += 1
         self.rows_version += 1
-        self.structure.note_all(self.structure_version)
+        self.structure.note_all(self.structure.version)
 
     def keep(self, rows: list[int]) -> None:
         """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
@@ -287,7 +287,7 @@ class AgentBlock:
         """Take the place of another block: write as it does, with other versions than it had."""
         self.graph, self.journal = block.graph, block.journal
         self._version = block.version + 1
-        self.structure.note_all(block.structure_version)
+        self.structure.note_all(block.structure.version)
 
     def row_of(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
@@ -495,11 +495,6 @@ class AgentBlock:
             self.publish()
         return self._version
 
-    @property
-    def structure_version(self) -> int:
-        """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor."""
-        return self.structure.version
-
     def subscribe(self) -> ChangeLog:
         """Return a log of what changes from now on; at first all may have."""
         log = ChangeLog(self.publish)
@@ -541,7 +536,10 @@ class AgentBlock:
                 column[:] = before.tolist() if isinstance(column, list) and isinstance(before, np.ndarray) else before
         self._have_all_changed = True
         self._unlocated.update(self.flyers)
-        (self._find_travellers if has_structure else self._renew)()
+        if has_structure:
+            self._find_travellers()
+        else:
+            self._renew()
 
     def _find_travellers(self) -> None:
         self.travellers = {row for row, one in enumerate(self.progress) if one is not None and one.motion}
@@ -553,7 +551,7 @@ class AgentBlock:
         self.flyers = [row for row, kind in enumerate(self.kind) if kind]
         self.inactive = {row for row, alive in enumerate(self.alive) if not alive}
         self._find_travellers()
-        self.structure.note_all(self.structure_version)
+        self.structure.note_all(self.structure.version)
         self._version += 1
         self._have_all_changed = True
 

@@ -277,7 +277,7 @@ class RuleFork:
             if held[0] is not self._looks:
                 held[0] = self._looks
         self._loaded = columns.node[at], columns.previous[at], columns.alive[at], len(values.events), scores
-        self._structure, self._counted = block.structure_version, self._what_is_counted()
+        self._structure, self._counted = block.structure.version, self._what_is_counted()
 
     def _set_alive(self, alive: list[bool]) -> None:
         block = self._block
@@ -412,7 +412,7 @@ class RuleFork:
 
     def _newcomers(self) -> tuple[str, ...]:
         """Return the names of the agents that have come since the game was loaded."""
-        if self._block.structure_version == self._structure and self.ctx.agent.block is self._block:
+        if self._block.structure.version == self._structure and self.ctx.agent.block is self._block:
             return ()
         return tuple(self.ctx.agent.block.names[len(self.rows) :])
 
@@ -500,7 +500,7 @@ class RuleFork:
         if self.ctx.graph.obstacle_revision != self._map[1]:
             raise LeavesArrays("it changes the obstacles")
         block = self.ctx.agent.block
-        is_same = block is self._block and block.structure_version == self._structure and not block.has_arrays
+        is_same = block is self._block and block.structure.version == self._structure and not block.has_arrays
         if not is_same and self._equipment()[: len(self._equipped)] != self._equipped:
             raise LeavesArrays("agents go, or get other teams, speeds or sensors")
 
