@@ -276,6 +276,23 @@ def test_a_copy_of_a_context_restores_its_own_copy_of_a_snapshot(grid):
         assert plain(ctx) == then
 
 
+def test_a_copy_of_a_game_with_a_team_restores_copies_of_snapshots_from_before_an_agent_was_deleted():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(5, 5))
+        ctx.agent.create_team("ant", [0, 6, 12], strategy=gamms.strategies.random_walk)
+        ctx.game.run(2)
+        moments = [(ctx.game.snapshot(), plain(ctx))]
+        ctx.agent.delete_agent("ant_1")
+        ctx.game.run(2)
+        moments.append((ctx.game.snapshot(), plain(ctx)))
+        twin, *copied = copy.deepcopy((ctx, *(snapshot for snapshot, _ in moments)))
+        for i in (0, 1, 0):
+            twin.game.run(1)
+            twin.game.restore(copied[i])
+            assert plain(twin) == moments[i][1]
+        assert plain(ctx) == moments[1][1]
+
+
 @given(steps=st.lists(st.one_of(st.integers(1, 5), st.integers(-9, -1)), max_size=30))
 def test_a_log_returns_to_any_of_its_points(steps):
     log, history, fresh = [], LogHistory(), iter(range(10**6))

@@ -444,7 +444,7 @@ class AgentStorage(Guarded):
     @refused_while_deciding
     def snapshot(self) -> AgentsSnapshot:
         """Return all agents as they are now, for `restore`."""
-        engine, block = self._engine, self._engine.block
+        engine, block, log = self._engine, self._engine.block, self._engine.block.structure
         block.locate()
         stored = engine._stored()
         agents = [
@@ -454,13 +454,13 @@ class AgentStorage(Guarded):
         ]
         attributes = [(one, dict(one.columns)) for one in teams_in(stored).values()]
         deleted = [(agent, agent._block) for agent in engine._deleted if agent._block is not block]
-        return AgentsSnapshot(block.values(), (block, block.structure.version), stored, attributes, agents, deleted)
+        return AgentsSnapshot(block.values(), (log, log.version), stored, attributes, agents, deleted)
 
     @refused_while_deciding
     def restore(self, before: AgentsSnapshot) -> None:
         """Restore all agents: delete those that were created since, bring back those that were deleted."""
         block = self._engine.block
-        has_structure = before.structure == (block, block.structure.version)
+        has_structure = before.structure == (block.structure, block.structure.version)
         if not has_structure:
             self._restore_agents(before)
         self._engine.block.restore(before.columns, has_structure=has_structure)

@@ -10,6 +10,7 @@ import numpy as np
 from gamms.agent.agent import BaseAgent
 from gamms.agent.teams import AgentsByName, Members
 from gamms.ir.agents import AgentBlock
+from gamms.ir.columns import StructureLog
 from gamms.plain import copied
 from gamms.typing.graph_engine import Node
 
@@ -19,7 +20,7 @@ class AgentsSnapshot:
     """All agents at one moment: the columns, and of each agent what is not in them."""
 
     columns: dict[str, Any]
-    structure: tuple[AgentBlock, int]  # which agents there are, and which team, speed and sensors they have
+    structure: tuple[StructureLog, int]  # which agents there are, and which team, speed and sensors they have
     stored: dict[str, Any]  # name -> the agent, or the `Members` that it was one of, in the order of the rows
     attributes: list[tuple[Members, dict[str, Any]]]  # of members that were not made
     agents: list[tuple[BaseAgent, dict[str, Any], Any, dict[str, Any], dict[str, Any]]]

@@ -337,7 +337,8 @@ class SlotMaker:
             known = {names[i]: before[i] for i in change.gone if not isinstance(before, LazySlots) or before.is_made(i)}
 
         def make(name: str) -> AgentSlot:
-            agent, slot = all_agents[name], known.get(name)
+            agent = all_agents.get(name) or agents.storage.left[name]  # which the order of an earlier turn names
+            slot = known.get(name)
             access = access_of(agent)
             return slot if slot is not None and slot.holds(agent, access) else AgentSlot(agent, access, *given)
 

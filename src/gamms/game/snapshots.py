@@ -80,6 +80,9 @@ class Snapshot:
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Snapshot":
         """Copy the snapshot together with the context that it is of."""
+        moves, agents = self._values["moves"], deepcopy(self._parts["agent_engine"], memo).agents
+        if moves is not None and id(moves) not in memo:  # which hold views of arrays
+            memo[id(moves)] = moves.of_agents(agents, partial(_twin_of, memo))
         of, values, parts = deepcopy((self._of, self._values, self._parts), memo)
         return Snapshot(self.turn, self.seed, of, values, parts)
 
@@ -127,6 +130,7 @@ class SnapshotTaker(NamedTuple):
         parts = {
             "turns": self.turns.snapshot(),  # first: it brings the counts up to date
             "agents": ctx.agent.storage.snapshot(),
+            "agent_engine": ctx.agent,
             "world": ctx.graph.storage.snapshot(),
             "sensors": ctx.sensor.storage.snapshot(),
             "settings": self.settings.settings(),
@@ -228,10 +232,7 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
         memo[id(agent)].strategy = own(agent.strategy, memo)
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
 
-    def twin_of(agent: Any) -> Any:  # there is none yet of one that was deleted
-        return memo.get(id(agent)) or copied_part(agent, memo)
-
-    players = {name: twin_of(agent) for name, agent in source.state.players.items()}
+    players = {name: _twin_of(memo, agent) for name, agent in source.state.players.items()}
     shared = {name: value for name, value in _fields(source.state).items() if name not in _OWN}
     _write(target.state, _copies(shared, memo))
     target.state.share_logs(source.state)
@@ -242,7 +243,12 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
     _renew_states(target)
     moves: TurnMoves | None = source.state.moves
     if moves is not None:
-        target.state.moves = moves.of_agents(target.ctx.agent.agents, twin_of)
+        target.state.moves = moves.of_agents(target.ctx.agent.agents, partial(_twin_of, memo))
+
+
+def _twin_of(memo: Memo, agent: Any) -> Any:
+    """Return the copy of an agent; there is none yet of one that was deleted."""
+    return memo.get(id(agent)) or copied_part(agent, memo)
 
 
 def copy_means(source: SnapshotTaker, target: SnapshotTaker, memo: Memo, **others: object) -> None:
