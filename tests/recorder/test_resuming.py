@@ -3,16 +3,20 @@
 import io
 import runpy
 from pathlib import Path
+from random import Random
 
 import numpy as np
 import pytest
+from fuzzing import parts_of, rebuilt
 
 import gamms
 from gamms import recorder, scenario
 from gamms.agent import AgentType
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game import Game
+from gamms.ir import deflated, packing
 from gamms.recorder import RecordingError
+from gamms.recorder.formats import blocks
 from gamms.rules import Conflicts, at_random, capture_flag, last_team, reach, tag, territory, time_limit
 from gamms.sensor import SensorType
 from gamms.strategies import chase, first, flee, follow_path, goto, guard, mix, patrol, random_walk
@@ -523,3 +527,32 @@ def test_chasing_and_fleeing_go_on():
         return ctx
 
     assert_goes_on_from_anywhere(make, turns=16)
+
+
+def test_a_context_is_as_it_was_when_a_damaged_recording_cannot_be_resumed():
+    def make():
+        ctx = context()
+        add_team(ctx, "red", [0, 9], random_walk, energy=3)
+        ctx.game.run(2)
+        return ctx
+
+    stream = io.BytesIO()
+    with make() as ctx:
+        ctx.visual.set_agent_visual("red_0", color=(1, 2, 3), size=4)
+        ctx.record.start(stream)
+        ctx.game.run(4)
+        ctx.record.stop()
+    parts = parts_of(stream.getvalue())
+    for part in parts:
+        if part[0] != blocks.TURNS and part[1]:
+            part[1] = deflated.packed(packing.unpack_parts(part[1], 1 << 20)[0].replace(b"visible", b"visibly"))
+    crafted = recorder.open(io.BytesIO(rebuilt(Random(1), parts)))
+    with make() as ctx, make() as other:
+        with pytest.raises(RecordingError, match="'visible'"):
+            crafted.resume(3, ctx=ctx)
+        for one in (ctx, other):
+            one.game.run(3)
+        assert ctx.game.result() == other.game.result()
+        assert [agent.current_node_id for agent in ctx.game.agents] == [
+            one.current_node_id for one in other.game.agents
+        ]

@@ -5,6 +5,7 @@ from base64 import b64decode
 from bisect import bisect_right
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import nullcontext
 from functools import partial
 from html import escape
 from pathlib import Path
@@ -250,7 +251,7 @@ class Recording(Opened):
             seed: all random streams follow from it; None: that of the recording.
             vis_engine: see `create_context`.
             ctx: a context in which agents, strategies and rules are already there, as a program or a scenario builds
-                them; it is changed. None: a fresh one, which the caller terminates.
+                them; it is changed, unless this raises. None: a fresh one, which the caller terminates.
 
         Returns:
             The context; a given one for type checkers as what it is, a `gamms.Context`.
@@ -316,11 +317,12 @@ class Recording(Opened):
         seed = resuming.as_seed(seed, resuming.seed_at(self._reader, turn))
         live: Any = resuming.opened_context(seed, vis_engine, is_quiet=is_quiet) if ctx is None else ctx
         try:
-            become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
-            live.reseed(seed)
-            resuming.resume(live, self._reader, turn, self.detached(turn), is_fresh=ctx is None)
-            for name, strategy in chosen.items():
-                live.agent.agents[name].register_strategy(strategy)
+            with nullcontext() if ctx is None or live.is_recording else resuming.all_or_nothing(live):
+                become(live, self.map_hash(turn), lambda: then.graph.packed, (self.map_hash(0),))
+                live.reseed(seed)
+                resuming.resume(live, self._reader, turn, self.detached(turn), is_fresh=ctx is None)
+                for name, strategy in chosen.items():
+                    live.agent.agents[name].register_strategy(strategy)
         except BaseException:
             if ctx is None:
                 live.terminate()

@@ -2,6 +2,7 @@
 
 from bisect import bisect_left
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from copy import deepcopy
 from itertools import product
 from logging import CRITICAL, getLogger
@@ -91,6 +92,18 @@ def observation(ctx: HostContext, log: kinds.Log, before: DetachedState, turn: i
             for _, look in looks
         }
     return state
+
+
+@contextmanager
+def all_or_nothing(ctx: HostContext) -> Iterator[None]:
+    """Restore the game of a context if what changes it raises."""
+    before, draw_start = ctx.game.snapshot(), ctx.game.internals.draw_start
+    try:
+        yield
+    except BaseException:
+        ctx.game.restore(before)
+        ctx.game.internals.draw_start = draw_start
+        raise
 
 
 def resume(ctx: HostContext, reader: "Reader", turn: int, then: DetachedState, *, is_fresh: bool) -> None:
