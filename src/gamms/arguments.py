@@ -443,11 +443,12 @@ _MANY = 16  # keywords
 _MISSPELT = 0.8  # how much a keyword is like the one that is meant: `start` is an attribute, and not `strategy`
 
 
-def misspelt(given: Collection[str], known: Collection[str]) -> list[str]:
+def misspelt(given: Collection[str], known: Collection[str], kind: str = "keyword") -> list[str]:
     """Return a sentence for each given keyword that is unknown but looks like a known one; of many, for the first.
 
-    Any keyword may be given here, so that only those are named that are very much like one that is missing.
+    Any may be given here, so that only those are named that are very much like one that is missing. `kind` says what
+    they are.
     """
     missing = [name for name in known if name not in given]
     unknown = islice((name for name in given if name not in known), _MANY)
-    return [f"Unknown keyword {shown(name)}.{hint}" for name in unknown if (hint := nearest(name, missing, _MISSPELT))]
+    return [f"Unknown {kind} {shown(name)}.{hint}" for name in unknown if (hint := nearest(name, missing, _MISSPELT))]

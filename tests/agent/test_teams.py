@@ -254,3 +254,18 @@ def test_attributes_of_agents_are_found_by_their_rows_whether_or_not_members_wer
     ctx.agent.create_team("blue", [0, 1], columns={"fuel": [4, 5]})
     found = ctx.agent.storage.attributes()
     assert list(found.items()) == [(1, {"fuel": 2}), (3, {"fuel": 3}), (5, {"fuel": 4}), (6, {"fuel": 5})]
+
+
+def test_a_new_attribute_much_like_a_known_one_is_warned_about(caplog):
+    with gamms.create_context() as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        team = ctx.agent.create_team("red", [0, 1], columns={"energy": 5})
+        for name in ("enrgy", "current_nod_id"):
+            team.set(name, 1)
+        team.set("enrgy", 2)
+        team.set("fuel", 3)
+        team.set("energies", 3)
+    assert [one.getMessage() for one in caplog.records if one.levelname == "WARNING"] == [
+        "Team 'red': Unknown attribute 'enrgy'. Did you mean 'energy'? It is kept as an attribute.",
+        "Team 'red': Unknown attribute 'current_nod_id'. Did you mean 'current_node_id'? It is kept as an attribute.",
+    ]

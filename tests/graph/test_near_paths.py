@@ -32,7 +32,7 @@ def answers(places, edges, weight, share):
     for id, (source, target, detour, toll) in enumerate(edges):
         length = math.dist(places[source], places[target]) * detour
         edge = {"id": id, "source": int(ids[source]), "target": int(ids[target]), "length": length}
-        graph.add_edge(edge if toll is None else {**edge, "toll": toll})
+        graph.add_edge(edge if toll is None and id else {**edge, "toll": toll or 0})
     with mock.patch.object(routes, "_SHARE", share):
         return [
             (path_of(graph, source, target, weight), graph.distance(source, target, weight))

@@ -55,7 +55,7 @@ def build(edges, kind=Graph):
     graph.add_nodes(IDS, [0.0] * len(IDS), [0.0] * len(IDS))
     reference.add_nodes_from(IDS)
     for id, (source, target, length, toll) in enumerate(edges):
-        given = {} if toll is None else {"toll": toll}
+        given = {} if toll is None and id else {"toll": toll or 0}  # one edge has it
         graph.add_edge({"id": id, "source": source, "target": target, "length": length, **given})
         reference.add_edge(source, target, length=length, **given)
     return graph, reference
@@ -379,14 +379,17 @@ def test_many_targets_stay_within_the_bound(monkeypatch):
             assert graph._routes.cache.bytes <= 4096
 
 
-def test_a_misspelt_weight_is_named_and_a_foreign_one_counts_steps(ctx):
+def test_a_weight_that_no_edge_has_is_refused_with_those_that_there_are(ctx):
     ctx.graph.add_nodes([1, 2], [0.0, 5.0], [0.0, 0.0])
     ctx.graph.add_edges([7], [1], [2])
     ctx.graph.graph.update_edge({"id": 7, "travel_time": 3.0})
     for misspelt in ("lenght", "travel_tme"):
         with pytest.raises(KeyError, match=r"Unknown weight .* Did you mean"):
             ctx.graph.shortest_path(1, 2, weight=misspelt)
-    assert ctx.graph.distance(1, 2, weight="beauty") == 1.0
+    with pytest.raises(KeyError, match=r"Unknown weight 'beauty'. There is: 'length', 'travel_time'."):
+        ctx.graph.distance(1, 2, weight="beauty")
+    ctx.graph.graph.remove_edge(7)
+    assert ctx.graph.distance(1, 1, weight="beauty") == 0.0
 
 
 def test_the_lack_of_scipy_is_warned_of_once_where_it_costs():

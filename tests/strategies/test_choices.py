@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import gamms
 from gamms.strategies import chase, first, flee, human, mix, patrol, random_walk, stay
 
 
@@ -88,3 +89,13 @@ def test_shared_strategies_do_not_mix_their_agents_up(open_world):
             world.add("mouse", 14, random_walk, team=2)
             games.append(world.play(40))
     assert games[0] == games[1]
+
+
+@pytest.mark.parametrize("strategy", [stay, random_walk])
+def test_a_strategy_that_is_called_with_a_context_says_how_it_is_written(strategy):
+    name = strategy.__name__
+    with (
+        gamms.create_context() as ctx,
+        pytest.raises(TypeError, match=rf"{name} is a strategy, .*write strategy={name}"),
+    ):
+        strategy(ctx)

@@ -1,6 +1,6 @@
 """Teams of many agents that are created, read and set together, as arrays; each agent is made when it is asked for."""
 
-from collections.abc import Callable, ItemsView, Iterator, Mapping, Sequence
+from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any, cast
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent.agent import Agent, Attribute, BaseAgent
-from gamms.arguments import as_array, as_bool, as_function_of, as_ids, as_key, as_mapping, as_name, as_range
+from gamms.arguments import as_array, as_bool, as_function_of, as_ids, as_key, as_mapping, as_name, as_range, misspelt
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import AgentBlock
@@ -217,7 +217,7 @@ class Team:
             else:
                 values = _as_array([getattr(agent, column) for agent in self])
         except AttributeError as error:
-            known = {*members.columns, *(name for agent in members.made.values() for name in vars(agent))}
+            known = self._attributes()
             if column in known:
                 raise UnknownName(f"attribute of {error.obj!r}:", column) from None
             raise UnknownName("column", column, ["alive", "speed", *sorted(known)]) from None
@@ -253,11 +253,22 @@ class Team:
             _OF_MEMBERS[column](self._agent(self.names[i]), listed[i])
         has_column = column in members.columns
         if has_column or (where is None and not hasattr(Agent, column)):
+            if not has_column:
+                self._warn_of_misspelt(column)
             known = members.columns[column] if has_column else column_of(listed)
             members.columns[column] = _changed(known, {i: listed[i] for i in places})
             places = [i for i in places if self.names[i] in members.made]
         for i in places:
             setattr(self._agent(self.names[i]), column, listed[i])
+
+    def _warn_of_misspelt(self, column: str) -> None:
+        known = {*_OF_BLOCK, *_OF_MEMBERS, *self._attributes()}
+        for hint in misspelt([column], sorted(known), "attribute"):
+            self._ctx.logger.warning(f"Team {self.name!r}: {hint} It is kept as an attribute.")
+
+    def _attributes(self) -> Iterable[str]:
+        """Return the names of the caller's attributes of members."""
+        return {*self._members.columns, *(name for agent in self._members.made.values() for name in vars(agent))}
 
     def sense(self, sensor: str | ISensor) -> Sensed:
         """Look from where the members are, with a sensor or the one of that id: one look for each.

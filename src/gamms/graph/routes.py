@@ -15,7 +15,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_range
-from gamms.errors import BadType, UnknownName, install_command, nearest
+from gamms.errors import BadType, UnknownName, install_command
 from gamms.graph import records
 from gamms.graph.store import Cache, GraphStore
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
@@ -201,13 +201,13 @@ def edge_weights(columns: GraphColumns, weight: str | None) -> FloatArray:
     Raises:
         BadType: `weight` is no name, or the attribute of an edge no number.
         BadValue: it is negative or NaN.
-        UnknownName (KeyError): no edge has such an attribute, and the name looks like a misspelt one.
+        UnknownName (KeyError): no edge has such an attribute.
     """
     check_weight(weight)
     if weight == "length":
         return columns.lengths
     known = ("length", *columns.edge_attributes)
-    if weight is not None and weight not in known and nearest(weight, known):
+    if weight is not None and weight not in known and len(columns.edge_ids):
         raise UnknownName("weight", weight, known)
     weights = np.ones(len(columns.edge_ids))
     given = {} if weight is None else columns.edge_attributes.get(weight, {})

@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms.arguments import as_context, as_count, as_float, as_int
 from gamms.context import Context
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 from gamms.game.batch.device_view import DeviceView
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.view import MAY_SKIP, ArrayStrategy, ArrayView
@@ -36,17 +36,20 @@ from gamms.strategies.knowledge import (
     remembered,
     required,
 )
-from gamms.text import shown_as_called
+from gamms.text import shown, shown_as_called
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
 
 
 def stay(state: State | AerialState) -> None:
     """Stay, on an edge too; it always sets an action."""
-    if is_aerial(state):
-        state["action"] = (0.0, 0.0, 0.0)
-    else:
-        state["action"] = state["curr_pos"] if state.get("edge") is None else None
+    try:
+        if is_aerial(state):
+            state["action"] = (0.0, 0.0, 0.0)
+        else:
+            state["action"] = state["curr_pos"] if state.get("edge") is None else None
+    except TypeError:
+        raise _no_state(state, "stay") from None
 
 
 def random_walk(state: State | AerialState) -> None:
@@ -58,7 +61,10 @@ def random_walk(state: State | AerialState) -> None:
     Raises:
         MissingKey: there is neither `state["draw"]` nor `state["rng"]`, or nothing that gives legal nodes.
     """
-    draw, legal = state.get("draw"), state.get("legal")
+    try:
+        draw, legal = state.get("draw"), state.get("legal")
+    except AttributeError:
+        raise _no_state(state, "random_walk") from None
     if draw is not None and legal and state.get("edge") is None:  # the usual one first: it is asked most often
         state["action"] = legal[draw.below(len(legal))]  # type: ignore[arg-type] # a flyer has no legal nodes
     elif is_aerial(state):
@@ -69,6 +75,11 @@ def random_walk(state: State | AerialState) -> None:
     else:
         legal = state["legal"] if "legal" in state else legal_nodes(state, "random_walk")
         state["action"] = legal[drawn_below(state, len(legal), "random_walk")]
+
+
+def _no_state(given: object, name: str) -> BadType:
+    """Return the error of a strategy that was called where its name alone was meant."""
+    return BadType(f"{name} is a strategy, which is called with a state, not {shown(given)}: write strategy={name}.")
 
 
 def _stay_in_arrays(view: ArrayView) -> IntArray:
