@@ -311,20 +311,21 @@ class ArrayEngine:
             is_going = state.is_going[turn.games]
             if number and not is_going.all():  # rules have ended some
                 self._finish(turn.of(~is_going), asking.outboxes)
-                turn, actions = turn.of(is_going), actions[is_going]
+                turn = turn.of(is_going)
                 if not len(turn.games):
                     break
-            part, is_member, wanted = None, np.ones(len(is_given), np.bool_), actions
+            part, is_member = None, np.ones(len(is_given), np.bool_)
             if members is not None:
                 is_member = np.isin(np.arange(len(is_given)), members)
                 part = TurnPart(number, len(self._parts), members)
-                wanted = np.where(is_member, actions, state.movement.idle)
             asked = turn.alive & is_member
             course = None
             if self._arriving is not None:
                 course = self._course(turn, self._arriving, asked)
                 asked = asked & ~self._arriving.is_going(turn.games)
-            chosen, deeds = asking.ask(turn, wanted, is_given | ~is_member, asked)
+            if part is not None:  # what is legal for those that move now follows from the parts before
+                actions, is_given = asking.given(turn, asked)
+            chosen, deeds = asking.ask(turn, actions, is_given | ~is_member, asked)
             if course is None:
                 moves, in_conflict = asking.moves(turn, chosen), None
                 turn.note_illegal(moves.illegal)
