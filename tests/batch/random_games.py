@@ -231,6 +231,7 @@ channels = st.fixed_dictionaries(
         "delay_turns": st.integers(1, 3),
         "relay": st.sampled_from([True, ["red"], ["a0", "blue"]]),
         "loss": st.sampled_from([0.3, [[0.0, 0.0], [2.0, 0.9]]]),
+        "max_bytes_per_turn": st.sampled_from([2, 3, 7]),
         "teams": st.sampled_from([["red"], ["red", "blue"]]),
         "eavesdroppers": st.sampled_from([["a0"], ["green", "b1"]]),
         "jammers": st.sampled_from(

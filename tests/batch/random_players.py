@@ -272,6 +272,7 @@ def caller(ctx):
             bodies = [body if isinstance(body, int) else len(body) for body in heard.bodies]
             np.add.at(count, (heard.at, heard.hearers), np.array(bodies, np.int64) + heard.turns)
             view.send(name, (view.turn[:, None] + actions) % 2 == 0, view["curr_pos"])
+            view.send(name, view.turn[:, None] % 4 == actions, 7, to="a0")  # which a0 cannot send
             actions = (actions + count) % view.counts
         return actions
 

@@ -9,6 +9,7 @@ from test_laws import LAWS
 
 import gamms
 from gamms.errors import BadType, BadValue, UnknownName
+from gamms.game.order import IllegalAction
 
 OUT = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "mutual": True, "then": "eliminate"}}
 
@@ -143,6 +144,70 @@ def test_an_array_strategy_that_plays_alone_hears_no_unknown_channel(given):
         scene([], **given).play(strategies={"blue": gamms.array_strategy(lambda view: view.heard("phone"))})
 
 
-def test_channels_without_an_array_form_are_named():
-    with scene([], channels={"radio": {"range_m": 5.0, "max_bytes_per_turn": 9}}).batch(1) as games:
-        assert "channel 'radio'" in games.slow
+def chatter(state):
+    """Send more than channels take, to agents of which one is the sender, and messages that are too large."""
+    turn, names = state["turn"], ("red_0", "blue_1", None)
+    bodies = [list(range(turn)), turn, "x" * (turn % 3), turn]
+    receivers = [None, names[turn % 3], "blue", None]
+    named = zip(("radio", "wire", "radio", "radio"), bodies, receivers, strict=True)
+    state["outbox"].extend({"channel": name, "to": to, "body": body} for name, body, to in named)
+    state["action"] = state["legal"][-1]
+
+
+@gamms.array_strategy(of=chatter)
+def chatter_in_arrays(view):
+    turn, names = int(view.turn[0]), ("red_0", "blue_1", None)
+    view.send("radio", True, list(range(turn)))
+    view.send("wire", True, turn, to=names[turn % 3])
+    view.send("radio", True, "x" * (turn % 3), to="blue")
+    view.send("radio", True, turn)
+    return view.counts - 1
+
+
+def plainly(state):
+    """Do the same without an array form, and go where it is not legal in some turns."""
+    chatter(state)
+    if state["turn"] % 2:
+        state["action"] = -1
+
+
+BOUNDED = {"radio": {"range_m": 25.0, "max_bytes_per_turn": 4}, "wire": {"hops": 9}}
+
+
+@pytest.mark.parametrize("blue", [chatter, plainly])
+def test_messages_that_cannot_be_sent_are_noted_as_in_games_that_are_played_alone(blue, same_as_one_by_one):
+    scenario = scene([OUT], max_turns=7, channels=BOUNDED)
+    both = {"red": chatter, "blue": blue}
+    if blue is chatter:
+        same_as_one_by_one(scenario, [3, 4], both)
+    with scenario.batch(2, strategies=both) as games:
+        assert games.is_in_arrays
+        games.run()
+        for number in (0, 1):
+            assert plain(games.result(number)) == plain(scenario.play(seed=number, strategies=both))
+        flaws = " ".join(error["message"] for error in games.result(0).errors)
+    assert "state['outbox'][3]: Its body has 2 bytes; channel 'radio' takes 4 of each" in flaws
+    assert "state['outbox'][1]: A message to 'red_0' would come to no agent but its sender." in flaws
+
+
+def test_an_array_strategy_that_sends_too_much_is_refused_if_the_game_says_so():
+    scenario = scene([], max_turns=7, channels=BOUNDED, settings={"on_illegal": "raise"})
+    both = {"red": chatter, "blue": chatter}
+    with pytest.raises(IllegalAction) as alone:
+        scenario.play(strategies=both)
+    with scenario.batch(2, strategies=both) as games, pytest.raises(IllegalAction) as in_arrays:
+        games.run()
+    assert str(in_arrays.value) == str(alone.value)
+    assert in_arrays.value.__notes__[0] == "In game 0 of a batch, with the seed 0."
+
+
+def test_messages_that_are_given_count_for_what_a_channel_takes():
+    with (
+        scene([], channels=BOUNDED).batch(1) as games,
+        scene([], channels=BOUNDED).batch(1, one_by_one=True) as alone,
+    ):
+        for played in (games, alone):
+            played.step({"red": {"messages": {"radio": (True, "abcdef"), "wire": (True, 1, "red_0")}}})
+        assert games.is_in_arrays
+        assert games.result(0).errors == alone.result(0).errors
+        assert len(games.result(0).errors) == 4

@@ -32,11 +32,11 @@ class Outside:
         moves = rng.integers(0, 1 << 30, shape) % np.maximum(view.counts, 1)
         scans, rows = rng.random(shape) < 0.5, rng.integers(0, 14, shape)
         does = {} if self._drawn.deeds is None else {"deeds": {"scan": (scans, {"node": rows})}}
-        says = {name: (rng.random(shape) < 0.5, rows) for name in self._channels}
+        says = {name: (rng.random(shape) < 0.5, rows * 100) for name in self._channels}
         nodes = view.streets.columns.node_ids
         for at, agent in np.ndindex(shape):
             do = {"scan": {"node": int(nodes[rows[at, agent]])}} if does and scans[at, agent] else None
-            said = [(name, int(rows[at, agent])) for name, (sends, _) in says.items() if sends[at, agent]]
+            said = [(name, int(rows[at, agent]) * 100) for name, (sends, _) in says.items() if sends[at, agent]]
             legal = view["legal"][at, agent].tolist()[: int(view.counts[at, agent])]
             self._taken[at, turns[at], names[agent]] = int(moves[at, agent]), do, said, legal
         return {"moves": moves, **does, "messages": says} if does or says else moves

@@ -222,24 +222,31 @@ def checked_outbox(
     for number, given in enumerate(outbox):
         try:
             message = _checked_message(given, sender, channels, teams)
-            left[message.channel] = _left_after(message, left[message.channel], channels[message.channel])
+            left[message.channel] = left_after(message.size, left[message.channel], channels[message.channel])
             messages.append(message)
         except Exception as error:  # noqa: BLE001 - a body may be of the caller's own class
-            kind = type(error).__name__
-            flaws.append(
-                f"{kind}: state['outbox'][{number}]: {error if isinstance(error, GammsError) else reason(error)}"
-            )
+            flaws.append(flaw_of(number, error))
     return messages, flaws
 
 
-def _left_after(message: Outgoing, left: int | None, channel: Channel) -> int | None:
-    """Return how many bytes are left for further messages of the sender in this turn."""
-    if left is not None and message.size > left:
+def flaw_of(number: int, error: Exception) -> str:
+    """Say what is wrong with a message, by its number in the outbox."""
+    why = error if isinstance(error, GammsError) else reason(error)
+    return f"{type(error).__name__}: state['outbox'][{number}]: {why}"
+
+
+def left_after(size: int, left: int | None, channel: Channel) -> int | None:
+    """Return how many bytes are left for further messages of a sender in this turn, after one of a size.
+
+    Raises:
+        BadValue: it is larger than what is left.
+    """
+    if left is not None and size > left:
         raise BadValue(
-            f"Its body has {message.size} bytes; channel {channel.name!r} takes {channel.max_bytes_per_turn} of each "
+            f"Its body has {size} bytes; channel {channel.name!r} takes {channel.max_bytes_per_turn} of each "
             f"agent per turn; {left} are left."
         )
-    return None if left is None else left - message.size
+    return None if left is None else left - size
 
 
 def _checked_message(
@@ -257,16 +264,25 @@ def _checked_message(
         raise BadValue(f"Channel {channel.name!r} is not for team {shown(sender.team)}.")
     to, body = as_key(message["to"], "The receiver of a message"), message["body"]
     if to is not None:
-        _check_receivers(to, sender.name, channel, teams)
+        check_receivers(to, sender.name, channel, teams)
     flaw = why_not_plain(body)
     if flaw:
         raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts of these: body{flaw}.")
     body = to_plain(body)
-    return Outgoing(sender.name, channel.name, to_plain(to), body, len(to_bytes(body, "The body of a message")))
+    return Outgoing(sender.name, channel.name, to_plain(to), body, size_of(body))
 
 
-def _check_receivers(to: Hashable, sender: str, channel: Channel, teams: Mapping[str, Any]) -> None:
-    """Check that there is an agent besides the sender that a message may be for, alive or not."""
+def size_of(body: Plain) -> int:
+    """Return how many bytes a body has, a plain value."""
+    return len(to_bytes(body, "The body of a message"))
+
+
+def check_receivers(to: Hashable, sender: str, channel: Channel, teams: Mapping[str, Any]) -> None:
+    """Check that there is an agent besides the sender that a message may be for, alive or not.
+
+    Raises:
+        BadValue, UnknownName: there is none.
+    """
     addressed = receivers_of(to, teams)
     if not addressed:
         raise UnknownName(

@@ -32,7 +32,7 @@ Writes = list[tuple[str, dict[str, Any]]]  # (agent, what it made of its copy), 
 _PLAIN = (str, bytes, int, float, bool, type(None))
 _NOTHING: Any = object()  # stands for a key that is not there
 _REASONS = {"error": "its strategy or plan raised an error", "overrun": "its strategy or plan took too long"}
-_COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
+COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
 
 
 class TeamArrays:
@@ -359,7 +359,7 @@ class Decisions:
         failures = sorted(self._failures, key=itemgetter(0))
         for i, kind, message in failures:
             slot = self.slots[i]
-            slot.counts[_COUNT_OF.get(kind, kind)] += 1
+            slot.counts[COUNT_OF.get(kind, kind)] += 1
             error = {"turn": self._state.turn, "agent": slot.name, "kind": kind, "message": message}
             self._state.errors.append(error)
         if self._written:

@@ -12,7 +12,7 @@ from gamms.errors import BadValue
 from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
 from gamms.game.batch.begun import Beginning, remembers, why_not_begun
-from gamms.game.batch.channels import Outbox, Radio, why_not_sent
+from gamms.game.batch.channels import Outbox, Radio
 from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
@@ -328,7 +328,7 @@ class ArrayEngine:
             chosen, deeds = asking.ask(turn, actions, is_given | ~is_member, asked)
             if course is None:
                 moves, in_conflict = asking.moves(turn, chosen), None
-                turn.note_illegal(moves.illegal)
+                turn.note_failures(moves.illegal)
             else:
                 moves = course.play(chosen, asking.at_arrivals)
                 in_conflict = course.blocked
@@ -500,7 +500,7 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     ]
     not_asked = why_not_asked(game, [agent for agent in agents if agent.team in asked])
     not_called = why_not_called(game)
-    found = [why_not_moved(game), why_not_sent(settings["channels"]), *(why for is_so, why in reasons if is_so)]
+    found = [why_not_moved(game), *(why for is_so, why in reasons if is_so)]
     found += why_not_begun(game)
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
     found += [f"{one}, with {not_called}" for one in scalar if not_called is not None]

@@ -80,7 +80,7 @@ class Arrivals:
         is_going = self._by.is_going(self._turn.games).ravel()[rows]
         trip.decide(rows[~is_going], actions[rows[~is_going]])
         trip.go_on(rows[is_going], self._motion[rows[is_going]])
-        self._turn.note_illegal(trip.illegal)
+        self._turn.note_failures(trip.illegal)
         self._depart(np.ones(len(self._turn.games), np.bool_), rows)
 
     def _pass_time(self, ask: Ask) -> bool:
@@ -119,7 +119,7 @@ class Arrivals:
         actions[which], does_deeds[which] = decided
         self._trip.illegal.clear()
         self._trip.decide(rows, actions.ravel()[rows])
-        self._turn.note_illegal(self._trip.illegal)
+        self._turn.note_failures(self._trip.illegal)
         return does_deeds.ravel()
 
     def _stand(self, which: BoolArray, now: FloatArray) -> ArrayTurn:

@@ -13,9 +13,10 @@ from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Ground
 from gamms.game.batch.movement import Moves, Route
 from gamms.game.batch.sight import DELAYS
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.turn import ArrayTurn, in_turns
 from gamms.game.batch.view import ArrayView
+from gamms.game.order import IllegalAction
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown
@@ -91,7 +92,7 @@ class Asking:
             those = np.zeros(self._state.node.shape, np.bool_)
             those[turn.games] = asked
             deeds += _deeds_of(turn, acts.deeds, those)
-            self.outboxes += [box.those(those[box.at, box.senders]) for box in acts.outboxes]
+            self._send(turn, [box.those(those[box.at, box.senders]) for box in acts.outboxes])
         self.outboxes[num_sent:] = [box.sent_at(self._moment) for box in self.outboxes[num_sent:]]
         self._moment += 1
         return chosen, deeds
@@ -104,6 +105,21 @@ class Asking:
         for one in deeds:
             does_deeds[one.at, one.agents] = True
         return Decided(actions, does_deeds)
+
+    def _send(self, turn: ArrayTurn, boxes: list[Outbox]) -> None:
+        """Take what agents want to send, and note what of it cannot be sent."""
+        radio = self._state.radio
+        if radio is None or not boxes:
+            return
+        found, flaws = radio.sendable(boxes, self._state.is_there)
+        if flaws and self._here.game.settings()["on_illegal"] == "raise":
+            game, agent, why = min(flaws)
+            name = turn.roster.names[agent]
+            error = IllegalAction(f"Agent {shown(name)} in turn {int(self._state.turn[game])}: {why}")
+            error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
+            raise error
+        self.outboxes += found
+        turn.failures += [Failure.illegal(*flaw, is_unsent=True) for flaw in flaws]
 
     def _given_acts(self, turn: ArrayTurn) -> "_Acts":
         """Return the deeds and messages that were given, of games by their numbers in the batch."""
@@ -141,7 +157,7 @@ class Asking:
                     columns = agents if len(agents) < actions.shape[1] else np.s_[:]
                     actions[:, columns] = view.checked(group.form(view), group.name, may_aim=True)
                     deeds += view.deeds
-                    self.outboxes += view.outboxes
+                    self._send(turn, view.outboxes)
                     if asked is not None:
                         self._state.drawn[np.ix_(turn.games, agents)] = view.draw.count
                 except Exception as error:

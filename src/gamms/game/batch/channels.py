@@ -6,13 +6,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.arguments import as_key
-from gamms.errors import BadType, BadValue, UnknownName
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.columns import GameLog, Roster, joined_rows, places_of, some_rows
-from gamms.game.channels import Channel, receivers_of
+from gamms.game.channels import Channel, check_receivers, flaw_of, left_after, receivers_of, size_of
 from gamms.game.messages import HEARD, OVERHEARD, Scene, Waves, fate
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.ir.packing import to_bytes
 from gamms.plain import to_plain, why_not_plain
 from gamms.text import shown
 
@@ -95,6 +94,7 @@ class Radio(GameLog[list[_Sent]]):
         self.channels, self._roster = channels, roster
         self.teams = dict(zip(roster.names, (roster.teams[number] for number in roster.team_of), strict=True))
         self._under_way: list[tuple[int, _Sent]] = []  # for how many turns more, and what
+        self._have_receivers = set[tuple[Any, ...]]()  # channels, senders and receivers, and who is in the game
 
     # -- sending ------------------------------------------------------------------------------------------------
 
@@ -124,6 +124,57 @@ class Radio(GameLog[list[_Sent]]):
                 raise BadType(f"The body must be a plain value, such as numbers, texts, lists and dicts: body{flaw}.")
         order_of_each, to_each = np.full(len(at), order), np.fromiter(receivers, object, len(at))
         return Outbox(channel, games[at], senders, to_each, bodies, order_of_each)
+
+    def sendable(self, boxes: Sequence[Outbox], is_there: BoolArray) -> tuple[list[Outbox], list[tuple[int, int, str]]]:
+        """Return what agents can send of what they want to send when they are asked, and what is wrong with the rest.
+
+        Args:
+            boxes: in each an agent sends one message at most.
+            is_there: (games of the batch, agents) which agents are in the game, dead or alive.
+
+        Returns:
+            messages, and of each that cannot be sent the game, the sender, and why; see `checked_outbox`.
+        """
+        found, flaws, place = list[Outbox](), list[tuple[int, int, str]](), np.zeros(is_there.shape, np.int64)
+        left = dict[tuple[str, int, int], int | None]()
+        for box in boxes:
+            errors = self._errors(box, is_there, left)
+            for row, error in errors.items():
+                game, sender = int(box.at[row]), int(box.senders[row])
+                flaws.append((game, sender, flaw_of(int(place[game, sender]), error)))
+            place[box.at, box.senders] += 1
+            found.append(box.those(~np.isin(np.arange(len(box.at)), [*errors])) if errors else box)
+        return found, flaws
+
+    def _errors(
+        self, box: Outbox, is_there: BoolArray, left: dict[tuple[str, int, int], int | None]
+    ) -> dict[int, GammsError]:
+        """Return why messages, by their numbers, cannot be sent; `left` counts how many bytes each agent may send."""
+        errors, sizes, channel = dict[int, GammsError](), dict[int, int](), self.channels[box.channel]
+        is_bounded = channel.max_bytes_per_turn is not None
+        if not is_bounded and all(to is None for to in box.to):
+            return errors
+        for row, (game, sender, to, body) in enumerate(
+            zip(box.at.tolist(), box.senders.tolist(), box.to, box.bodies, strict=True)
+        ):
+            try:
+                if to is not None:
+                    self._check_receivers(channel, sender, to, is_there[game])
+                if is_bounded:
+                    if id(body) not in sizes:
+                        sizes[id(body)] = size_of(to_plain(body))
+                    key = box.channel, game, sender
+                    left[key] = left_after(sizes[id(body)], left.get(key, channel.max_bytes_per_turn), channel)
+            except GammsError as error:
+                errors[row] = error
+        return errors
+
+    def _check_receivers(self, channel: Channel, sender: int, to: Hashable, is_there: BoolArray) -> None:
+        key = channel.name, sender, to, is_there.tobytes()
+        if key not in self._have_receivers:
+            there = zip(self.teams.items(), is_there.tolist(), strict=True)
+            check_receivers(to, self._roster.names[sender], channel, dict(one for one, is_here in there if is_here))
+            self._have_receivers.add(key)
 
     def send(self, games: IntArray, scene: Scene, outboxes: Sequence[Outbox]) -> None:
         """Work out who hears what is sent in these games of the scene; what dead agents send is dropped."""
@@ -230,7 +281,7 @@ class Radio(GameLog[list[_Sent]]):
                 "sender": names[sent.senders[i]],
                 "to": to_plain(sent.to[i]),
                 "body": body,
-                "size": len(to_bytes(body, "The body of a message")),
+                "size": size_of(body),
                 **fate(names, sent.outcome[i], sent.arrival[i]),
             }
             rows.append((int(sent.at[i]), int(sent.place[i]), entry))
@@ -241,11 +292,3 @@ def _as_key(to: object) -> Hashable:
     if not isinstance(to, Hashable):
         raise BadType(f"The receiver of a message is an agent, a team or None, not {shown(to)}.")
     return to
-
-
-def why_not_sent(channels: Mapping[str, Channel]) -> str | None:
-    """Return what has no array form of channels, in words; None: all has."""
-    for name, channel in channels.items():
-        if channel.max_bytes_per_turn is not None:
-            return f"channel {name!r}, which bounds what is sent in a turn"
-    return None

@@ -15,7 +15,7 @@ from gamms.game.batch.movement import AIMS, BY_HOPS, STOP, Route
 from gamms.game.batch.rule_fork import NeedsTurnEngine, RuleFork
 from gamms.game.batch.scalar_rules import RuleContext
 from gamms.game.batch.sight import look_of, sees_from_edges
-from gamms.game.batch.state import GameArrays
+from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES
 from gamms.game.batch.turn import ArrayTurn
 from gamms.game.batch.view import ArrayView
@@ -40,14 +40,12 @@ from gamms.typing.sensor_engine import ISensor, SensorType
 FEWEST, FEWEST_AT_ARRIVALS, FEWEST_IN_CONTEXT, FEWEST_CALLED = 16, 32, 64, 32
 _MOST_ASKED = 4  # one in so many agents, where rules are called, too
 _REMEMBERED = ("memories", "team_memories", "blocked", "delayed_looks")  # of a game that has begun
-_FAILURES = ("illegal", "errors", "overruns")  # counts of what goes wrong when agents decide
 
 
 class Players:
     """The agents of one game that are asked one by one.
 
     Args:
-        errors: of the game.
         begun: what the game was when the batch began.
 
     Attributes:
@@ -61,8 +59,8 @@ class Players:
 
     inboxes: Inboxes
 
-    def __init__(self, errors: list[dict[str, Any]], begun: GameState) -> None:
-        self.state = GameState(errors=errors, **copies_of(begun, _REMEMBERED))
+    def __init__(self, begun: GameState) -> None:
+        self.state = GameState(**copies_of(begun, _REMEMBERED))
         self.slots: dict[int, AgentSlot] = {}
         self.living: list[int] = []
         self.part: tuple[list[AgentSlot], Part]
@@ -163,7 +161,7 @@ class ScalarStrategies:
         found = self._players[game]
         if found is None:
             begun = self._context.start().internals.state
-            found = self._players[game] = Players(self._state.errors[game], begun)
+            found = self._players[game] = Players(begun)
         return found
 
     # -- why actions were not done ----------------------------------------------------------------------------------
@@ -306,7 +304,7 @@ class ScalarStrategies:
         deciding = [slots[i] for i in part.observing if i not in failed]
         messages, unsent = turns.outboxes(deciding, state.turn) if settings.channels else ([], [])
         self.forget_blocked(turn, living, [at])
-        self._note_failures(game, state, [(slots[i], why) for i, why in decisions.close()], unsent)
+        turn.failures += self._failures(game, state, decisions.close(), unsent)
         done = []
         for i, action in decisions.actions.items():
             if action.heading != ():
@@ -320,23 +318,20 @@ class ScalarStrategies:
             ends[i] = -1 if leaves_nodes else starts[i]
         return ends, done, messages, given
 
-    def _note_failures(
+    def _failures(
         self,
         game: int,
         state: GameState,
-        blocked: Sequence[tuple[AgentSlot, str]],
+        blocked: Sequence[tuple[int, str]],
         unsent: Sequence[tuple[AgentSlot, str]],
-    ) -> None:
-        """Note why agents of a game do not do what they wanted, and what they cannot send."""
-        for slot, why in unsent:
-            slot.counts["illegal"] += 1
-            state.errors.append({"turn": state.turn, "agent": slot.name, "kind": "illegal", "message": why})
-        for slot, why in (*blocked, *unsent):
-            state.blocked.add(slot.name, why)
-            slot.show_blocked()
-            for kind in _FAILURES:
-                self._state.counts[kind][game, self._context.fork.number[slot.name]] += slot.counts[kind]
-                slot.counts[kind] = 0
+    ) -> list[Failure]:
+        """Return what agents of a game did wrong, and what they cannot send; `state` forgets it."""
+        number, errors, state.errors = self._context.fork.number, state.errors, []
+        wrong = [
+            Failure(game, False, number[error["agent"]], error["kind"], error["message"], why)
+            for error, (_, why) in zip(errors, blocked, strict=True)
+        ]
+        return wrong + [Failure.illegal(game, number[by.name], why, is_unsent=True) for by, why in unsent]
 
     def _part(self, players: Players, fork: RuleFork, game: int, living: list[int]) -> tuple[list[AgentSlot], Part]:
         """Return what is needed to ask these agents."""

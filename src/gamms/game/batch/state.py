@@ -13,6 +13,7 @@ from gamms.game.batch.columns import GameLog, Roster, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import Movement, Paths, Places
+from gamms.game.decisions import COUNT_OF
 from gamms.game.slots import COUNTED
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
@@ -140,6 +141,26 @@ def _refuse_other_arrays(made: object, games: int) -> None:
 
 def _repeated(first: Arrays, games: int) -> Arrays:
     return {name: np.repeat(one, games, axis=0) for name, one in first.items()}
+
+
+class Failure(NamedTuple):
+    """What an agent of a game of the batch did wrong when it was asked.
+
+    Those of a turn are noted in the order of games; in each first what agents decided, then what they cannot send, by
+    the order of their names.
+    """
+
+    game: int
+    is_unsent: bool  # whether it is a message
+    agent: int
+    kind: str
+    message: str
+    why: str  # as the agent is told
+
+    @classmethod
+    def illegal(cls, game: int, agent: int, why: str, *, is_unsent: bool = False) -> "Failure":
+        """Return an action that is not legal, or a message that cannot be sent."""
+        return cls(game, is_unsent, agent, "illegal", why, why)
 
 
 class LastMoves(NamedTuple):
@@ -393,6 +414,15 @@ class GameArrays:
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make
         return known
+
+    def note_failure(self, failure: Failure) -> None:
+        """Note in the log of a game what an agent did wrong, and let it know."""
+        game, _, agent, kind, message, why = failure
+        self.counts[COUNT_OF.get(kind, kind)][game, agent] += 1
+        name, turn = self.roster.names[agent], int(self.turn[game])
+        self.errors[game].append({"turn": turn, "agent": name, "kind": kind, "message": message})
+        if self.note_blocked is not None:
+            self.note_blocked(game, agent, why)
 
     def purposes(self, *purpose: str | int) -> BitArray:
         """Return the hash of the seed and a purpose of each game, (games,); see `kernels.purpose_key`."""

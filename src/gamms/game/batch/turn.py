@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from copy import copy
+from operator import itemgetter
 from typing import Any, NamedTuple, Self, TypeVar
 
 import numpy as np
@@ -13,7 +14,7 @@ from gamms.game.batch.columns import lock, once, places_of, put_locked, some_row
 from gamms.game.batch.deeds import ArrayDeeds, joined
 from gamms.game.batch.movement import Illegal, Movement, Moves, Paths
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays, NotTakenUp
+from gamms.game.batch.state import STOPPED, Arrays, Emitted, Failure, GameArrays, NotTakenUp
 from gamms.ir.game_state import joined_end
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
@@ -79,6 +80,7 @@ class MovesOfTurn:
         places: in games by metres, where moves begin, for conflicts: nodes and behind them edges; None: on `node`.
         node: where they are now; `respawn` writes it.
         alive: which are alive now; `eliminate` and `respawn` write it.
+        failures: what agents did wrong that were asked, until `note_failures` notes it.
 
     Rules and checks read these arrays and cannot write into them.
     """
@@ -96,6 +98,7 @@ class MovesOfTurn:
         self._deeds: list[ArrayDeeds] = []  # of those that have moved, or of those that are about to
         self._done: list[ArrayDeeds] = []  # of the parts before
         self._refused: dict[tuple[int, int, str], set[str]] = {}
+        self.failures: list[Failure] = []
         self._find_agents()
 
     @property
@@ -244,19 +247,16 @@ class MovesOfTurn:
             setattr(part, name, [deeds._replace(at=number[deeds.at]) for deeds in kept])
         return part
 
-    def note_illegal(self, illegal: Sequence[Illegal]) -> None:
-        """Note which actions could not be done."""
-        for at, agent, message in sorted(illegal):
-            if self.alive[at, agent]:
-                self.note_error(at, agent, message)
+    def note_failures(self, illegal: Sequence[Illegal]) -> None:
+        """Note what agents did wrong that were asked, and which of their actions could not be done."""
+        self.failures += [Failure.illegal(int(self.games[i]), j, why) for i, j, why in illegal if self.alive[i, j]]
+        for one in sorted(self.failures, key=itemgetter(0, 1, 2)):
+            self._state.note_failure(one)
+        self.failures.clear()
 
     def note_error(self, at: int, agent: int, message: str) -> None:
         """Note that what an agent does is not legal, and why."""
-        state, game, name = self._state, int(self.games[at]), self.roster.names[agent]
-        state.counts["illegal"][game, agent] += 1
-        state.errors[game].append({"turn": int(self.turn[at]), "agent": name, "kind": "illegal", "message": message})
-        if state.note_blocked is not None:
-            state.note_blocked(game, agent, message)
+        self._state.note_failure(Failure.illegal(int(self.games[at]), agent, message))
 
     def end_moves(self) -> None:
         """Let the turn be played: what follows are its rules."""
