@@ -36,7 +36,7 @@ class Positions:
 
     __slots__ = (
         *("_block", "_by_name", "_by_node", "_flyer_xyz", "_flyers", "_log", "_moved", "_node_ids", "_node_of"),
-        *("_renamed", "_stale"),
+        *("_noted", "_noted_at", "_renamed", "_stale"),
     )
 
     def __init__(self, block: AgentBlock) -> None:
@@ -44,6 +44,8 @@ class Positions:
         self._by_node: dict[int, set[int]] | None = None
         self._by_name: dict[str, int] | None = None
         self._node_of: list[int | None] = []  # row -> the node on which it is in `_by_node`
+        self._noted: list[str] = []  # the names, as they were noted
+        self._noted_at = -1  # at this version of the structure
         self._forget()
 
     @property
@@ -74,6 +76,16 @@ class Positions:
     def previous_nodes(self) -> Sequence[int]:
         """The ids (agents,) of the nodes before their last moves."""
         return self._block.previous
+
+    def noted(self) -> tuple[Sequence[str], MutableSequence[Any]]:
+        """Return the names and `places`, to be kept; the names are one list until agents come, go or change."""
+        block = self._block
+        if self._noted_at != block.structure.version:
+            self._noted, self._noted_at = list(block.names), block.structure.version
+        # NOTE: in line, for every turn (benchmarks: turns).
+        if type(block.node) is list and not (block.flyers or block.travellers):
+            return self._noted, block.node.copy()
+        return self._noted, self.places
 
     @property
     def places(self) -> MutableSequence[Any]:

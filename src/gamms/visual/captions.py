@@ -157,7 +157,7 @@ class Captions:
             new[MOST_LINES - 1 :] = [last._replace(words=f"{last.words}, and {len(new) - MOST_LINES} more")]
         older = [line._replace(turns=line.turns - 1) for line in self._lines if line.turns > 1]
         self._lines = [*new, *older][:MOST_LINES]
-        turn = (0 if game is None else game.turn) or self._drawing.events.turns
+        turn = (0 if game is None else game.turn) or self._drawing.turns.count
         return CaptionBar(turn, score_line(scores_of(self._ctx)), tuple(self._lines))
 
 

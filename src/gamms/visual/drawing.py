@@ -18,7 +18,7 @@ from gamms.text import shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
 from gamms.visual.camera import Viewpoint, moved_circles
-from gamms.visual.shown_turn import Carriers, Motion, TurnEvents
+from gamms.visual.shown_turn import Carriers, Motion, PastTurns, TurnEvents
 from gamms.visual.themes import THEMES, Theme
 
 _ONE = array("q", (1,))  # point, of as many commands as it is repeated
@@ -305,6 +305,7 @@ class Drawing:
 
     Attributes:
         theme: of what is being drawn.
+        turns: how the last ones ended.
         motion: the last moves of agents.
         events: of the turn that is shown.
         carriers: of sensors.
@@ -322,7 +323,8 @@ class Drawing:
         self, ctx: IContext, theme: Theme = THEMES["light"], held_image: Callable[[object], str] | None = None
     ) -> None:
         self._ctx, self.theme, self._held_image = ctx, theme, held_image or image_path
-        self.motion, self.events, self.carriers = Motion(ctx), TurnEvents(ctx), Carriers(ctx)
+        self.turns, self.carriers = PastTurns(ctx), Carriers(ctx)
+        self.motion, self.events = Motion(ctx, self.turns), TurnEvents(ctx, self.turns)
         self.viewpoint = Viewpoint(ctx, self.motion.position_of)
         self.team_colors: Mapping[str, Rgb] = {}
         self.sides: Sequence[str | None] = ()

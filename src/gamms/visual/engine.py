@@ -211,10 +211,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         # NOTE: games without pictures pay for this in every turn, too (benchmarks: the loop, turns).
         if self._phase.agent is not None:
             self._phase.refuse("call ctx.visual.simulate")
-        game, drawing = self.ctx.current_game, self.drawing
-        state = None if game is None else game.internals.state
-        drawing.events.end_turn(0 if state is None else len(state.events))
-        drawing.motion.end_turn(0 if state is None else state.turn)
+        self.drawing.turns.end_turn()
         if self.artists.drawings.commands:
             self.artists.end_turn()
         for listener in self._after_turn:
@@ -236,7 +233,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
     def terminate(self) -> None:
         """End the films that are being made, and forget where agents were."""
         self.pictures.finish_films()
-        self.drawing.motion.forget()
+        self.drawing.turns.forget()
 
 
 class NoEngine(PictureEngine):

@@ -75,7 +75,6 @@ class Moves(NamedTuple):
 _NO_MOVES = Moves({}, Paths.through(np.empty((0, 2, 2)), ()))
 MOST_TURNS = 200  # that are remembered
 _MOST_PLACES = 1 << 24  # that are: of a million agents 16 turns
-_MANY = _MOST_PLACES // MOST_TURNS  # agents, of which fewer turns are remembered
 
 
 def as_turns(trails: object) -> int:
@@ -90,15 +89,73 @@ def as_turns(trails: object) -> int:
     return turns
 
 
-# Where agents were at the end of a turn: their names, the nodes or points they were at, and the number of the turn; and
-# names and places when it began. One tuple, because two would be searched for garbage in every turn.
-_Turn = tuple[Sequence[str], Sequence[Any], int, Sequence[str], Sequence[Any]]
+# How a turn ended: the names of the agents, the nodes or points they were at, the number of the turn, how many events
+# there were; and names, places and number of events when it began. One tuple, because two would be searched for garbage
+# in every turn.
+_Turn = tuple[Sequence[str], Sequence[Any], int, int, Sequence[str], Sequence[Any], int]
 
 
 def _by_name(turn: _Turn) -> tuple[dict[str, Any], dict[str, Any]]:
     """Return name -> where each agent was at the begin of a turn, and at its end."""
-    names, places, _, was, before = turn
+    names, places, _, _, was, before, _ = turn
     return dict(zip(was, before, strict=True)), dict(zip(names, places, strict=True))
+
+
+class PastTurns:
+    """How the last turns of a context ended.
+
+    Attributes:
+        entries: the turns, or how agents moved in them, the latest last.
+        latest: the last one that was played here; None before the first, and after a jump.
+        count: how many turns have ended.
+    """
+
+    def __init__(self, ctx: IContext) -> None:
+        self._ctx = ctx
+        self.entries: deque[_Turn | Moves] = deque(maxlen=MOST_TURNS)
+        self.latest: _Turn | None = None
+        self.count = 0
+        self._events = 0  # how many there were when turns were forgotten
+
+    def end_turn(self) -> None:
+        """Note how a turn has ended."""
+        # NOTE: games without pictures pay for this in every turn (benchmarks: the loop, turns).
+        number = events = 0
+        ctx, last = self._ctx, self.latest
+        if (game := ctx.current_game) is not None:
+            state = game.internals.state
+            number, events = state.turn, len(state.events)
+        names, places = ctx.agent.positions.noted()
+        if last is None or number < last[2]:  # or the game was reset
+            last = self._begin(names, is_reset=last is not None)
+        if names is not last[0]:
+            self._keep_at_most(_MOST_PLACES // max(len(names), 1))
+        self.latest = now = names, places, number, events, last[0], last[1], last[3]
+        self.entries.append(now)
+        self.count += 1
+
+    def forget(self, past: Iterable[Moves] = (), events: int = 0) -> None:
+        """Forget all turns; those before the next one are these instead, after which there were so many events."""
+        self.latest, self._events = None, events
+        self.entries.clear()
+        self.entries.extend(past)
+
+    def forget_those_of_another_game(self) -> None:
+        """Forget all turns if the game was reset since."""
+        game, last = self._ctx.current_game, self.latest
+        if last is not None and (0 if game is None else game.turn) < last[2]:
+            self.forget()
+
+    def _begin(self, names: Sequence[str], *, is_reset: bool) -> _Turn:
+        """Return how things were before the first turn that is noted."""
+        if is_reset:
+            self.forget()
+        self._keep_at_most(_MOST_PLACES // max(len(names), 1))
+        before = self._ctx.agent.positions.previous_places
+        return names, before, 0, self._events, names, before, self._events
+
+    def _keep_at_most(self, turns: int) -> None:
+        self.entries = deque(self.entries, max(min(turns, MOST_TURNS), 1))
 
 
 class Motion:
@@ -108,56 +165,31 @@ class Motion:
         moves: in the turn that is shown.
     """
 
-    def __init__(self, ctx: IContext) -> None:
-        self._ctx = ctx
+    def __init__(self, ctx: IContext, turns: PastTurns) -> None:
+        self._ctx, self._turns = ctx, turns
         self.moves = _NO_MOVES
-        self._past: deque[_Turn | Moves] = deque(maxlen=MOST_TURNS)
-        self._last: _Turn | None = None
-        self._structure: int | None = None  # of the agents whose names are those of the last turn
         self._steps: dict[str, Step] = {}
         self._now: tuple[float, FloatArray] | None = None  # where all that moved are after a share
         self._columns: GraphColumns | None = None
         self._sorted: IntArray = np.empty(0, np.int64)  # node rows by id
         self._paths: tuple[Sequence[str], Moves, IntArray] | None = None  # of the agents that were asked for last
-        self._is_current = True
+        self._shown: _Turn | None = None  # the turn that is shown
         self._on_edges: tuple[Any, dict[str, _Point]] = (None, {})
-
-    def end_turn(self, number: int) -> None:
-        """End a turn, so many of the game: note where agents are; its moves are looked up before they are shown."""
-        # NOTE: games without pictures pay for this in every turn (benchmarks: the loop).
-        self._is_current = False
-        agents, last, past = self._ctx.agent, self._last, self._past
-        positions, version = agents.positions, agents.structure_version
-        if last is not None and number < last[2]:  # the game was reset
-            self.forget()
-            last = None
-        if last is None:
-            self._structure = None
-        was: Sequence[str] = list(positions.names) if last is None else last[0]
-        before: Sequence[Any] = positions.previous_places if last is None else last[1]
-        names = was if version is not None and version == self._structure else list(positions.names)
-        now = names, positions.places, number, was, before
-        past.append(now)
-        if len(names) > _MANY:
-            while len(past) * len(names) > _MOST_PLACES and len(past) > 1:
-                past.popleft()
-        self._last, self._structure = now, version
 
     def past(self, turns: int) -> list[Moves]:
         """Return the moves of the last turns, so many at most, the latest first."""
-        game, last = self._ctx.current_game, self._last
-        if last is not None and (0 if game is None else game.turn) < last[2]:  # the game was reset
-            self.forget()
-        places = range(max(len(self._past) - turns, 0), len(self._past))
-        recent = [place for place in places if not isinstance(self._past[place], Moves)]
-        placed = self._placed_since(self._past[recent[0]]) if recent else set()
+        self._turns.forget_those_of_another_game()
+        entries = self._turns.entries
+        places = range(max(len(entries) - turns, 0), len(entries))
+        recent = [place for place in places if not isinstance(entries[place], Moves)]
+        placed = self._placed_since(entries[recent[0]]) if recent else set()
         for place in recent:
-            entry = self._past[place]
+            entry = entries[place]
             if not isinstance(entry, Moves):
                 (was, now), number = _by_name(entry), entry[2]
                 steps = {name: (was.get(name, at), at) for name, at in now.items() if (number, name) not in placed}
-                self._past[place] = self.moves_between({}, steps)
-        return [moves for moves in reversed(self._past) if isinstance(moves, Moves)][:turns]
+                entries[place] = self.moves_between({}, steps)
+        return [moves for moves in reversed(entries) if isinstance(moves, Moves)][:turns]
 
     def _placed_since(self, entry: _Turn | Moves) -> set[tuple[int, str]]:
         """Return the turn and the name of each agent that was put elsewhere in a turn or later."""
@@ -167,15 +199,10 @@ class Motion:
         later = takewhile(lambda event: event["turn"] >= entry[2], reversed(game.events))
         return {(event["turn"], event["agent"]) for event in later if event["kind"] == "respawned"}
 
-    def forget(self, past: Iterable[Moves] = ()) -> None:
-        """Forget where agents were; their past is this instead, the latest last."""
-        self._last = None
-        self._past.clear()
-        self._past.extend(past)
-
     def begin_turn_once(self) -> None:
         """Look up how each agent moved, unless that was done since the turn ended."""
-        if not self._is_current:
+        latest = self._turns.latest
+        if latest is not None and latest is not self._shown:
             self.begin_turn()
 
     def begin_turn(self) -> None:
@@ -192,10 +219,10 @@ class Motion:
 
     def _travels(self, steps: Mapping[str, Step]) -> dict[str, Step]:
         """Return the moves of the last turn that began or ended on an edge, but for agents that were put elsewhere."""
-        last = self._past[-1] if self._past else None
+        last = self._turns.entries[-1] if self._turns.entries else None
         if last is None or isinstance(last, Moves):
             return {}
-        listed = (places for places in (last[4], last[1]) if isinstance(places, list))  # arrays hold nodes alone
+        listed = (places for places in (last[5], last[1]) if isinstance(places, list))  # arrays hold nodes alone
         if not any(type(place) is Progress for places in listed for place in places):
             return {}
         was, now = _by_name(last)
@@ -209,7 +236,7 @@ class Motion:
 
     def show_end(self, steps: dict[str, Step]) -> None:
         """Show agents where they are, after these last moves, which are over."""
-        self._is_current = True
+        self._shown = self._turns.latest
         self._steps, self._now, self.moves = steps, None, _NO_MOVES
 
     def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> Moves:
@@ -350,23 +377,18 @@ def _is_travel(step: Step) -> bool:
 class TurnEvents:
     """The events of `ctx.game`, or of its replay, in the turn that is shown."""
 
-    def __init__(self, ctx: IContext) -> None:
-        self._ctx = ctx
-        self._begin = self._end = self.turns = 0
+    def __init__(self, ctx: IContext, turns: PastTurns) -> None:
+        self._ctx, self._turns = ctx, turns
+        self._begin = self._end = 0
+        self._shown: _Turn | None = None  # the turn of which these are the begin and the end
         self._eliminated: frozenset[str] | None = None  # of the last turn, once they are asked for
-
-    def end_turn(self, events: int) -> None:
-        """End a turn, when a game has so many events: its own are those that came since the one before."""
-        self._begin, self._end = 0 if events < self._end else self._end, events  # or the game was reset
-        self._eliminated = None
-        self.turns += 1
 
     def go_to_turn(self) -> None:
         """Take the last events that bear the number of the present turn for its own, after a jump to that turn."""
         game = self._ctx.current_game
-        events = self._events()
+        events = () if game is None else game.events
+        self._shown, self._eliminated = self._turns.latest, None
         self._begin = self._end = len(events)
-        self._eliminated = None
         while game is not None and self._begin and events[self._begin - 1].get("turn") == game.turn:
             self._begin -= 1
 
@@ -376,22 +398,22 @@ class TurnEvents:
 
     def of_turn(self) -> list[dict[str, Any]]:
         """Return the events of the last turn."""
-        return list(self._events()[self._begin : self._end])
-
-    def eliminated(self) -> frozenset[str]:
-        """Return the names of the agents that went out of the game in the last turn."""
-        if self._eliminated is None:
-            names = (event.get("agent") for event in self.of_kind("eliminated"))
-            self._eliminated = frozenset(name for name in names if isinstance(name, str))
-        return self._eliminated
-
-    def _events(self) -> Sequence[dict[str, Any]]:
-        game = self._ctx.current_game
+        game, latest = self._ctx.current_game, self._turns.latest
         events: Sequence[dict[str, Any]] = () if game is None else game.events
+        if latest is not None and latest is not self._shown:
+            self._shown, self._eliminated = latest, None
+            self._begin, self._end = latest[6], latest[3]
         if len(events) < self._end:  # the game was reset
             self._begin = self._end = 0
             self._eliminated = None
-        return events
+        return list(events[self._begin : self._end])
+
+    def eliminated(self) -> frozenset[str]:
+        """Return the names of the agents that went out of the game in the last turn."""
+        if self._eliminated is None or self._turns.latest is not self._shown:
+            names = (event.get("agent") for event in self.of_kind("eliminated"))
+            self._eliminated = frozenset(name for name in names if isinstance(name, str))
+        return self._eliminated
 
 
 class Sight(NamedTuple):

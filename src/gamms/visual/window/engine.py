@@ -376,9 +376,11 @@ class WindowEngine(WindowNames, PictureEngine):
     def _land(self, playback: IPlayback) -> None:
         """Show the turn that a recording is at, with the trails that lead there."""
         overlay, motion, turn = self.overlay, self.drawing.motion, playback.turn
+        game = self.ctx.current_game
         first = max(turn - overlay.most_trails, 0)
         steps = [playback.steps(one) for one in range(first, turn + 1)] if turn else [{}]
-        motion.forget(motion.moves_between(before, after) for before, after in pairwise(steps))
+        moves = [motion.moves_between(before, after) for before, after in pairwise(steps)]
+        self.drawing.turns.forget(moves, 0 if game is None else len(game.events))
         motion.show_end(steps[-1])
         self.drawing.events.go_to_turn()
         overlay.turns, overlay.is_over, self._is_fresh = turn, turn >= playback.turns, True
