@@ -42,17 +42,18 @@ class DecidePhase:
         agent: the one whose strategy is running, or `Deciders`; AWAITED: each asyncio task decides for the agents that
             it was begun with by `decide_in_this_task`; None: no strategy is running. Any: the agent engine's own class.
         moment: in which the world cannot change, as agents decide about what built-in sensors show; None: it can.
+        setting_changes: how often a setting of the game was set.
         sensor_changes: how often a setting of a sensor was set, or a sensor came or went.
         owner_changes: how often the owner of a sensor was set.
         strategy_changes: how often the strategy of an agent was set.
     """
 
-    __slots__ = ("agent", "moment", "owner_changes", "sensor_changes", "strategy_changes")
+    __slots__ = ("agent", "moment", "owner_changes", "sensor_changes", "setting_changes", "strategy_changes")
 
     def __init__(self) -> None:
         self.agent: Any = None
         self.moment: object = None
-        self.sensor_changes = self.owner_changes = self.strategy_changes = 0
+        self.setting_changes = self.sensor_changes = self.owner_changes = self.strategy_changes = 0
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "DecidePhase":
         """Copy what belongs to a context, such as its graph, as part of one in which no agent decides."""

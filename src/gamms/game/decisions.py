@@ -5,7 +5,7 @@ from copy import deepcopy
 from functools import cached_property, partial
 from operator import itemgetter
 from time import perf_counter
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, Self
 
 import numpy as np
 
@@ -177,11 +177,9 @@ class _Question(NamedTuple):
 
 
 class Decisions:
-    """What has been decided in a turn so far.
+    """What has been decided in a part of a turn so far; `begin` comes first.
 
     Args:
-        slots: of all agents.
-        starts: the nodes they are on.
         settings: of the game.
         state: of the game.
         phase: of the context.
@@ -189,8 +187,10 @@ class Decisions:
         observe: gives the state of an agent now.
 
     Attributes:
-        slots, starts, observe: as given.
-        actions: what agents do that not only go to a node, by slot.
+        observe: as given.
+        slots: of all agents.
+        starts: the nodes they are on.
+        actions: what agents do that not only go to a node, by slot; of each part a dict of its own.
         awaited: what is to be collected.
     """
 
@@ -201,21 +201,25 @@ class Decisions:
 
     def __init__(
         self,
-        slots: Sequence[AgentSlot],
-        starts: MutableSequence[int],
         settings: Settings,
         state: GameState,
         phase: DecidePhase,
         legality: Legality,
         observe: Callable[[AgentSlot], State],
     ) -> None:
-        self.slots, self.starts, self._settings, self._state = slots, starts, settings, state
+        self._settings, self._state = settings, state
         self._phase, self._legality, self.observe = phase, legality, observe
+        self.begin([], [])
+
+    def begin(self, slots: Sequence[AgentSlot], starts: MutableSequence[int]) -> Self:
+        """Forget what was decided, for agents that are on these nodes; return this."""
+        self.slots, self.starts = slots, starts
         self.actions: dict[int, ResolvedAction] = {}
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
         self.awaited: list[tuple[_Question, Any]] = []
         self._ends: Any = None  # until they are asked for
+        return self
 
     @property
     def ends(self) -> Any:

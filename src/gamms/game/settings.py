@@ -95,7 +95,6 @@ class Settings(ContextPart):
     information: Literal["private", "full"] = "private"
     max_turns: int | None = None
     _called = "ctx.game"
-    _changes = 0  # how often a setting was set
     _is_closed = False  # whether all attributes are there, so that another name is a misspelt one
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -112,12 +111,7 @@ class Settings(ContextPart):
             raise UnknownSetting(name, _CHECKS)
         object.__setattr__(self, name, value if check is None else check(name, value))
         if check is not None:
-            object.__setattr__(self, "_changes", self._changes + 1)
-
-    @property
-    def changes(self) -> int:
-        """A number that changes whenever a setting is set."""
-        return self._changes
+            self._phase.setting_changes += 1
 
     def settings(self) -> dict[str, Any]:
         """Return all settings; `configure` takes them."""
@@ -151,7 +145,7 @@ class Settings(ContextPart):
         checked = {name: _CHECKS[name](name, value) for name, value in given.items()}
         for name, value in checked.items():
             object.__setattr__(self, name, value)
-        object.__setattr__(self, "_changes", self._changes + 1)
+        self._phase.setting_changes += 1
 
     @refused_while_deciding
     def add_channel(self, name: str, **options: Unpack[ChannelOptions]) -> Channel:

@@ -62,9 +62,11 @@ class TurnEngine:
         self._legality = Legality(ctx, settings)
         self.travel = self._legality.travel
         self._slots = SlotMaker(ctx, state, ReadOnlyMapping(state.facts), settings, PrivateForks(ctx))
+        self._decisions = Decisions(settings, state, phase, self._legality, self.observation)
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
+        self._near: Mapping[int, tuple[int, ...]] = {}  # what is legal along one edge, with the order
         self.is_deciding = self.is_playing = self.is_moving = False
         self.part = 0
         self._groups: Sequence[Sequence[Any]] | None = None  # the order of play of the turn under way
@@ -79,13 +81,11 @@ class TurnEngine:
         """Return the living agents, as they are asked in a turn."""
         if self._order is not None and self._phase.agent is not None:
             return self._order  # nothing changes while agents decide
-        agents, state = self._ctx.agent, self._state
-        block = agents.block
+        state, settings, order, block = self._state, self._settings, self._order, self._ctx.agent.block
         if block.flyers:
             block.locate()
-        settings, order = self._settings, self._order
         is_public = not state.agent_facts and not state.team_facts
-        key = (block, settings.changes, state.stream_version, is_public, block.structure.version)
+        key = (block, self._phase.setting_changes, state.stream_version, is_public, block.structure.version)
         if order is None or self._order_key != key:
             refuse_unused(settings)
             before = None if self._order_key[:-1] != key[:-1] else order
@@ -97,7 +97,7 @@ class TurnEngine:
                 self.update_counts()
             groups = self._groups if self.is_moving else settings.order
             order = self._order = TurnOrder(slots, block, settings, groups, before, change)
-            self._order_key = key
+            self._order_key, self._near = key, self._ctx.graph.graph.neighborhoods
             if isinstance(slots, list):
                 new = slots if change is None else [slots[i] for i in change.places]
                 state.players.update((slot.name, slot.agent) for slot in new)
@@ -330,11 +330,11 @@ class TurnEngine:
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
         starts, state = order.nodes(), self._state
-        decisions = Decisions(order.slots, starts, self._settings, state, self._phase, self._legality, self.observation)
+        decisions = self._decisions.begin(order.slots, starts)
         if part.paced:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding = True
-        self._phase.moment = decisions if part.see_world_only else None
+        self._phase.moment = decisions.actions if part.see_world_only else None
         try:
             sees_first = observers or not part.see_world_only
             seen = self._observe_first(order, part, observers) if sees_first else None
@@ -373,7 +373,7 @@ class TurnEngine:
         """
         slots, observe = decisions.slots, decisions.observe
         if seen is None and is_usual and part.individuals:
-            decisions.ask_each(part.asked, part.individuals, self._ctx.graph.graph.neighborhoods)
+            decisions.ask_each(part.asked, part.individuals, self._near or self._ctx.graph.graph.neighborhoods)
         else:
             for i in part.asked:
                 decisions.ask(i, observe(slots[i]) if seen is None else seen[i])

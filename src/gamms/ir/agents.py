@@ -320,10 +320,11 @@ class AgentBlock:
         if isinstance(node, list):
             if len(node) == len(rows.rows):
                 self.previous, self.node = node, rows.column(nodes)
+                self._have_all_changed = True
             else:
                 rows.write(self.previous, rows.of(node))
                 rows.write(node, nodes)
-            self._changed |= rows.as_set
+                self._changed |= rows.as_set
         else:
             self._move_arrays(rows, nodes)
         if journal.is_silent:

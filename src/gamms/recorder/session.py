@@ -490,7 +490,7 @@ class RecordingSession:
             self.drawings.edits,
             ctx.agent.structure_version,
             phase.strategy_changes,
-            ctx.game.changes,
+            phase.setting_changes,
         )
 
     def _note_world(self, log: Log, *, is_set_next: bool) -> None:

@@ -440,7 +440,7 @@ class RuleFork:
     def _what_is_fixed(self) -> tuple[Any, ...]:
         """Return what only the turn engine can change, as numbers and objects."""
         parts = self.parts
-        return parts.settings.changes, parts.rules.rules, parts.collectors.tables(), self.ctx.is_terminated()
+        return self._phase.setting_changes, parts.rules.rules, parts.collectors.tables(), self.ctx.is_terminated()
 
     def _what_is_counted(self) -> tuple[int, int, int]:
         """Return how often sensors and strategies were changed, which agents that come change, too."""

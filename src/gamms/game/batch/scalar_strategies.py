@@ -291,7 +291,7 @@ class ScalarStrategies:
             self._targets.legal[slot.name] = found["legal"]
             return found
 
-        decisions = Decisions(slots, starts, settings, state, phase_of(fork.ctx), self._targets, observe)
+        decisions = Decisions(settings, state, phase_of(fork.ctx), self._targets, observe).begin(slots, starts)
         try:
             seed, are_in_line = self._state.seeds[game], settings.team_memory and not settings.channels
             turns.ask_part(part, decisions, seed, is_usual=are_in_line)
