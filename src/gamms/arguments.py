@@ -349,7 +349,8 @@ def as_function_of(value: object, name: str, argument: str) -> Any:
         BadType: it cannot be called so, or makes such a function, as `gamms.rules.tag` does, and was not called.
     """
     if not callable(value):
-        raise BadType(f"{name} must be a function of {argument}, not {shown(value)} ({type(value).__name__}).")
+        hint = "; pass a function itself, without calling it." if value is None else "."
+        raise BadType(f"{name} must be a function of {argument}, not {shown(value)} ({type(value).__name__}){hint}")
     made_by = getattr(value, "__name__", "it")
     if getattr(annotations_of(value).get("return"), "__origin__", None) is Callable:
         raise BadType(f"{made_by} makes such a function: call it, {made_by}(…), and pass what it returns.")

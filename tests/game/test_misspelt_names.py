@@ -1,6 +1,6 @@
 import pytest
 
-from gamms.rules import capture_flag, last_team, tag, time_limit
+from gamms.rules import Conflicts, capture_flag, last_team, tag, time_limit
 from gamms.strategies import chase, first, random_walk, stay
 
 
@@ -34,6 +34,35 @@ def test_scores_that_look_like_those_of_a_team_or_an_agent_are_warned_about_once
         "Scores of 'ana' are of no team and no agent. Did you mean 'anna'?",
         "Scores of 'rde' are of no team and no agent. Did you mean 'red'?",
     ]
+
+
+@pytest.mark.parametrize(
+    ("winner", "said"),
+    [("rde", ["The winner 'rde' is no team and no agent. Did you mean 'red'?"]), ("red", []), ("draw", [])],
+)
+def test_a_winner_that_looks_like_a_team_or_an_agent_is_warned_about(ctx, heard, winner, said):
+    ctx.agent.create_agent("anna", start_node_id=0, team="red", strategy=stay)
+    ctx.game.add(lambda ctx: ctx.game.end("x", winner=winner))
+    assert ctx.game.run(2).winner == winner
+    assert heard == said
+
+
+def test_what_a_rule_returned_is_no_rule(ctx):
+    with pytest.raises(TypeError, match=r"not None .*; pass a function itself, without calling it"):
+        ctx.game.add(None)
+    assert ctx.game.rules == ()
+
+
+@pytest.mark.parametrize("conflicts", [Conflicts, Conflicts(capacity=1)])
+def test_what_decides_conflicts_is_no_rule(ctx, conflicts):
+    with pytest.raises(TypeError, match=r"set ctx.game.conflicts to what decides conflicts"):
+        ctx.game.add(conflicts)
+
+
+def test_a_class_of_conflicts_that_was_not_called_is_refused(ctx):
+    with pytest.raises(TypeError, match=r"as the object gamms.rules.Conflicts\(\) has, not <class"):
+        ctx.game.conflicts = Conflicts
+    assert ctx.game.conflicts is None
 
 
 @pytest.mark.parametrize("maker", [tag, time_limit, capture_flag, last_team])

@@ -2,6 +2,7 @@
 
 import pytest
 
+import gamms
 from gamms import recorder
 from gamms.errors import BadType, UnknownName
 from gamms.scenario import Scenario
@@ -69,3 +70,31 @@ def test_the_game_may_be_built_by_the_caller(played):
             recording.branch(5, strategies={"bleu": [wait]})
         with pytest.raises(BadType, match=r"build must be a function .* not range\(0, 3\)"):
             recording.branch(5, build=range(3))
+
+
+def test_a_recording_without_a_scenario_asks_for_what_builds_the_game(tmp_path):
+    with gamms.create_context(seed=3) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.record.start(tmp_path / "game.ggr")
+        ctx.game.run(1)
+        ctx.record.stop()
+    with (
+        recorder.open(tmp_path / "game.ggr") as recording,
+        pytest.raises(ValueError, match=r"holds no scenario.*build="),
+    ):
+        recording.branch(1)
+
+
+def test_a_recording_that_was_closed_says_so(played):
+    with recorder.open(played[0]) as recording:
+        pass
+    with pytest.raises(recorder.RecordingError, match="This recording was closed: open it again"):
+        recording.state(3)
+
+
+def test_a_recording_is_not_written_into_a_folder_that_is_not_there(tmp_path):
+    with (
+        TAG.build(seed=3) as ctx,
+        pytest.raises(FileNotFoundError, match=r"There is no folder .*none' to write 'game.ggr' into"),
+    ):
+        ctx.record.start(tmp_path / "none" / "game.ggr")

@@ -302,7 +302,7 @@ def test_a_recording_cannot_say_what_its_reader_allows(tmp_path, little, key, va
 
 
 def test_a_recording_of_a_program_holds_no_scenario(tmp_path):
-    with recorder.open(recorded(tmp_path, None)) as recording, pytest.raises(ScenarioError, match="is a mapping"):
+    with recorder.open(recorded(tmp_path, None)) as recording, pytest.raises(ScenarioError, match="holds no scenario"):
         scenario.from_recording(recording)
 
 
@@ -327,3 +327,11 @@ def test_parameters_that_are_no_mapping_are_an_error(folder, made, given):
         ):
             with pytest.raises(ScenarioError, match=r"^(item 1 of )?(facts|teams\.red\.meta)\.x(\.|, )with"):
                 made(changes).check()
+
+
+def test_a_reference_with_a_dot_for_the_colon_is_named():
+    made = Scenario(
+        map={"grid": {"width": 2, "height": 2}}, teams={"red": {"count": 1, "strategy": "gamms.strategies.chase"}}
+    )
+    with pytest.raises(ScenarioError, match=r"Did you mean 'gamms\.strategies:chase'"):
+        made.build()

@@ -247,6 +247,7 @@ def test_values_are_replaced_by_dotted_paths(made):
         ("max_trns", "Did you mean 'max_turns'?"),
         ("teams.blue.agents.brt.node", "Did you mean 'bert'?"),
         ("rules.7", "no '7' to change"),
+        ("teams.green.count", "no 'green' to change. There is: 'red', 'blue'"),
         ("max_turns.x.y", "no 'x' to change"),
         ("sttings.legal", "Did you mean 'settings'?"),
     ],

@@ -80,6 +80,14 @@ def test_a_keyword_that_a_kind_ignores_is_named_with_the_one_it_takes(ctx, heard
     assert warning.startswith(f"Sensor 's': {kind.name} ignores {name}=. {way_out}")
 
 
+@pytest.mark.parametrize("kind", [SensorType.ARC, SensorType.AERIAL])
+def test_a_field_of_view_in_degrees_is_warned_about(ctx, heard, kind):
+    ctx.sensor.create_sensor("eye", kind, sensor_range=5.0, fov=90)
+    for i, fov in enumerate((2 * pi, 6.2832, inf)):
+        ctx.sensor.create_sensor(f"round {i}", kind, sensor_range=5.0, fov=fov)
+    assert heard == ["Sensor 'eye' sees all around: fov=90 is in radians. Did you mean math.radians(90)?"]
+
+
 def test_an_ignored_keyword_is_warned_about_once_for_each_kind(ctx, heard):
     for i in range(3):
         ctx.sensor.create_sensor(f"a{i}", SensorType.RANGE, range=60)

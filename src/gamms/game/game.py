@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterable
 from time import perf_counter
-from types import ModuleType
+from types import EllipsisType, ModuleType
 from typing import TYPE_CHECKING, Any, Literal, overload
 
 from gamms import kernels
@@ -13,7 +13,7 @@ from gamms.game.decisions import ArrayPlan
 from gamms.game.facts import Information, PrivateFork
 from gamms.game.private import copy_known
 from gamms.game.random_streams import GlobalRandom
-from gamms.game.result import Collectors, Result, misspelt_scores, what_went_wrong
+from gamms.game.result import Collectors, Result, misspelt_names, what_went_wrong
 from gamms.game.rule_verbs import RuleVerbs
 from gamms.game.settings import PHASES, NamedRule, Plan, RuleSet
 from gamms.game.slots import COUNTED
@@ -75,9 +75,9 @@ class Game(RuleVerbs):
     @overload
     def add(self, rule: Rule, *, phase: str = "after", name: str | None = None) -> Rule: ...
     @overload
-    def add(self, rule: None = None, *, phase: str = "after", name: str | None = None) -> Callable[[Rule], Rule]: ...
+    def add(self, *, phase: str = "after", name: str | None = None) -> Callable[[Rule], Rule]: ...
     @refused_while_deciding
-    def add(self, rule: Rule | None = None, *, phase: str = "after", name: str | None = None) -> Any:
+    def add(self, rule: Rule | EllipsisType = ..., *, phase: str = "after", name: str | None = None) -> Any:
         """Add a rule that is applied in every turn; also a decorator, with or without keywords.
 
         A rule may have seven attributes: `prepare(ctx)` is called at once, to look at the map and to publish facts;
@@ -89,7 +89,8 @@ class Game(RuleVerbs):
         other rule may have the same.
 
         Args:
-            rule: called with the context; rules are called in the order in which they were added.
+            rule: called with the context; rules are called in the order in which they were added. Without one, a
+                decorator is returned.
             phase: "after" all agents have moved, "before" any observes, or "deeds": when they have decided, before
                 conflicts and moves.
             name: of the rule, for `rules`, `remove` and errors; None: that of the function, with a number where it is
@@ -101,7 +102,7 @@ class Game(RuleVerbs):
             Duplicate: there is a rule of this name or key.
         """
         as_choice(phase, "phase", PHASES)
-        if rule is None:
+        if rule is ...:
             return lambda one: self.add(one, phase=phase, name=name)
         self._ruleset.add(rule, phase, name)
         return rule
@@ -288,10 +289,16 @@ class Game(RuleVerbs):
                     show(f"turn {self._state.turn}{of}")
         if len(self.errors) > known:
             self.ctx.logger.warning(what_went_wrong(self.errors[known:]))
-        if new := self._state.scores.keys() - scored:
-            for sentence in misspelt_scores(new, [*self.ctx.agent.teams, *self._state.players]):
-                self.ctx.logger.warning(sentence)
+        self._warn_of_misspelt(self._state.scores.keys() - scored)
         return self.result()
+
+    def _warn_of_misspelt(self, scored: set[object]) -> None:
+        """Warn of new keys of scores, and a winner, that are nearly names of teams or agents."""
+        over = self._state.over
+        winner = None if over is None or over["winner"] in self.ctx.agent.block.teams else over["winner"]
+        if scored or winner is not None:
+            for sentence in misspelt_names(scored, winner, [*self.ctx.agent.teams, *self._state.players]):
+                self.ctx.logger.warning(sentence)
 
     def result(self) -> Result:
         """Return the result of the game so far."""

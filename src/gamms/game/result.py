@@ -262,12 +262,15 @@ def what_went_wrong(errors: Sequence[Mapping[str, Any]]) -> str:
     )
 
 
-def misspelt_scores(keys: Iterable[object], names: Iterable[object]) -> list[str]:
-    """Return a sentence for each key of scores that looks like a team or an agent; any other key is right, too."""
+def misspelt_names(keys: Iterable[object], winner: object, names: Iterable[object]) -> list[str]:
+    """Return a sentence for each key of scores, and a winner, that look like a team or an agent; others are right."""
     named = dict.fromkeys(names)
     others = sorted(key for key in keys if isinstance(key, str) and key not in named)[:_MOST_SCORES]
-    hints = {key: nearest(key, named) for key in others}
-    return [f"Scores of {shown(key)} are of no team and no agent.{hint}" for key, hint in hints.items() if hint]
+    wrong = {f"Scores of {shown(key)} are of": key for key in others}
+    if isinstance(winner, str) and winner not in named:
+        wrong[f"The winner {shown(winner)} is"] = winner
+    hints = {what: nearest(name, named) for what, name in wrong.items()}
+    return [f"{what} no team and no agent.{hint}" for what, hint in hints.items() if hint]
 
 
 _MOST_SCORES = 16  # keys that are looked at

@@ -240,9 +240,10 @@ def as_order(name: str, value: object) -> tuple[tuple[Any, ...], ...] | None:
 
 
 def _conflicts(name: str, value: object) -> Any:
-    if value is not None and not callable(getattr(value, "resolve", None)):
+    if value is not None and (isinstance(value, type) or not callable(getattr(value, "resolve", None))):
         raise BadType(
-            f"ctx.game.{name} must have a method resolve(moves, ctx), such as gamms.rules.Conflicts; {shown(value)}."
+            f"ctx.game.{name} must have a method resolve(moves, ctx), as the object gamms.rules.Conflicts() has, not "
+            f"{shown(value)}."
         )
     return value
 
@@ -318,6 +319,8 @@ class RuleSet:
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
+        if callable(getattr(rule, "resolve", None)):
+            raise BadType(f"{shown(rule)} is no rule: set ctx.game.conflicts to what decides conflicts of moves.")
         as_function_of(rule, "A rule", "the context")
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, BinaryIO, Self, SupportsIndex
 
 from gamms.arguments import as_path
-from gamms.errors import BadType
+from gamms.errors import BadType, MissingFolder
 from gamms.recorder.errors import RecorderBusy, RecordingError
 from gamms.text import shown
 from gamms.typing.recorder import MAGIC_NUMBER
@@ -93,8 +93,10 @@ class Target:
             self._at = self._path.with_name(f".{self._path.name}.{os.getpid()}.part")
         try:
             stream = self._at.open("xb" if self._old is None else "wb")
-        except OSError:
+        except OSError as error:
             self._close_old()
+            if isinstance(error, FileNotFoundError):
+                raise MissingFolder(file.name, file.parent) from None
             raise
         locks(stream, alone=True)
         return stream

@@ -231,7 +231,9 @@ def _located(text: str, sources: Sources, path: str, short: str | None = None) -
                 f"--allow {left}, or allow=[{left!r}] in Python.",
             )
         if left not in (*OFFERED, *ON_REQUEST):
-            hint = nearest(left, OFFERED) or f" Scenarios may name what is in {', '.join(OFFERED)}."
+            module, _, name = left.rpartition(".")
+            meant = f" Did you mean '{module}:{name}'?" if module in OFFERED and not colon else nearest(left, OFFERED)
+            hint = meant or f" Scenarios may name what is in {', '.join(OFFERED)}."
             raise ScenarioError(path, f"{left!r} is not offered to scenarios.{hint}")
         return found
     stem = left.replace(".", "/")

@@ -153,7 +153,8 @@ def changed(raw: dict[str, Plain], changes: Mapping[str, Plain]) -> dict[str, Pl
             is_last, key = number + 1 == len(parts), _found(here, part)
             if key is None:
                 if not (isinstance(here, dict) and (is_last or number == 0)):
-                    hint = nearest(part, _known(here))
+                    known = ", ".join(map(repr, _known(here)[:_MOST_NAMED]))
+                    hint = nearest(part, _known(here)) or (f" There is: {known}." if known else "")
                     raise ScenarioError(".".join(parts[: number + 1]), f"there is no {part!r} to change.{hint}")
                 here[part], key = None, part
             if is_last:
@@ -174,6 +175,9 @@ def _found(here: Plain, part: str) -> Plain:
             if part in labels:
                 return labels.index(part)
     return None
+
+
+_MOST_NAMED = 8  # keys, in an error
 
 
 def _known(here: Plain) -> list[str]:

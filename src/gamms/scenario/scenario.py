@@ -401,7 +401,12 @@ def from_recording(
     """
     if not hasattr(recording, "header"):
         raise BadType(f"from_recording takes a recording, as gamms.recorder.open gives it, not {shown(recording)}.")
-    return _from_plain(recording.header.get("scenario"), folder, None, allow)
+    raw = recording.header.get("scenario")
+    if raw is None:
+        raise ScenarioError(
+            "", "this recording holds no scenario, for a program built its game: give branch(…) that as build=."
+        )
+    return _from_plain(raw, folder, None, allow)
 
 
 @builders.register("gamms")

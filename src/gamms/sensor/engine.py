@@ -3,6 +3,7 @@
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping
 from copy import deepcopy
+from math import inf, tau
 from typing import Any, Literal, NamedTuple, Unpack, overload
 
 from gamms.arguments import as_member, as_name
@@ -19,6 +20,8 @@ from gamms.sensor.sighting_errors import forget_delayed
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, ISensorEngine, SensorOptions, SensorType, owner_of, refuse_no_sensor
+
+_ALL_ROUND = tau + 0.1  # more is in degrees, and not rounded
 
 # Kinds by the class that senses them, for type checkers.
 _Neighbor = Literal[SensorType.NEIGHBOR]
@@ -114,6 +117,11 @@ class SensorEngine(ContextPart, ISensorEngine):
         sensor = kind.create(self.ctx, sensor_id, sensor_type, options)  # type: ignore[arg-type] # a dict
         if options:
             self._warn_of_ignored(sensor_id, sensor_type, options.keys() - kind.names() - SHARED_KEYWORDS)
+            fov = options.get("fov")
+            if isinstance(fov, float | int) and _ALL_ROUND < fov < inf:
+                self.ctx.logger.warning(
+                    f"Sensor {sensor_id!r} sees all around: fov={fov} is in radians. Did you mean math.radians({fov})?"
+                )
         self._keep(sensor)
         return sensor
 

@@ -128,7 +128,10 @@ class Input:
 
         Raises:
             BadFile: they are not there.
+            RecordingError: the file was closed.
         """
+        if self._stream.closed:
+            raise RecordingError("This recording was closed: open it again, or read it within `with`.")
         if not 0 <= at <= at + size <= self.size:
             raise BadFile(f"{size} bytes are promised and {max(self.size - at, 0)} are there")
         self._stream.seek(self._begin + at)
