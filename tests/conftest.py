@@ -13,6 +13,10 @@ from hypothesis.internal.conjecture import providers
 
 import gamms
 
+# Keep what Python compiles: else each run, each of its processes and each program of a test compiles all files again.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
+sys.dont_write_bytecode = False
+
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # a third of the time in which programs of tests import NumPy
 
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what runs in the background
