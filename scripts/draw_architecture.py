@@ -13,7 +13,7 @@ from functools import cache
 from pathlib import Path
 from xml.sax.saxutils import escape
 
-from syntax import tree_of
+from syntax import nodes_of
 
 ROOT = Path(__file__).parent.parent
 SRC = ROOT / "src" / "gamms"
@@ -63,7 +63,7 @@ def imports_of_modules() -> Imports:
     }
     found: Imports = {}
     for module, path in paths.items():
-        nodes = ast.walk(tree_of(path))
+        nodes = nodes_of(path)
         names = {name for node in nodes if isinstance(node, (ast.Import, ast.ImportFrom)) for name in names_of(node)}
         found[module] = {module_of(name, paths) for name in names} - {"", module}
     return found

@@ -16,3 +16,9 @@ def tree_of(path: Path) -> ast.Module:
     finally:
         if was_enabled:
             gc.enable()
+
+
+@cache
+def nodes_of(path: Path) -> tuple[ast.AST, ...]:
+    """Return all nodes of a file's syntax tree, in the order of `ast.walk`."""
+    return tuple(ast.walk(tree_of(path)))

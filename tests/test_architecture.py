@@ -5,7 +5,6 @@ import inspect
 import re
 import subprocess
 import sys
-from functools import cache
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
@@ -16,7 +15,7 @@ import gamms
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
 import draw_architecture
-from syntax import tree_of
+from syntax import nodes_of, tree_of
 
 SRC = Path(gamms.__file__).parent
 MODULES = sorted(
@@ -61,12 +60,6 @@ def shown(path):
     return str(path.relative_to(SRC))
 
 
-@cache
-def nodes_of(path):
-    """All nodes of a file's syntax tree, in the order of `ast.walk`."""
-    return tuple(ast.walk(tree_of(path)))
-
-
 def package_of(path):
     parts = path.relative_to(SRC).with_suffix("").parts
     return "" if parts == ("__init__",) else parts[0]
@@ -77,7 +70,7 @@ def packages_imported_by(nodes):
     hidden = {
         id(node)
         for test in nodes
-        if isinstance(test, ast.If) and ast.unparse(test.test) == "TYPE_CHECKING"
+        if isinstance(test, ast.If) and isinstance(test.test, ast.Name) and test.test.id == "TYPE_CHECKING"
         for part in test.body
         for node in ast.walk(part)
     }
