@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
-from gamms import belief
+from gamms import belief, limits
 from gamms.errors import BadValue, TooLarge
 from gamms.game.batch import flows, surroundings
 from gamms.game.batch.flows import Flows
@@ -80,6 +80,17 @@ def test_walks_go_along_edges_and_do_not_depend_on_others():
         assert len(np.unique(steps)) > 2
         assert (view.flows().walks(view.node[:2], 6, seed=4) == walks[:, :2]).all()
         assert (view.flows().walks(view.node, 6, seed=5) != walks).any()
+
+
+def test_walks_of_as_many_turns_as_are_said_to_fit_do():
+    with scene().batch(2) as games, limits.allowing(6 * 16 * 11):
+        found, nodes = games.observe("red").flows(), games.observe("red").node
+        with pytest.raises(TooLarge, match="6 walks of 11 turns, of which 10 would fit"):
+            found.walks(nodes, 11)
+        assert len(found.walks(nodes, 10)) == 11
+        with pytest.raises(TooLarge, match="0 walks of 66 turns, of which 65 would fit"):
+            found.walks(nodes[:0], 66)
+        assert found.walks(nodes[:0], 65).shape == (66, 0, 3)
 
 
 def test_walks_are_spread_as_probabilities_diffuse():

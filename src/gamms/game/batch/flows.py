@@ -57,7 +57,8 @@ class Flows:
         """
         nodes, steps = self._streets.checked(nodes, "nodes"), as_count(turns, "turns", least=0)
         per_turn = _BYTES_PER_ROW * max(1, nodes.size)
-        what = f"{nodes.size} walks of {steps} turns, of which {max_memory() // per_turn} would fit,"
+        fitting = max(0, max_memory() // per_turn - 1)  # beside the nodes where they begin
+        what = f"{nodes.size} walks of {steps} turns, of which {fitting} would fit,"
         refuse_above(per_turn * (steps + 1), what)
         key = kernels.purpose_key(as_int(seed, "seed"), "walks")
         walkers = np.arange(nodes.size, dtype=np.uint64)
