@@ -251,7 +251,7 @@ def test_games_can_begin_again_with_other_seeds(one_by_one):
         for wrong in ([1], [1, "a"]):
             with pytest.raises((BadType, BadValue), match="seeds"):
                 games.reset([0, 1], seeds=wrong)
-        for wrong in (1, [[0, 1]], [True, False], [0, 2, 0], [3]):
+        for wrong in (1, [[0, 1]], [[0], [1, 2]], [True, False], [0, 2, 0], [3]):
             with pytest.raises(BadValue, match=r"which|once|no game 3"):
                 games.reset(wrong)
         games.reset([])

@@ -41,6 +41,9 @@ def test_every_game_that_comes_with_gamms_can_be_begun_with(folder, source):
     assert [(one.path, one.function) for one in copy.code()] == [(one.path, one.function) for one in original.code()]
     assert all(found.file.parent == folder / "mine" for found in copy.code() if found.file is not None)
     assert copy.spec.name == "mine"
+    text = (folder / "mine" / "mine.yaml").read_text()
+    assert f"{source}.py" not in text, "names a file that is not beside it"
+    assert f"{source}.yaml" not in text
 
 
 @pytest.mark.parametrize("source", ["patrol", "people_and_machines"])

@@ -261,6 +261,13 @@ def test_impossible_blocks_are_refused(options):
         Writer(io.BytesIO(), {}, **options)
 
 
+def test_a_block_of_more_bytes_than_its_head_can_say_is_refused(monkeypatch):
+    monkeypatch.setattr(blocks, "MOST_BODY", 10)
+    assert blocks.block(1, bytes(10), 0, blocks.Counts())[blocks.HEAD_SIZE :] == bytes(10)
+    with pytest.raises(BadValue, match="11 bytes cannot be recorded at once; at most 10 can"):
+        blocks.block(1, bytes(11), 0, blocks.Counts())
+
+
 def test_a_closed_recording_takes_nothing_more():
     writer = Writer(io.BytesIO(), {})
     writer.close()
