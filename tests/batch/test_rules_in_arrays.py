@@ -3,11 +3,12 @@
 from pathlib import Path
 
 import networkx as nx
+import numpy as np
 import pytest
 from batch_scenes import plain, scene
 
 import gamms
-from gamms.errors import BadValue, MissingKey, UnknownName
+from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.rules import Conflicts, by_priority, discover, last_team
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
@@ -245,6 +246,65 @@ def test_capacities_may_be_attributes_of_nodes():
 def test_a_resolver_without_an_array_form_is_asked_game_by_game():
     with crowded(1, first_by_name) as ctx, ctx.game.batch(1) as games:
         assert "Conflicts" in games.slow
+
+
+class Halting:
+    """A conflict resolver, and a rule with a check, that stop no move."""
+
+    __name__ = "halting"
+
+    def __call__(self, ctx):
+        pass
+
+    def resolve(self, moves, ctx):
+        return set()
+
+
+NO_STOPS = [
+    (None, BadType, "must be an array of booleans, not None"),
+    (np.zeros((2, 12), np.int64), BadType, "must be an array of booleans"),
+    (np.zeros((2, 5), np.bool_), BadValue, r"has the shape \(2, 5\), which does not broadcast to \(2, 12\)"),
+    ([[True], [True, False]], BadType, "must be an array of booleans"),
+]
+
+
+@pytest.mark.parametrize(("returned", "kind", "message"), NO_STOPS)
+def test_what_array_forms_of_resolvers_and_checks_return_is_checked(returned, kind, message):
+    halting = Halting()
+    halting.array_form = lambda turn, ends: returned
+    with crowded(None) as ctx:
+        ctx.game.conflicts = halting
+        with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the conflicts <.*Halting.*{message}"):
+            games.step()
+    with crowded(None) as ctx:
+        halting.check = lambda ctx: None
+        halting.check.array_form, halting.array_form = halting.array_form, lambda turn: None
+        ctx.game.add(halting)
+        with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the check of the rule 'halting'.*{message}"):
+            games.step()
+
+
+def test_the_array_form_of_a_resolver_may_stop_all():
+    halting = Halting()
+    halting.array_form = lambda turn, ends: True
+    with crowded(None) as ctx:
+        ctx.game.conflicts = halting
+        with ctx.game.batch(2) as games:
+            before = games.observe("red").node.copy()
+            games.step()
+            assert (games.observe("red").node == before).all()
+
+
+def test_ranks_of_the_array_form_of_a_resolver_are_checked():
+    def lots(contest, ctx):
+        return [mover.agent for mover in contest.movers][: contest.places]
+
+    lots.array_form = lambda turn, at, agents: np.zeros(len(agents) + 1)
+    with crowded(1, lots) as ctx, ctx.game.batch(2) as games, pytest.raises(BadValue, match="form of lots returns"):
+        games.run()
+    lots.array_form = lambda turn, at, agents: ["first"] * len(agents)
+    with crowded(1, lots) as ctx, ctx.game.batch(2) as games, pytest.raises(BadType, match="form of lots returns"):
+        games.run()
 
 
 def test_a_team_that_is_not_in_the_list_is_named():

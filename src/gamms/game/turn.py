@@ -16,7 +16,7 @@ from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, sent
-from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves
+from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
 from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of, is_among
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
@@ -24,7 +24,7 @@ from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
 from gamms.readonly import ReadOnlyMapping, copied
-from gamms.text import shown
+from gamms.text import as_code, shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Move
@@ -546,7 +546,8 @@ class TurnEngine:
             moves = MovesOfOneGame(turn, streets, self._ctx.seed, self._state.turn, self._shared)
         except UnknownName:
             return None
-        found: BoolArray = form(moves, moves.ends)[0]
+        named = f"the conflicts {as_code(self._settings.conflicts)}"
+        found: BoolArray = as_stopped(form(moves, moves.ends), named, moves.ends.shape)[0]
         return found
 
     def _losers(

@@ -11,7 +11,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent import BaseAgent
-from gamms.arguments import as_choice, as_flag, as_int, as_key, as_known, as_text
+from gamms.arguments import as_array, as_choice, as_flag, as_int, as_key, as_known, as_text
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName, nearest
 from gamms.game.batch.device import DeviceTurn
@@ -129,7 +129,13 @@ class Conflicts:
         """The same in arrays, for many games or agents: which have to stay; None: the resolver has no such form."""
         rank: ArrayResolver | None = getattr(self._resolve, "array_form", None)
         is_own = type(self).resolve is not Conflicts.resolve
-        return None if rank is None or is_own else partial(self._resolve_in_arrays, rank)
+        return None if rank is None or is_own else partial(self._resolve_in_arrays, partial(self._ranks, rank))
+
+    def _ranks(self, rank: ArrayResolver, turn: MovesTurn, at: IntArray, agents: IntArray) -> IntArray | None:
+        """Return the ranks that a resolver has given, one for each of these agents."""
+        ranks = rank(turn, at, agents)
+        named = f"What the array form of {as_code(self._resolve)} returns, the ranks of agents,"
+        return None if ranks is None else as_array(ranks, named, "numbers", agents.shape)
 
     def _resolve_in_arrays(self, rank: ArrayResolver, turn: MovesTurn, ends: IntArray) -> BoolArray:
         moves, known = MovesInArrays(turn, ends, rank, per_team=self._per_team), self._limits

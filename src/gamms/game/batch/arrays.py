@@ -338,15 +338,17 @@ class ArrayEngine:
 
     def _course(self, turn: ArrayTurn, by: ByMetres, members: BoolArray) -> Arrivals:
         """Return the course of a turn in which agents decide at arrivals."""
-        form, scalar = self._here.conflicts, self._here.asked
+        stops, scalar = self._here.conflicts, self._here.asked
+        if stops is None:
+            return Arrivals(self.state, turn, by, members, None)
 
         def resolve(part: ArrayTurn, ends: IntArray) -> BoolArray:
-            stopped: BoolArray = form(part, ends) & (ends != part.places)
+            stopped: BoolArray = stops(part, ends) & (ends != part.places)
             if scalar is not None:
                 scalar.note_stopped(part, stopped, ends)
             return stopped
 
-        return Arrivals(self.state, turn, by, members, None if form is None else resolve)
+        return Arrivals(self.state, turn, by, members, resolve)
 
     def _finish(self, turn: ArrayTurn, outboxes: Sequence[Outbox]) -> None:
         """Send what is to be sent in a turn in which all have moved, and apply its rules."""
@@ -413,8 +415,8 @@ class ArrayEngine:
             moves = turn.left_of(moves)
         if in_conflict is None and self._here.has_conflicts:
             turn.places, ends = self.state.movement.ends(moves)
-            form, context = self._here.conflicts, self._here.context
-            in_conflict = (context.resolve(turn, moves) if form is None else form(turn, ends)) & moves.goes
+            stops, context = self._here.conflicts, self._here.context
+            in_conflict = (context.resolve(turn, moves) if stops is None else stops(turn, ends)) & moves.goes
             if self._here.asked is not None:
                 self._here.asked.note_stopped(turn, in_conflict, ends)
             moves = moves.without(in_conflict)

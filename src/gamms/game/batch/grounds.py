@@ -16,12 +16,14 @@ from gamms.game.batch.scalar_strategies import ScalarStrategies
 from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.surroundings import SeenNodes
-from gamms.game.batch.turn import ArrayRule
+from gamms.game.batch.turn import ArrayRule, MovesOfTurn
 from gamms.game.batch.vectors import Vectors
 from gamms.game.batch.view import ArrayStrategy, ArrayView
+from gamms.game.moves import as_stopped
 from gamms.game.settings import PHASES as RULE_PHASES
 from gamms.game.settings import NamedRule, Plan
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.obstacles import BoolArray
 from gamms.text import as_code
 
 T = TypeVar("T")
@@ -35,6 +37,12 @@ class Group(NamedTuple):
     name: str
     agents: IntArray  # numbers in the roster
     form: ArrayStrategy
+
+
+def _checked_form(of: object, named: str) -> Callable[[MovesOfTurn, IntArray], BoolArray] | None:
+    """Return the array form of what stops moves, whose result is checked; None: it has none."""
+    form = form_of(of)
+    return None if form is None else lambda turn, ends: as_stopped(form(turn, ends), named, ends.shape)
 
 
 class Ground:
@@ -60,9 +68,15 @@ class Ground:
         self.asked = asked
         self.game, self.context, self.roster, self.movement = game, context, roster, movement
         self.rules = {phase: self._forms_of(phase) for phase in RULE_PHASES}
-        self.conflicts, self.has_conflicts = form_of(settings["conflicts"]), settings["conflicts"] is not None
+        conflicts = settings["conflicts"]
+        self.has_conflicts = conflicts is not None
+        self.conflicts = _checked_form(conflicts, f"the conflicts {as_code(conflicts)}")
         checks = [(one, getattr(one.rule, "check", None)) for one in game.rules]
-        self.checks = [form_of(check) or partial(context.check, one) for one, check in checks if check is not None]
+        self.checks = [
+            _checked_form(check, f"the check of the rule {one.name!r}") or partial(context.check, one)
+            for one, check in checks
+            if check is not None
+        ]
         self.gather()
         self.shared: dict[Hashable, Any] = {}
         self.now: dict[Hashable, Any] = {}
@@ -97,8 +111,9 @@ class Ground:
     def forms(self) -> list[Callable[..., object]]:
         """The array forms, and what is called that has none."""
         rules = [form for rules in self.rules.values() for named, form in rules if form_of(named.rule) is form]
-        checks = [form_of(getattr(one.rule, "check", None)) for one in self.game.rules]
-        declared = [form for form in (*checks, self.conflicts) if form is not None]
+        checks = [getattr(one.rule, "check", None) for one in self.game.rules]
+        stopping = [*checks, self.game.settings()["conflicts"]]
+        declared = [form for one in stopping if (form := form_of(one)) is not None]
         asked = [] if self.asked is None else self.asked.functions()
         return [*(group.form for group in self.groups), *rules, *declared, *self.context.functions(), *asked]
 
