@@ -17,7 +17,7 @@ from test_strategies import MADE, hunted
 
 import gamms
 from gamms import kernels
-from gamms.errors import BadType, BadValue
+from gamms.errors import BadType, BadValue, GammsError, UnknownName
 from gamms.game.batch.device import DeviceEngine
 from gamms.strategies import random_walk
 
@@ -189,7 +189,56 @@ def test_a_view_knows_the_actions_that_lead_to_nodes(place):
         wanted = other["legal"][:, :, 1]
         assert place.read(view.action_to(place.put(wanted))).tolist() == other.action_to(wanted).tolist()
         assert place.read(view.action_to(7)).tolist() == other.action_to(7).tolist()
-        assert (place.read(view.action_to(place.put(wanted * 0 + 999))) == -1).all()
+        with pytest.raises(UnknownName, match="Unknown node 999"):
+            view.action_to(place.put(wanted * 0 + 999))
+        with pytest.raises(BadValue, match="nodes has the shape"):
+            view.action_to(place.put(np.zeros(2, np.int64)))
+
+
+STREETS = [
+    ("ids", np.array([0, 24, 7])),
+    ("ids", np.array([3, 25])),
+    ("ids", np.array([0.5])),
+    ("rows", np.array([[1, 2], [3, 24]])),
+    ("rows", np.array([1, 99])),
+    ("rows", np.array([-1])),
+    ("step", np.array([0, 6, 24]), np.array([2, 4, 0])),
+    ("step", np.array([0, 6]), np.array([3, 0])),
+    ("step", np.array([0, -1]), np.array([0, 0])),
+    ("step", np.array([0, 1]), np.array([-1, 0])),
+    ("step", np.array([0, 1]), np.array([0.0, 0.0])),
+    ("step", np.array([0, 1]), np.array([1])),
+    ("step", np.array([0, 1]), np.array([1, 1, 1])),
+    ("action_to", np.array([0, 6]), np.array([1, 9])),
+    ("action_to", np.array([0, 25]), np.array([1, 9])),
+    ("action_to", np.array([0, 6], np.int32), np.array([1, -3])),
+]
+
+
+def outcome(call, read):
+    """Return what a call gives, as lists, or the class and the message of what it raises."""
+    try:
+        return read(call()).tolist()
+    except GammsError as error:
+        return type(error), str(error)
+
+
+@pytest.mark.parametrize(("verb", "given"), [(verb, given) for verb, *given in STREETS])
+def test_streets_take_and_refuse_the_same_in_any_library(place, verb, given):
+    with scene().batch(2, **place.options) as games, scene().batch(2) as plain_games:
+        there, here = games.observe("red").streets, plain_games.observe("red").streets
+        found = outcome(lambda: getattr(there, verb)(*map(place.put, given)), place.read)
+        assert found == outcome(lambda: getattr(here, verb)(*given), np.asarray)
+
+
+def test_streets_read_one_number_to_check_what_a_strategy_passes(place):
+    with scene().batch(2, **place.options) as games:
+        view = games.observe("red")
+        before = games.library.num_reads
+        view["curr_pos"], view["legal"]
+        assert games.library.num_reads == before
+        view.streets.step(view.node, view.counts - 1)
+        assert games.library.num_reads == before + 1
 
 
 def test_given_actions_are_kept_for_recordings(place, tmp_path):

@@ -56,7 +56,10 @@ class Streets:
         Raises:
             BadType, BadValue: they are no rows of nodes.
         """
-        rows = self.checked(rows, "rows")
+        return self.ids_of(self.checked(rows, "rows"))
+
+    def ids_of(self, rows: IntArray) -> IntArray:
+        """Return what `ids` does, of rows that are known to be such."""
         return rows if self._ids_are_rows else self.columns.node_ids[rows]
 
     def rows(self, ids: Any) -> IntArray:

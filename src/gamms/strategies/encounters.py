@@ -146,7 +146,7 @@ def _farthest_on_device(view: DeviceView) -> Tensor:
 
 def _lowest(view: ArrayView, legal: IntArray, is_chosen: BoolArray) -> IntArray:
     """Return the number of the legal node with the lowest id of those that are chosen, on the last axis."""
-    ids = view.xp.where(is_chosen, view.streets.ids(legal), np.iinfo(np.int64).max)
+    ids = view.xp.where(is_chosen, view.streets.ids_of(legal), np.iinfo(np.int64).max)
     lowest: IntArray = view.xp.argmin(ids, axis=-1)
     return lowest
 

@@ -373,7 +373,7 @@ def _unblock_in_arrays(patience: int, goes_on: ArrayStrategy, view: ArrayView) -
     actions = asked(view, actions, goes_on, left <= 0)
     wanted = xp.where(actions < 0, 0, actions)
     if isinstance(view, DeviceView):
-        follows = view.streets.step(view.node, wanted)
+        follows = view.streets.ends_of(view.node, wanted)
     else:
         follows = view.movement.nodes(view.choices, wanted)
     ahead = xp.where(view.mask & (left > 0), view.node, xp.where(actions < 0, -1, follows))

@@ -255,7 +255,7 @@ class DeviceEngine(ArrayEngine):
         mask = only_playing(state.there["alive"], playing, self.library)
         actions = self._actions(mask, given)
         node = state.there["node"]
-        ends = state.streets_there.step(node, actions)
+        ends = state.streets_there.ends_of(node, actions)
         before_moves()
         state.move(self._unopposed(playing, node, ends), playing)
         for named, form in self._here.rules["after"]:

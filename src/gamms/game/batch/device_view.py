@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_one_shape
 from gamms.errors import BadValue
 from gamms.game.batch.columns import Table, some_rows
 from gamms.game.batch.flows import Flows
@@ -37,44 +38,96 @@ class DeviceStreets(Streets):
         self._sorted = put(np.argsort(ids, kind="stable"))
         self.x, self.y = map(put, streets.columns.xy.T)
 
-    def ids(self, rows: Tensor) -> Tensor:
-        """Return the ids of nodes."""
+    def ids_of(self, rows: Tensor) -> Tensor:
+        """Return the ids of rows of nodes that are known to be such; nothing is read."""
         return self._row_ids[rows]
 
-    def rows(self, ids: Any) -> Tensor:
-        """Return the rows of nodes; of ids that are on the device, -1 for those that are not on the map.
+    def ids(self, rows: Tensor) -> Tensor:
+        """Return the ids of nodes; as in `rows`, `step` and `action_to`, one number is read to check what is passed.
 
         Raises:
-            UnknownName (KeyError): one that is not on the device is not on the map.
+            BadType, BadValue: they are no rows of nodes.
         """
-        library, nodes = self.library, len(self.columns.node_ids)
-        if not library.is_own(ids):
-            return library.put(self.host.rows(ids))
-        xp = library.xp
-        known = self._row_ids[self._sorted]
-        flat = xp.reshape(ids, (-1,)) + 0  # one after the other in memory, as PyTorch wants it
-        places = xp.searchsorted(known, flat)
-        found = self._sorted[xp.where(places < nodes, places, nodes - 1)]
-        return xp.reshape(xp.where(self._row_ids[found] == flat, found, -1), ids.shape)
+        if self._are_integers(rows) and self._holds(self._are_rows(rows)):
+            return self.ids_of(rows)
+        return self._by_host(self.host.ids, rows)
+
+    def rows(self, ids: Any) -> Tensor:
+        """Return the rows of nodes.
+
+        Raises:
+            BadType: they are no integers.
+            UnknownName (KeyError): one is not on the map.
+        """
+        xp, nodes = self.library.xp, len(self.columns.node_ids)
+        if self._are_integers(ids):
+            known = self._row_ids[self._sorted]
+            flat = xp.reshape(ids, (-1,)) + 0  # one after the other in memory, as PyTorch wants it
+            places = xp.searchsorted(known, flat)
+            found = self._sorted[xp.where(places < nodes, places, nodes - 1)]
+            if self._holds(self._row_ids[found] == flat):
+                return xp.reshape(found, ids.shape)
+        return self._by_host(self.host.rows, ids)
 
     def counts_of(self, rows: Tensor) -> Tensor:
         """Return how many nodes are legal from each of some nodes."""
         return self.counts[rows]
 
     def step(self, rows: Tensor, actions: Tensor) -> Tensor:
-        """Return where actions lead, each the number of a legal node; the device checks none of them."""
+        """Return where actions lead, each the number of a legal node.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes or no such numbers, or do not broadcast to one shape.
+        """
+        if self._are_integers(rows, actions):
+            are_rows = self._are_rows(rows)
+            counts = self.counts[self.library.xp.where(are_rows, rows, 0)]
+            if self._holds(are_rows & (actions >= 0) & (actions < counts)):
+                return self.ends_of(rows, actions)
+        return self._by_host(self.host.step, rows, actions)
+
+    def ends_of(self, rows: Tensor, actions: Tensor) -> Tensor:
+        """Return what `step` does, of actions that are known to be legal; nothing is read."""
         return self.targets[self.offsets[rows] + actions]
 
-    ends_of = step
-
     def action_to(self, rows: Tensor, targets: Tensor) -> Tensor:
-        """Return the number of a legal node, by rows; -1 where it is not legal."""
+        """Return the number of a legal node, by rows; -1 where it is not legal.
+
+        Raises:
+            BadType, BadValue: `rows` are no rows of nodes, or `targets` no integers.
+        """
+        if self._are_integers(rows, targets) and self._holds(self._are_rows(rows)):
+            return self.numbers_of(rows, targets)
+        return self._by_host(self.host.action_to, rows, targets)
+
+    def numbers_of(self, rows: Tensor, targets: Tensor) -> Tensor:
+        """Return what `action_to` does, of rows that are known to be such; nothing is read."""
         xp, first, counts = self.library.xp, self.offsets[rows], self.counts[rows]
         found = xp.full(rows.shape, -1, dtype=xp.int64, device=self.library.device)
         for number in reversed(range(self.legal.shape[1])):
             is_it = self.targets[first + xp.where(counts > number, number, counts - 1)] == targets
             found = xp.where(is_it & (counts > number), number, found)
         return found
+
+    def _are_integers(self, *given: Tensor) -> bool:
+        """Whether these are arrays of int64 of one shape on the device, as those of views are."""
+        library = self.library
+        if not all(library.is_own(one) and library.xp.isdtype(one.dtype, library.xp.int64) for one in given):
+            return False
+        return len({tuple(one.shape) for one in given}) == 1
+
+    def _are_rows(self, rows: Tensor) -> Tensor:
+        return (rows >= 0) & (rows < len(self.columns.node_ids))
+
+    def _holds(self, are_right: Tensor) -> bool:
+        """Read whether all are right."""
+        self.library.num_reads += 1
+        return bool(self.library.xp.all(are_right))
+
+    def _by_host(self, ask: Callable[..., IntArray], *given: Tensor) -> Tensor:
+        """Return what the streets of the host say of anything else, which refuse what is wrong by name."""
+        library = self.library
+        return library.put(ask(*(library.get(one) if library.is_own(one) else one for one in given)))
 
 
 class DeviceDraws(ViewDraws):
@@ -173,9 +226,16 @@ class DeviceView(ArrayView):
         return self._put(self.on_host().places())
 
     def action_to(self, nodes: Any) -> Tensor:
-        """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal or on the map."""
+        """Return the actions that lead to these nodes, (games, agents); -1 where one is not legal.
+
+        Raises:
+            BadType, BadValue: they are no integers, or do not broadcast to (games, agents).
+            UnknownName (KeyError): one is not on the map.
+        """
         rows = self.streets.rows(nodes)
-        return self.streets.action_to(self.node, self.xp.broadcast_to(rows, self.node.shape))
+        if rows.shape != self.node.shape:
+            as_one_shape({"nodes": np.empty(tuple(rows.shape))}, tuple(self.node.shape))
+        return self.streets.numbers_of(self.node, self.xp.broadcast_to(rows, self.node.shape))
 
     def towards(self, targets: Tensor, which: Any = np.s_[:, :], allowed: Tensor | None = None) -> Tensor:
         """Return the actions by which agents go towards nodes, rows of them; -1 where no path leads there."""

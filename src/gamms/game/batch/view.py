@@ -189,7 +189,7 @@ class ArrayView(Mapping[str, Any]):
 
     def _legal(self) -> IntArray:
         rows, is_legal = self.legal_rows()
-        found: IntArray = self.xp.where(is_legal, self.streets.ids(rows), -1)
+        found: IntArray = self.xp.where(is_legal, self.streets.ids_of(rows), -1)
         return found
 
     def places(self) -> Places:
@@ -583,7 +583,7 @@ class Sensors(Mapping[str, Seen | SeenNodes]):
 
 
 _VALUES: dict[str, Callable[[ArrayView], Any]] = {
-    "curr_pos": lambda view: view.streets.ids(view.node),
+    "curr_pos": lambda view: view.streets.ids_of(view.node),
     "edge": lambda view: view.places().edge,
     "offset_m": lambda view: view.places().offset_m,
     "xy": lambda view: view.places().xy,
