@@ -103,3 +103,26 @@ def test_members_of_a_team_give_way_in_a_turn_in_which_one_goes_before_they_move
         for turn in range(1, 6):
             ctx.game.step()
             assert len({agent.current_node_id for agent in ctx.game.agents}) == len(ctx.game.agents) == 40 - turn
+
+
+@pytest.mark.parametrize("was_asked_for", [False, True])
+@pytest.mark.parametrize("others", [0, 5])
+def test_an_agent_that_comes_by_the_name_of_a_member_does_not_make_its_move(grid, was_asked_for, others):
+    """The member decided in the same turn; the new agent stands where it stood, and some of the others go, too."""
+
+    def replace(ctx):
+        node = ctx.agent.block.node[ctx.agent.block.row_of("red_5")]
+        for name in ["red_5", *(f"red_{number}" for number in range(others))]:
+            ctx.agent.delete_agent(name)
+        ctx.agent.create_agent("red_5", start_node_id=int(node), team="red")
+
+    with grid(seed=1, side=8) as ctx:
+        ctx.agent.create_team("red", range(8))
+        ctx.game.command("red", lambda arrays: arrays.nodes + 8, arrays=True)
+        ctx.game.add(replace, phase="deeds")
+        if was_asked_for:
+            ctx.agent.get_agent("red_5")
+        ctx.game.step()
+        nodes = {agent.name: agent.current_node_id for agent in ctx.game.agents}
+        assert nodes == {"red_5": 5} | {f"red_{number}": number + 8 for number in range(others, 8) if number != 5}
+        assert ctx.game.moves["red_5"].path == (5,)

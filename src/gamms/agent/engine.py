@@ -51,7 +51,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._agents: dict[str, BaseAgent] = {}
         self._new_block()
         self._storage = AgentStorage(self)
-        self._left: dict[str, BaseAgent] = {}  # those that were deleted, by name, where there are teams
+        self._left: dict[str, tuple[BaseAgent, int]] = {}  # see `AgentStorage.left`
         self._deleted: WeakSet[BaseAgent] = WeakSet()  # those that a program still holds; each has a block of its own
 
     @property
@@ -353,7 +353,7 @@ class AgentEngine(ContextPart, IAgentEngine):
             agent._clear_owner(sensor)
         self._deleted.add(agent)
         if block.has_arrays:
-            self._left[agent.name] = agent
+            self._left[agent.name] = agent, block.rows_version
         block.remove(row)
         if block.removed > len(self._agents):  # so that deleting costs each agent its share only once
             self._close_up()
@@ -431,10 +431,9 @@ class AgentStorage(Guarded):
         return [agent for agent in self._engine._stored().values() if type(agent) is not Members]
 
     @property
-    def left(self) -> dict[str, BaseAgent]:
-        """The agents that were deleted, by name, where there are teams and none has come by this name."""
-        agents = self._engine._agents
-        return {name: agent for name, agent in self._engine._left.items() if name not in agents}
+    def left(self) -> dict[str, tuple[BaseAgent, int]]:
+        """Name -> the agent that was deleted last, and the `rows_version` of the block then, where there are teams."""
+        return self._engine._left
 
     def renew_strategies(self, own: Callable[[Any], Any]) -> None:
         """Replace the strategies of teams, which agents get that are made later."""

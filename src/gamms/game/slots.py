@@ -328,7 +328,12 @@ class SlotMaker:
         elif are_lazy == block.has_arrays:
             rows = block.structure.since(version)
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
-        all_agents, access_of = agents.agents, agents.storage.turn_access
+        all_agents, access_of, left, born = (
+            agents.agents,
+            agents.storage.turn_access,
+            agents.storage.left,
+            block.rows_version,
+        )
         if rows is None:
             change = Succession((), range(len(block)), block.names, block.inactive)
             known = {slot.name: slot for slot in made}
@@ -337,7 +342,8 @@ class SlotMaker:
             known = {names[i]: before[i] for i in change.gone if not isinstance(before, LazySlots) or before.is_made(i)}
 
         def make(name: str) -> AgentSlot:
-            agent = all_agents.get(name) or agents.storage.left[name]  # which the order of an earlier turn names
+            gone, when = left.get(name, (None, -1))  # since these slots were those of the living, if that was later
+            agent = all_agents[name] if gone is None or when < born else gone
             slot = known.get(name)
             access = access_of(agent)
             return slot if slot is not None and slot.holds(agent, access) else AgentSlot(agent, access, *given)

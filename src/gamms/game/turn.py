@@ -137,10 +137,9 @@ class TurnEngine:
             return
         self._order.update_counts()
         if isinstance(self._order.slots, LazySlots):
-            names = self._order.names
-            self._state.players |= {
-                name: one for name, one in self._ctx.agent.storage.left.items() if is_among(name, names)
-            }
+            names, agents, left = self._order.names, self._ctx.agent.agents, self._ctx.agent.storage.left
+            gone = [name for name in left if name not in agents and is_among(name, names)]
+            self._state.players |= {name: left[name][0] for name in gone}
 
     def list_counts(self) -> None:
         """Enter all agents that have been asked into the counts, also those of teams that have not been made."""
