@@ -249,12 +249,7 @@ def test_a_resolver_without_an_array_form_is_asked_game_by_game():
 
 
 class Halting:
-    """A conflict resolver, and a rule with a check, that stop no move."""
-
-    __name__ = "halting"
-
-    def __call__(self, ctx):
-        pass
+    """A conflict resolver that stops no move."""
 
     def resolve(self, moves, ctx):
         return set()
@@ -277,10 +272,14 @@ def test_what_array_forms_of_resolvers_and_checks_return_is_checked(returned, ki
         with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the conflicts <.*Halting.*{message}"):
             games.step()
     with crowded(None) as ctx:
-        halting.check = lambda ctx: None
-        halting.check.array_form, halting.array_form = halting.array_form, lambda turn: None
-        ctx.game.add(halting)
-        with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the check of the rule 'halting'.*{message}"):
+
+        def toll(ctx):
+            pass
+
+        toll.check, toll.array_form = lambda ctx: None, lambda turn: None
+        toll.check.array_form = halting.array_form
+        ctx.game.add(toll)
+        with ctx.game.batch(2) as games, pytest.raises(kind, match=f"of the check of the rule 'toll'.*{message}"):
             games.step()
 
 
