@@ -294,9 +294,9 @@ class Game(RuleVerbs):
 
     def _warn_of_misspelt(self, scored: set[object]) -> None:
         """Warn of new keys of scores, and a winner, that are nearly names of teams or agents."""
-        over = self._state.over
-        winner = None if over is None or over["winner"] in self.ctx.agent.block.teams else over["winner"]
-        if scored or winner is not None:
+        winner = (self._state.over or {}).get("winner")
+        is_unknown = isinstance(winner, str) and winner not in self.ctx.agent.block.teams
+        if scored or is_unknown:
             for sentence in misspelt_names(scored, winner, [*self.ctx.agent.teams, *self._state.players]):
                 self.ctx.logger.warning(sentence)
 
