@@ -219,6 +219,55 @@ def turns_of(agents, side):
     return make
 
 
+def flyers(agents=10, side=100):
+    """Agents that fly over a grid, against bare Python that finds the nodes below them in a dict of cells."""
+
+    def make():
+        ctx, rng = lattice(side), random.Random(7)
+        begun = [
+            (rng.uniform(0.0, 10.0 * side - 10.0), rng.uniform(0.0, 10.0 * side - 10.0), 30.0) for _ in range(agents)
+        ]
+
+        def strategy(state):
+            state["action"] = (1.0, 0.5, 0.0) if state["turn"] % 20 < 10 else (-1.0, -0.5, 0.0)
+
+        for i, place in enumerate(begun):
+            ctx.agent.create_agent(
+                f"a_{i}", type="AERIAL", start_node_id=0, position=place, speed=7.0, strategy=strategy
+            )
+        cells = {}
+        for node in range(side * side):
+            x, y = node % side * 10.0, node // side * 10.0
+            cells.setdefault((x // 20.0, y // 20.0), []).append((x, y, node))
+        around = [(i, j) for i in (-1, 0, 1) for j in (-1, 0, 1)]
+
+        def ours():
+            for _ in range(200):
+                ctx.game.step()
+            return 200 * agents
+
+        def floor():
+            at = list(begun)
+            for turn in range(200):
+                for i, (x, y, z) in enumerate(at):
+                    state = {"curr_pos": (x, y, z), "sensor": {}, "name": "a", "turn": turn, "memory": {}}
+                    strategy(state)
+                    dx, dy, dz = state["action"]
+                    far = 7.0 / math.hypot(dx, dy, dz)
+                    at[i] = p, q, _ = x + dx * far, y + dy * far, z + dz * far
+                    cell = p // 20.0, q // 20.0
+                    min(
+                        ((a - p) ** 2 + (b - q) ** 2, node)
+                        for right, up in around
+                        for a, b, node in cells.get((cell[0] + right, cell[1] + up), ())
+                    )
+            return 200 * agents
+
+        return ours, floor
+
+    return make
+
+
 CITY_SENSORS = {"near": ST.NEIGHBOR, "around": ST.RANGE, "others": ST.AGENT_RANGE}
 
 

@@ -212,6 +212,8 @@ def as_float(value: object, name: str) -> float:
         BadType: `value` is not a real number.
         BadValue: it is NaN or infinite, or does not fit into a float.
     """
+    if type(value) is float and math.isfinite(value):
+        return value
     if isinstance(value, bool) or not (isinstance(value, Real) or hasattr(value, "__float__")):
         raise BadType(f"{name} must be a number, not {shown(value)} ({type(value).__name__}).")
     try:
@@ -265,7 +267,8 @@ def as_numbers(value: object, name: str, form: str) -> list[float]:
     parts = cast("Sequence[object]", value)  # or an array
     if getattr(value, "ndim", 1) != 1 or len(parts) != form.count(",") + 1:
         raise BadValue(f"{name} must be {form}, not {shown(value)}.")
-    return [as_float(part, f"Every part of {name[:1].lower() + name[1:]} {form}") for part in parts]
+    of_each = f"Every part of {name[:1].lower() + name[1:]} {form}"
+    return [as_float(part, of_each) for part in parts]
 
 
 def as_name(value: object, kind: str) -> str:

@@ -38,8 +38,23 @@ def test_candidates_include_the_disc(name, count):
             assert set(np.flatnonzero(distances <= d).tolist()) <= set(rows.tolist())
 
 
+@pytest.mark.parametrize("name", CLOUDS)
+def test_the_rows_around_a_place_are_those_of_the_cells_up_to_so_many_away(name):
+    rng = np.random.default_rng(3)
+    xy = CLOUDS[name](rng, 300)
+    cells = kernels.build_cells(xy)
+    for x, y in [*xy[:20].tolist(), *rng.uniform(-50.0, 150.0, (20, 2)).tolist()]:
+        for reach in (0, 1, 3):
+            rows = kernels.rows_around(cells, x, y, reach)
+            with np.errstate(over="ignore"):
+                near = np.flatnonzero(np.hypot(*(xy - (x, y)).T) < 0.9 * reach * cells.size)
+            assert len(set(rows)) == len(rows)
+            assert set(near.tolist()) <= set(rows)
+
+
 def test_no_points_have_no_candidates():
     cells = kernels.build_cells(np.zeros((0, 2)))
+    assert kernels.rows_around(cells, 0.0, 0.0, 3) == []
     assert kernels.candidate_rows(cells, 0.0, 0.0, 5.0).tolist() == []
 
 

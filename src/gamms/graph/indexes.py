@@ -5,7 +5,7 @@ Each index is built when first asked for; a change is noted, or discards what it
 
 from collections.abc import Callable, Iterator
 from functools import partial
-from math import isqrt
+from math import inf, isqrt
 from typing import Any
 
 import numpy as np
@@ -13,15 +13,17 @@ import numpy as np
 from gamms import kernels
 from gamms.errors import UnknownName
 from gamms.graph.tables import EdgeTable, NodeTable
-from gamms.ir.graph import FloatArray, IntArray, RowArray
+from gamms.ir.graph import IntArray, RowArray
 from gamms.ir.obstacles import BoolArray
 from gamms.typing.graph_values import Node, OSMEdge
 
 _LATE_EDGES = 1024
 _LATE_NODES = 256
 _WIDER = 8  # how often a search grows before it looks through all nodes
+_REACHES = (1, 3)  # cells to each side of its own in which a node is looked for one by one
 _SURE = 1.0 - 1e-9  # of a radius: on the rim, rounding may have lost a node that is as near
 _LEAST, _MOST = 1e-150, 1e150  # distances whose squares are neither zero nor infinite
+_TINY = 5e-324  # for a square that would be zero
 _MOST_EAGER = 1 << 19  # rows of a table whose values are made in one go; a larger one's as they are asked for
 _MOST_KEPT = 1 << 21
 
@@ -62,22 +64,52 @@ class NodeGrid:
             rows = rows[self._nodes.array("alive")[rows] != 0]
         return np.sort(rows)
 
+    def around(self, x: float, y: float, reach: int) -> list[int]:
+        """Return the node rows, dead ones too, in the cells around (x, y), so many to each side, and those noted."""
+        return [*kernels.rows_around(self._cells, x, y, reach), *self._late]
+
     def nearest(self, x: float, y: float) -> int:
-        """Return the living node row nearest to (x, y), the first of several; there must be one."""
-        d = self._cells.size
+        """Return the living node row nearest to (x, y), the first of several; there must be one.
+
+        Squares of distances are compared, or where these are too small or too large for floats, distances.
+        """
+        # NOTE: at first in plain Python; NumPy takes ten times as long for so few nodes (benchmarks: flyers).
+        for reach in _REACHES:
+            found, square = self._nearest_around(x, y, reach)
+            if square == 0.0 or _LEAST**2 < square < min((reach - 0.1) * self._cells.size, _MOST) ** 2:
+                return found
+        d = _REACHES[-1] * self._cells.size
         for _ in range(_WIDER):
             rows = self.within(x, y, d)
-            distances = self._distances(rows, x, y)
-            if len(rows) and distances.min() < d * _SURE:
-                return int(rows[np.argmin(distances)])
+            found, distance = self._nearest_of(rows, x, y)
+            if distance < d * _SURE:
+                return found
             d *= 2.0
-        rows = self._nodes.living()
-        return int(rows[np.argmin(self._distances(rows, x, y))])
+        return self._nearest_of(self._nodes.living(), x, y)[0]
 
-    def _distances(self, rows: IntArray, x: float, y: float) -> FloatArray:
-        with np.errstate(over="ignore"):  # infinitely far away is far away
-            distances: FloatArray = np.hypot(*(self._nodes.array("xy")[rows] - (x, y)).T)
-        return distances
+    def _nearest_around(self, x: float, y: float, reach: int) -> tuple[int, float]:
+        """Return the first living row at the least distance from (x, y) in the cells around it, and its square."""
+        xy, alive, least, found = self._nodes.xy, self._nodes.alive, inf, -1
+        for row in self.around(x, y, reach):
+            dx, dy = xy[2 * row] - x, xy[2 * row + 1] - y
+            square = dx * dx + dy * dy
+            if not square and (dx or dy):
+                square = _TINY
+            if (square < least or (square == least and row < found)) and alive[row]:
+                least, found = square, row
+        return found, least
+
+    def _nearest_of(self, rows: IntArray, x: float, y: float) -> tuple[int, float]:
+        """Return the first of those rows at the least distance from (x, y), and this; infinite where there is none."""
+        if not len(rows):
+            return -1, inf
+        with np.errstate(over="ignore", under="ignore"):  # infinitely far away is far away
+            dx, dy = (self._nodes.array("xy")[rows] - (x, y)).T
+            squares = dx * dx + dy * dy
+            if not _LEAST**2 < squares.min() < _MOST**2:
+                squares = np.hypot(dx, dy)
+            at = int(np.argmin(squares))
+            return int(rows[at]), float(np.hypot(dx[at], dy[at]))
 
 
 class Adjacency:

@@ -1,5 +1,6 @@
 """Places on a map: from x and y to degrees and back, the node nearest to a place, and nodes drawn at random."""
 
+from math import isfinite
 from operator import index
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -25,11 +26,15 @@ _TRIES = 20  # how often to begin again when nodes that must be apart do not fit
 
 def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any], within: float | None) -> Any:
     """Return the id of the node nearest to a place, or the ids (places,) of those nearest to several."""
-    limit = None if within is None else as_range(within, "within")
-    places = places_of(store.crs, xy, latlon)
     if not len(store.nodes):
         raise BadValue("The graph has no nodes, so none is nearest. Add nodes first.")
-    nearest = store.indexes.nearest
+    nearest, (x, y) = store.indexes.nearest, xy
+    is_one = type(x) is type(y) is float and isfinite(x) and isfinite(y)
+    if is_one and within is None and latlon[0] is None and latlon[1] is None:
+        id: int = store.nodes.ids[nearest(x, y)]  # NOTE: for flyers, in every turn (benchmarks: flyers)
+        return id
+    limit = None if within is None else as_range(within, "within")
+    places = places_of(store.crs, xy, latlon)
     rows = np.array([nearest(x, y) for x, y in places.reshape(-1, 2).tolist()], np.int64)
     known = store.nodes.array("xy")
     if limit is not None:

@@ -12,6 +12,7 @@ from gamms.kernels.cells import (
     candidate_rows,
     near_each_other,
     pairs_within,
+    rows_around,
     rows_between,
 )
 from gamms.kernels.csr import (

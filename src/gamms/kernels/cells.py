@@ -1,5 +1,6 @@
 """A cell grid over points: rows near a place, at a cost that does not grow with the number of points."""
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from math import floor
 from typing import NamedTuple
@@ -45,6 +46,16 @@ def build_cells(xy: FloatArray) -> CellIndex:
     keys = _key(_cell(xy[:, 0], origin[0], size), _cell(xy[:, 1], origin[1], size))
     order = np.argsort(keys, kind="stable")
     return CellIndex(origin, size, keys[order], order)
+
+
+def rows_around(cells: CellIndex, x: float, y: float, reach: int) -> list[int]:
+    """Return the rows of the points in the cell of (x, y) and in those up to so many to each side of it."""
+    keys, found = cells.keys.data, list[int]()
+    column, stripe = _cell_of(x, cells.origin[0], cells.size), _cell_of(y, cells.origin[1], cells.size)
+    for middle in range(((stripe - reach) << 32) + column, (stripe + reach + 1) << 32, 1 << 32):
+        first = bisect_left(keys, middle - reach)
+        found += cells.rows[first : bisect_right(keys, middle + reach, first)].tolist()
+    return found
 
 
 def candidate_rows(cells: CellIndex, x: float, y: float, d: float) -> IntArray | None:
