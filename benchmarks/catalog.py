@@ -192,6 +192,18 @@ CASES = [
         teams.deaths(20_000, 150, are_members=True),
         DEATHLESS,
     ),
+    Case(
+        "targeted: a deletion and a creation each turn, 1,000 one by one",
+        "agent-step",
+        teams.deaths(1000, 40, are_members=False, are_deleted=True),
+        DEATHLESS,
+    ),
+    Case(
+        "targeted: a deletion and a creation each turn, a team of 20,000",
+        "agent-step",
+        teams.deaths(20_000, 150, are_members=True, are_deleted=True),
+        DEATHLESS,
+    ),
     Case("teams: conflicts of 20,000 on 400,000 nodes", "agent-step", teams.conflicts(20_000, 632), FREE),
     Case("teams: conflicts of 20,000 on 40,000 nodes", "agent-step", teams.conflicts(20_000, 200), FREE),
     Case("teams: conflicts of 20,000 side by side", "agent-step", teams.conflicts(20_000, 200, apart=False), FREE),

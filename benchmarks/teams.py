@@ -106,8 +106,11 @@ def conflicts(agents, side, *, apart=True):
     return make
 
 
-def deaths(agents, side, *, are_members):
-    """Return the case of turns after each of which an agent dies and the one that died before returns, against none."""
+def deaths(agents, side, *, are_members, are_deleted=False):
+    """Return the case of turns after each of which an agent dies and the one that died before returns, against none.
+
+    Or an agent is deleted, and one of its name created.
+    """
 
     def game_of(is_deadly):
         ctx = lattice(side)
@@ -126,8 +129,14 @@ def deaths(agents, side, *, are_members):
             dead[:] = [f"red_{next(dying)}"]
             ctx.game.eliminate(dead[0])
 
+        def replace(ctx):
+            i = next(dying)
+            more = {"team": "red"} if are_members else {"sensors": [f"near {i}"], "strategy": wander}
+            ctx.agent.delete_agent(f"red_{i}")
+            ctx.agent.create_agent(f"red_{i}", start_node_id=i, **more)
+
         if is_deadly:
-            ctx.game.add(fight)
+            ctx.game.add(replace if are_deleted else fight)
 
         return playing(ctx, agents, TURNS)
 

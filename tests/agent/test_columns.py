@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.ir.agents import BY_ROW, AgentBlock
-from gamms.ir.columns import Selection
+from gamms.ir.columns import Selection, Succession
 from gamms.ir.journal import CLOSED
 from gamms.ir.positions import Positions
 
@@ -263,3 +263,21 @@ def test_agents_are_found_by_name_in_the_order_of_their_creation(verbs):
             assert list(positions.by_name.items()) == [(block.names[row], block.node[row]) for row in living]
         else:
             getattr(block, verb)(*given_to_it)
+
+
+def test_a_deletion_is_noted_by_name_and_the_rows_of_others_as_they_are_then():
+    block = AgentBlock()
+    for row, name in enumerate("dacb"):
+        block.add(name, row)
+    version = block.structure.version
+    block.set(3, "teams", "red")
+    block.remove(0)
+    block.remove(2)
+    block.keep([1, 3])
+    block.add("c", 7)
+    noted = block.structure.since(version)
+    assert noted == [1, "d", "c", 2]
+    change = Succession(list("abcd"), noted, block.names, block.inactive)
+    assert (change.gone, change.rows, change.places) == ([1, 2, 3], [1, 2], [1, 2])
+    assert change.of(list("abcd"), ["b'", "c'"]) == ["a", "b'", "c'"]
+    assert block.structure.since(version - 1) is None

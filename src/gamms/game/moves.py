@@ -239,7 +239,7 @@ class TurnMoves:
         slot, action = self.slots[i], self.actions.get(i)
         if slot.flies:
             return action is not None and action.position not in (None, slot.agent.prev_position)
-        ended, now = None if action is None else action.progress, self.order.progress[slot.row]
+        ended, now = None if action is None else action.progress, self.order.progress[self.order.selection.rows[i]]
         return slot.travels and (now and now[:-1]) != (ended and ended[:-1])  # how it moves there is no matter
 
     def stop(self, i: int) -> bool:

@@ -396,7 +396,7 @@ class RuleSet:
     def warn_of_unknown_teams(self) -> None:
         """Warn about the teams that rules name and no agent plays for, once for each new rule."""
         for named in [one for one in self.unchecked if one in self.rules]:
-            teams = self._ctx.agent.teams
+            teams = sorted({*self._ctx.agent.block.teams}, key=str)  # which makes no members of large teams
             for team in getattr(named.rule, "teams", ()):
                 if team not in teams:
                     self._ctx.logger.warning(f"{named.name}: {UnknownName('team', team, teams)} No agent plays for it.")

@@ -42,7 +42,8 @@ class AgentSlot:
     Attributes:
         agent: the agent.
         fork: as given.
-        name, team, row: its own.
+        name, team: its own.
+        row: where it is in the block; orders of earlier turns know by their `selection` where it was.
         flies: whether it is in the air.
         speed: how far it may go in a turn, in the unit of the game; None for one edge.
         travels: whether it may be anywhere on an edge.
@@ -89,8 +90,8 @@ class AgentSlot:
         self.counts = state.counts.setdefault(self.name, dict.fromkeys(COUNTED, 0))
 
     def holds(self, agent: IAgent, access: TurnAccess) -> bool:
-        """Whether it still says what there is to say of an agent of this game."""
-        is_own = self.agent is agent and self.row == access.row and self.last is access.last
+        """Whether it still says what there is to say of an agent of this game, perhaps in another row."""
+        is_own = self.agent is agent and self.last is access.last
         is_equal = self.carried is access.carried and self.team == agent.team
         return is_own and is_equal and (self.flies or self.speed == agent.speed)
 
@@ -201,8 +202,12 @@ class LazySlots(Sequence[AgentSlot]):
         selection, names, teams = Selection([]), list[str](), list[Any]()
         if before is not None:
             selection, names, teams = before.selection, before.names, before.teams
-        self.selection: Selection = selection.after(change)
+        self._rows_version = block.rows_version
         self.names: list[str] = change.of(names, [block.names[row] for row in change.rows])
+        has_moved = before is not None and before._rows_version != block.rows_version
+        self.selection: Selection = (
+            Selection(list(map(block.row_of, self.names))) if has_moved else selection.after(change)
+        )
         self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
         rows = self.selection.rows
         self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
@@ -221,6 +226,8 @@ class LazySlots(Sequence[AgentSlot]):
             self._made = before._made.copy()
             for i in change.gone:
                 self._made.pop(before.names[i], None)
+            if has_moved:
+                number(self._made.values(), block)
             if "keys" in before.__dict__:
                 self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
 
@@ -308,6 +315,7 @@ class SlotMaker:
     ) -> None:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
+        self._rows_version = -1  # of the block when they were made
 
     def of_living(
         self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
@@ -327,6 +335,7 @@ class SlotMaker:
             table, made = DrawTable(seed, self._state), ()
         elif are_lazy == block.has_arrays:
             rows = block.structure.since(version)
+        rows_version, self._rows_version = self._rows_version, block.rows_version
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
         all_agents, access_of, left, born = (
             agents.agents,
@@ -346,7 +355,10 @@ class SlotMaker:
             agent = all_agents[name] if gone is None or when < born else gone
             slot = known.get(name)
             access = access_of(agent)
-            return slot if slot is not None and slot.holds(agent, access) else AgentSlot(agent, access, *given)
+            if slot is None or not slot.holds(agent, access):
+                return AgentSlot(agent, access, *given)
+            slot.row = access.row
+            return slot
 
         now = [block.names[row] for row in change.rows]
         if block.has_arrays:
@@ -354,7 +366,18 @@ class SlotMaker:
             slots = LazySlots(block, self._settings, make, self._state.counts, past, change)
             slots.make([name for name in now if name in known])
             return slots, None if rows is None else change
-        return change.of([] if rows is None else before, list(map(make, now))), None if rows is None else change
+        if rows is None:
+            return list(map(make, now)), None
+        living = change.of(before, list(map(make, now)))
+        if rows_version != block.rows_version:
+            number(living, block)
+        return living, change
+
+
+def number(slots: Iterable[AgentSlot], block: AgentBlock) -> None:
+    """Let slots say in which rows their agents are, which others have left."""
+    for slot in slots:
+        slot.row = block.row_of(slot.name)
 
 
 def restart_draws(slots: Iterable[AgentSlot]) -> None:

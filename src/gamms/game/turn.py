@@ -95,6 +95,8 @@ class TurnEngine:
                 slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
             if change is None:
                 self.update_counts()
+            elif before is not None and before.rows_version != block.rows_version:
+                self._note_left(before)
             groups = self._groups if self.is_moving else settings.order
             order = self._order = TurnOrder(slots, block, settings, groups, before, change)
             self._order_key, self._near = key, self._ctx.graph.graph.neighborhoods
@@ -136,8 +138,12 @@ class TurnEngine:
         if self._order is None:
             return
         self._order.update_counts()
-        if isinstance(self._order.slots, LazySlots):
-            names, agents, left = self._order.names, self._ctx.agent.agents, self._ctx.agent.storage.left
+        self._note_left(self._order)
+
+    def _note_left(self, order: TurnOrder) -> None:
+        """Enter the members of teams that were deleted since an order was made."""
+        if isinstance(order.slots, LazySlots):
+            names, agents, left = order.names, self._ctx.agent.agents, self._ctx.agent.storage.left
             gone = [name for name in left if name not in agents and is_among(name, names)]
             self._state.players |= {name: left[name][0] for name in gone}
 

@@ -3,6 +3,8 @@
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
+from itertools import compress, count
+from operator import not_
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -138,9 +140,8 @@ class AgentBlock:
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
         self.travellers: set[int] = set()
-        self.removed = 0
+        self.removed = self.rows_version = self._version = 0
         self.journal = journal
-        self.rows_version = 0
         self.structure = StructureLog()
         self.trusts_nodes = False
         self.graph = graph
@@ -149,7 +150,6 @@ class AgentBlock:
         self._changed: set[int] = set()  # rows; not published yet
         self._have_all_changed = False
         self._logs: list[ChangeLog] = []
-        self._version = 0
         self.under_way = UnderWay(self)
         self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
         self._located_revision: int | None = None  # of the graph, when the nodes of the other flyers were found
@@ -260,7 +260,7 @@ class AgentBlock:
                 self._show(name, column, len(column))
             else:
                 setattr(self, name, column)
-        self._renew()
+        self._derive()
         self._unlocated = set(self.flyers)
 
     def remove(self, row: int) -> None:
@@ -268,20 +268,21 @@ class AgentBlock:
         del self._row_of[self.names[row]]
         self.removed += 1
         self.rows_version += 1
-        self.structure.note_all(self.structure.version)
+        self.structure.note((row,))
 
     def keep(self, rows: list[int]) -> None:
         """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
-        self.removed = 0
+        self.removed, some = 0, Selection(rows)
+        self.structure.keep(rows, self.names)
         for name in BY_ROW:
             column = getattr(self, name)
             if isinstance(column, list):
-                setattr(self, name, [column[row] for row in rows])
+                setattr(self, name, some.of(column))
             else:
-                self._show(name, np.asarray(column)[rows], len(rows))
+                self._show(name, np.asarray(column).take(some.array), len(rows))
         self.journal.keep_rows(rows)
-        self._unlocated = {i for i, row in enumerate(rows) if row in self._unlocated}
-        self._renew()
+        self._unlocated = {*compress(count(), map(self._unlocated.__contains__, rows))}
+        self._derive()
 
     def succeed(self, block: "AgentBlock") -> None:
         """Take the place of another block: write as it does, with other versions than it had."""
@@ -540,19 +541,19 @@ class AgentBlock:
         if has_structure:
             self._find_travellers()
         else:
-            self._renew()
+            self._derive()
+            self.structure.note_all(self.structure.version)
 
     def _find_travellers(self) -> None:
-        self.travellers = {row for row, one in enumerate(self.progress) if one is not None and one.motion}
+        self.travellers = {row for row, one in compress(enumerate(self.progress), self.progress) if one and one.motion}
 
-    def _renew(self) -> None:
+    def _derive(self) -> None:
         """Derive again what follows from the columns, the rows of names among it."""
         self._row_of = {name: row for row, name in enumerate(self.names)}
         self.rows_version += 1
-        self.flyers = [row for row, kind in enumerate(self.kind) if kind]
-        self.inactive = {row for row, alive in enumerate(self.alive) if not alive}
+        self.flyers = [*compress(count(), self.kind)]
+        self.inactive = {*compress(count(), map(not_, self.alive))}
         self._find_travellers()
-        self.structure.note_all(self.structure.version)
         self._version += 1
         self._have_all_changed = True
 

@@ -35,7 +35,9 @@ class ChangeLog:
 
 
 class StructureLog:
-    """The rows of a block that came, or changed their life, team, speed or sensors, each under a version of its own.
+    """The rows of a block that came, went, or changed their life, team, speed or sensors, each under an own version.
+
+    It is for one reader, which asks for what has changed since the version at which it has asked last.
 
     Attributes:
         version: a number that changes with every row that is noted.
@@ -45,7 +47,7 @@ class StructureLog:
 
     def __init__(self) -> None:
         self._first = self.version = 0  # the version before the first of these
-        self._rows: list[int] = []
+        self._rows: list[int | str] = []
 
     def note(self, rows: Iterable[int]) -> None:
         """Note that these rows have changed."""
@@ -59,9 +61,18 @@ class StructureLog:
         self._first = self.version = version + 1
         self._rows = []
 
-    def since(self, version: int) -> list[int] | None:
-        """Return the rows that have changed since a version; None where all may have."""
-        return None if version < self._first else self._rows[version - self._first :]
+    def keep(self, rows: Sequence[int], names: Sequence[str]) -> None:
+        """Number rows as they are once only these are left, 0, 1, …; of those that go, note the names."""
+        if self._rows:
+            now = dict(zip(rows, count(), strict=False))
+            self._rows = [one if isinstance(one, str) else now.get(one, names[one]) for one in self._rows]
+
+    def since(self, version: int) -> list[int | str] | None:
+        """Return the rows that have changed since a version, and names of those that are gone; None: all may have."""
+        if version < self._first:
+            return None
+        self._rows, self._first = self._rows[version - self._first :], version
+        return self._rows.copy()
 
 
 class Succession:
@@ -69,7 +80,7 @@ class Succession:
 
     Args:
         before: the names of those.
-        rows: which have changed since.
+        rows: which have changed since, and the names of those whose rows are gone.
         names: by row.
         inactive: the rows of agents that are not alive.
 
@@ -79,16 +90,20 @@ class Succession:
     """
 
     def __init__(
-        self, before: Sequence[str], rows: Iterable[int], names: Sequence[str], inactive: Collection[int]
+        self, before: Sequence[str], rows: Iterable[int | str], names: Sequence[str], inactive: Collection[int]
     ) -> None:
-        changed = set(rows)
+        noted = set(rows)
+        changed: dict[str, int | None] = {one: None for one in noted if isinstance(one, str)}
+        # later, because one that came may have the name of one that is gone.
+        changed |= {names[one]: one for one in noted if not isinstance(one, str)}
+        ordered = sorted(changed)
         self.gone: list[int] = []
-        self.rows = sorted(changed.difference(inactive), key=names.__getitem__)
+        self.rows = [row for name in ordered if (row := changed[name]) is not None and row not in inactive]
         self._places = [] if before else [0] * len(self.rows)  # before which of those that are left they belong
-        for row in sorted(changed, key=names.__getitem__) if before else ():
-            name = names[row]
+        for name in ordered if before else ():
+            row = changed[name]
             i = bisect_left(before, name)
-            if row not in inactive:
+            if row is not None and row not in inactive:
                 self._places.append(i - len(self.gone))
             if i < len(before) and before[i] == name:
                 self.gone.append(i)
@@ -142,7 +157,7 @@ class Selection:
         self.rows = rows
 
     def after(self, change: Succession) -> "Selection":
-        """Return the rows of the living agents once they have changed."""
+        """Return the rows of the living agents once some have changed and none of the others is in another row."""
         now = Selection(change.of(self.rows, change.rows))
         if "array" in self.__dict__:
             now.array = change.of_array(self.array, change.rows)
