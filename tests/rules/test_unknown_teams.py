@@ -32,7 +32,10 @@ def test_a_team_without_agents_is_warned_about_at_the_first_turn_and_once(game, 
 def test_a_misspelt_winner_is_warned_about(game, heard):
     game.add(time_limit(2, winner="bleu"))
     game.run()
-    assert heard == ["time_limit: Unknown team 'bleu'. Did you mean 'blue'? No agent plays for it."]
+    assert heard == [
+        "time_limit: Unknown team 'bleu'. Did you mean 'blue'? No agent plays for it.",
+        "The winner 'bleu' is no team and no agent. Did you mean 'blue'?",
+    ]
 
 
 def test_a_rule_that_is_added_later_is_looked_at_when_it_begins(game, heard):
