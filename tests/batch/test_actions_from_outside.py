@@ -37,6 +37,14 @@ def actions_of(games):
     return {"moves": moves, "deeds": deeds, "messages": messages}
 
 
+@pytest.mark.parametrize("action", [-1, 5, (1 << 32) - 1, 1 << 32, 1 << 61])
+def test_a_number_beyond_the_legal_nodes_is_no_move(action):
+    with scene().batch(2) as games:
+        with pytest.raises(BadValue, match=f"action {action} of agent 'red_0' .* is not the number of a legal node"):
+            games.step({"red": np.full((2, 3), action)})
+        assert (games.turn == 0).all()
+
+
 @pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
 def test_deeds_and_messages_that_are_given_are_those_of_games_one_by_one(order, tmp_path):
     scenario = given_scene(order)

@@ -491,6 +491,20 @@ def test_games_go_on_from_any_rows_of_columns():
         assert (games.columns()["node"][rows] == others.columns()["node"]).all()
 
 
+def test_a_carrier_that_was_tagged_before_carries_its_flag_on_from_columns():
+    flags = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 12}}}
+    scenario = scene([TAG, flags, {"rule": "hold", "with": {"nodes": [3], "turns": 30}}], max_turns=60)
+    carriers, stops = ((("capture_flag", "flags"), name) for name in ("carriers", "stops"))
+    with scenario.batch(8, seed=1) as games, scenario.batch(8, seed=9) as others:
+        games.step(), games.step(), others.step()
+        columns = games.columns()
+        assert (columns[stops][columns[carriers] >= 0] > 0).any()
+        others.load(columns, 2)
+        for one in (games, others):
+            one.step({team: one.observe(team).counts - 1 for team in one.teams})
+        assert (others.columns()[carriers] == games.columns()[carriers]).all()
+
+
 def test_flights_of_a_team_on_the_ground_are_refused():
     with scene().batch(2) as games:
         with pytest.raises(BadValue, match="team 'red' was given flights, and none of its agents flies"):

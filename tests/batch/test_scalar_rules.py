@@ -383,6 +383,17 @@ def test_rules_that_need_the_turn_engine_get_it(rule, why, shares_memory):
         assert all(rule.__name__ in one and why in one for one in detached.values())
 
 
+def plans(ctx):
+    ctx.game.scores["depth"] += ctx.game.data["plan"]["depth"]
+
+
+def test_what_a_program_has_put_beside_the_data_of_rules_in_arrays_can_be_read():
+    with scene([FLAGS]).build(seed=1) as ctx:
+        ctx.game.data["plan"] = {"depth": 2}
+        ctx.game.add(plans)
+        assert not check(ctx, [1, 2])
+
+
 def banks(ctx):
     ctx.game.scores["bank"] = -(1 << 53) - ctx.seed % 2
 

@@ -58,6 +58,7 @@ def test_a_game_is_played_into_a_folder(folder):
     assert {path.name for path in (folder / "played").iterdir()} == {"game.html", "result.json", "game.ggr"}
     assert json.loads((folder / "played/result.json").read_text())["seed"] == 5
     assert done.stdout.index("game.html") < done.stdout.index("result.json")
+    assert "<title>People and machines" in (folder / "played/game.html").read_text()
 
 
 def test_a_page_has_a_picture_that_opens_the_replay(folder):

@@ -75,6 +75,11 @@ def test_every_summary_fits_on_its_line():
         assert "..." not in run(*group, "--help").stdout.partition("Commands:")[2]
 
 
+def test_a_group_without_a_command_shows_its_help():
+    for group in ("scenario", "osm", "experiment"):
+        assert run(group).output == run(group, "--help").output
+
+
 def test_an_error_of_a_strategy_shows_its_own_lines_and_who_played(folder):
     (folder / "players.py").write_text(
         "def step(state):\n    return state['legl'][0]\n\ndef play(state):\n    step(state)\n"

@@ -78,10 +78,10 @@ def test_many_seeds_are_the_games_of_each_seed(folder, jobs):
     assert list(rows[0]) == [
         "seed", "turns", "winner", "reason", "truncated", "score_red", "score_blue", "alive_red", "alive_blue",
     ]  # fmt: skip
-    red = sum(one.winner == "red" for one in expected)
-    assert f"5 games: red won {red} ({red / 5:.0%})" in done.stdout
+    red, blue = (sum(one.winner == team for one in expected) for team in ("red", "blue"))
     mean = sum(one.turns for one in expected) / 5
-    assert f"Mean length {mean:.1f} turns" in done.stdout
+    wins = f"red won {red} ({red / 5:.0%}), blue won {blue} ({blue / 5:.0%})"
+    assert f"5 games: {wins}. Mean length {mean:.1f} turns" in done.stdout
     assert [line.split()[0] for line in done.stdout.splitlines()[1:6]] == list("01234")
 
 

@@ -118,7 +118,12 @@ def test_errors_of_study_files_name_the_place(folder, change, sentence):
 
 @pytest.mark.parametrize(
     ("text", "sentence"),
-    [(b"  \n", "has nothing in it"), (b"\xff\xfe", "is not UTF-8"), (b"x" * 70_000, "has more than 65,536 bytes")],
+    [
+        (b"  \n", "has nothing in it"),
+        (b"\xff\xfe", "is not UTF-8"),
+        (b" " * 65_537, "has more than 65,536 bytes"),
+        (("ä" * 32_769).encode(), "has more than 65,536 bytes"),
+    ],
 )
 def test_a_consent_text_that_cannot_be_read_is_refused(folder, text, sentence):
     (folder / "consent.txt").write_bytes(text)

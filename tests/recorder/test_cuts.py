@@ -63,6 +63,16 @@ def test_one_that_is_seen_and_deleted_in_the_same_turn_is_gone():
     assert names_in(data) == [["red_0"], ["red_0", "blue_0"], ["red_0"], ["red_0"]]
 
 
+def test_one_that_goes_takes_no_other_that_is_seen_with_it():
+    ctx = pair_on_a_grid()
+    ctx.agent.create_agent("red_1", start_node_id=1, team="red", sensors=["eyes"], strategy=stay)
+    ctx.agent.create_agent("blue_1", start_node_id=2, team="blue", strategy=stay)
+    ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.agent.delete_agent("blue_1"))
+    with opened(io.BytesIO(cut_of(recorded(lambda ctx: ctx.game.run(4), ctx, sensed=True), "red"))) as recording:
+        gone = [(step["turn"], step["data"]["name"]) for step in recording.steps() if step["event"] == "AGENT_DELETE"]
+    assert gone == [(2, "blue_1")]
+
+
 def test_without_sightings_there_is_nothing_of_others():
     ctx = pair_on_a_grid()
     ctx.game.add(lambda ctx: ctx.game.data.update(secret="kept by a rule"))

@@ -201,6 +201,21 @@ def test_nothing_is_written_while_paused(ctx, version):
     assert (again.agent.get_agent("anna").current_node_id, again.agent.get_agent("anna").prev_node_id) == (1, 2)
 
 
+def test_agents_that_a_reset_brings_back_are_replayed_in_their_order(ctx):
+    for name in ("anna", "ben", "carl"):
+        ctx.agent.create_agent(name, start_node_id=0, strategy=lambda state: state.update(action=0))
+
+    def play(ctx):
+        ctx.game.step()
+        ctx.agent.delete_agent("anna")
+        ctx.game.step()
+        ctx.game.reset()
+        ctx.game.step()
+
+    again, _ = replayed(recorded(play, ctx))
+    assert list(ctx.agent.agents) == list(again.agent.agents) == ["anna", "ben", "carl"]
+
+
 @VERSIONS
 def test_a_paused_recording_is_stopped_after_it_goes_on(ctx, version):
     stream = io.BytesIO()

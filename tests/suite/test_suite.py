@@ -1,6 +1,7 @@
 """The benchmark suite: fixed tasks, and what a strategy achieves on them."""
 
 import json
+import os
 
 import pytest
 from typer.testing import CliRunner
@@ -109,6 +110,21 @@ def test_the_command_plays_code_in_a_file(tmp_path, monkeypatch):
     assert "pursuit-grid-c0505f71      6       0" in done.stdout
     assert json.loads((tmp_path / "gamms-suite" / "table.json").read_text())["games"] == [6]
     assert (tmp_path / "gamms-suite" / "pursuit-grid-c0505f71.ggr").exists()
+
+
+def test_the_command_names_errors_of_a_strategy_of_a_package(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(tmp_path / "packages")
+    (tmp_path / "packages" / "mine").mkdir(parents=True)
+    (tmp_path / "packages" / "mine" / "walks.py").write_text(
+        "import os\n\ndef fail(state):\n    raise ValueError(f'no way in {os.getpid()}')\n"
+    )
+    given = ["suite", "mine.walks:fail", "--only", FEW[0], "--seeds", "0:1", "--workers", "0"]
+    done = CliRunner().invoke(cli.app, given, catch_exceptions=False)
+    assert done.exit_code == 0
+    assert done.stderr.splitlines()[-1].startswith(
+        f"{FEW[0]}: 3 of 3 games have raised; ValueError: no way in {os.getpid()}"  # no process of its own
+    )
 
 
 def test_the_command_plays_all_baselines(tmp_path):

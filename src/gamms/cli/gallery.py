@@ -145,7 +145,7 @@ def _recorded(game: "Scenario", seed: int | None, folder: Path, html: Path) -> "
         result = ctx.game.run(progress=True)
     result.save(folder / "result.json")
     with recorder.open(recording) as whole:
-        whole.save(html, title=game.spec.name or "")
+        whole.save(html)
     return result
 
 

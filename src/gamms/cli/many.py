@@ -121,7 +121,7 @@ def _results(
                 show(f"{done} of {len(seeds)} games")
         finally:
             if pool is not None:
-                pool.shutdown(cancel_futures=True)
+                pool.shutdown()
 
 
 def _play_batch(game: "Scenario", strategies: Strategies, memory: int, seeds: Sequence[int]) -> "list[Result] | str":

@@ -99,12 +99,13 @@ def _consent(file: Path) -> str:
     """
     with file.open("rb") as stream:
         data = stream.read(_MOST_CONSENT + 1)
+    is_long = len(data) > _MOST_CONSENT
     try:
-        text = data.decode("utf-8-sig").strip()
+        text = "" if is_long else data.decode("utf-8-sig").strip()
     except UnicodeDecodeError as error:
         raise BadValue(f"{file}: the consent text is not UTF-8: {error}.") from None
-    if not text or len(data) > _MOST_CONSENT:
-        found = "has nothing in it" if not text else f"has more than {_MOST_CONSENT:,} bytes"
+    if not text:
+        found = f"has more than {_MOST_CONSENT:,} bytes" if is_long else "has nothing in it"
         raise BadValue(f"{file}: the consent text {found}. It is what participants read, and agree to.")
     return text
 
