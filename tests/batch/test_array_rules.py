@@ -337,6 +337,18 @@ def test_a_verb_says_what_is_wrong_with_what_it_got(mistake, play):
         play(rule)
 
 
+def test_an_agent_that_is_eliminated_twice_at_once_is_eliminated_once():
+    @gamms.array_rule
+    def rule(turn):
+        turn.eliminate([0, 0], [1, 1])
+
+    with scene().build(seed=1) as ctx:
+        ctx.game.add(rule)
+        with ctx.game.batch(1) as games:
+            games.step()
+            assert [event["kind"] for event in games.result(0).events] == ["eliminated"]
+
+
 def test_verbs_take_lists_and_one_agent_for_several_games():
     @gamms.array_rule
     def rule(turn):

@@ -394,6 +394,19 @@ def test_what_a_program_has_put_beside_the_data_of_rules_in_arrays_can_be_read()
         assert not check(ctx, [1, 2])
 
 
+def estimate(ctx):
+    agent = ctx.agent.get_agent("red_0")
+    agent.estimate = agent.estimate * 0.5 + agent.current_node_id
+    ctx.game.scores["estimate"] = float(agent.estimate.sum())
+
+
+def test_rules_in_arrays_change_attributes_that_are_arrays():
+    with scene([TAG]).build(seed=1) as ctx:
+        ctx.agent.get_agent("red_0").estimate = np.zeros(2)
+        ctx.game.add(estimate)
+        assert not check(ctx, [1, 2])
+
+
 def banks(ctx):
     ctx.game.scores["bank"] = -(1 << 53) - ctx.seed % 2
 

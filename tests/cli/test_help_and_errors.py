@@ -1,6 +1,7 @@
 """What `gamms` says of itself, and of what goes wrong."""
 
 import re
+import sys
 from pathlib import Path
 
 import pytest
@@ -8,6 +9,7 @@ from typer.testing import CliRunner
 
 import gamms
 from gamms import cli
+from gamms.cli import commands
 from gamms.cli.output import explained, rich_table
 from gamms.errors import BadValue
 
@@ -73,6 +75,14 @@ def test_each_help_has_examples_and_shows_flags_without_a_value(command):
 def test_every_summary_fits_on_its_line():
     for group in ([], ["scenario"], ["osm"], ["experiment"]):
         assert "..." not in run(*group, "--help").stdout.partition("Commands:")[2]
+
+
+def test_a_command_without_an_output_ends_without_an_error(monkeypatch):
+    monkeypatch.setattr(sys, "stdout", None)  # as Python has it where the output is closed
+    monkeypatch.setattr(sys, "argv", ["gamms", "--version"])
+    with pytest.raises(SystemExit) as end:
+        commands.run()
+    assert end.value.code == 0
 
 
 def test_a_group_without_a_command_shows_its_help():

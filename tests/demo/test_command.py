@@ -12,6 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gamms import cli, recorder
+from gamms.cli import play
 
 
 def run(*arguments):
@@ -136,7 +137,9 @@ def test_another_seed_plays_another_game(town, tmp_path):
     assert (tmp_path / "1" / "final.svg").read_bytes() != (tmp_path / "2" / "final.svg").read_bytes()
 
 
-def test_teams_may_have_names_and_sizes_of_their_own(town, tmp_path):
+def test_teams_may_have_names_and_sizes_of_their_own_up_to_a_thousand(town, tmp_path, monkeypatch):
+    monkeypatch.setattr(play, "_MOST_AGENTS", 3)  # in place of a thousand
+    assert "1 to 3 agents each" in run("--teams", "cats=4,dogs=2", "--out", tmp_path).stderr
     run("--max-turns", 20, "--map", town, "--teams", "cats=3,dogs=2", "--out", tmp_path)
     result = json.loads((tmp_path / "result.json").read_text())
     assert list(result["agents"]) == ["cats_0", "cats_1", "cats_2", "dogs_0", "dogs_1"]

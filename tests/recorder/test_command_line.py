@@ -78,6 +78,17 @@ def test_info_reads_version_2(path):
     assert sum(found["events"].values()) > 0
 
 
+def test_info_counts_the_agents_at_the_end_of_version_2(tmp_path):
+    with gamms.create_context(logger_config=QUIET) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.record.start(tmp_path / "old.ggr", version=2)
+        for name in ("anna", "bert", "carl"):
+            ctx.agent.create_agent(name, start_node_id=0)
+        ctx.agent.delete_agent("bert")
+        ctx.record.stop()
+    assert json.loads(run("info", tmp_path / "old.ggr", "--json").stdout)["agents"] == 2
+
+
 @pytest.mark.parametrize("command", ["info", "verify", "replay"])
 def test_what_is_no_recording_ends_in_one_sentence(tmp_path, command):
     (tmp_path / "no.ggr").write_text("no recording")

@@ -40,7 +40,7 @@ def new(
         text = re.sub(rf"(?<![\w.]){re.escape(module)}(?=:\w)", copy, text)
         text = text.replace(f"{module}.py", f"{copy}.py")
         files[f"{copy}.py"] = file
-    text = re.sub(r"^name: .*", f'name: "{name.name}"', text, count=1, flags=re.MULTILINE)
+    text = re.sub(r"^name: .*", f'name: "{name.name}"', text, flags=re.MULTILINE)
     text = text.replace(f"{source}.yaml", scenario.name)
     with made_folder(name):
         try:

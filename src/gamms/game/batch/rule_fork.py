@@ -20,7 +20,7 @@ from gamms.ir.agents import Progress
 from gamms.ir.columns import Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
-from gamms.plain import copied, why_not_plain
+from gamms.plain import copied, is_same, why_not_plain
 from gamms.text import shown
 from gamms.typing import IAgent
 
@@ -322,7 +322,7 @@ class RuleFork:
 
     def _attributes_now(self) -> list[dict[str, Any]] | None:
         """Return the attributes of the agents; None: those at the beginning of the cast."""
-        if self._are_plain and self._attributes == self._first_attributes:
+        if self._are_plain and is_same(self._attributes, self._first_attributes):
             return None
         self._last_attributes = [own.copy() for own in self._attributes]
         return self._last_attributes
