@@ -244,6 +244,19 @@ def test_strategies_that_prepare_games_are_played_one_by_one():
     assert not same({"red": strategy}).is_in_arrays
 
 
+def test_what_a_strategy_with_an_array_form_prepares_is_prepared_in_batches():
+    def strategy(state):
+        state["action"] = state["legal"][-1]
+
+    strategy.array_form = lambda view: view.counts - 1
+    strategy.prepare = lambda ctx: None if ctx.game.rules else ctx.game.add(bonus)
+    assert not same({"red": strategy}).is_in_arrays
+    with scene([]).batch(1, strategies={"red": strategy}) as games:
+        assert games.slow == "strategy, with what it prepares in a game"
+        games.run()
+        assert games.scores["turns"].tolist() == [20]
+
+
 def bonus(ctx):
     ctx.game.scores["turns"] += 1
 

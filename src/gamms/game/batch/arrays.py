@@ -13,7 +13,7 @@ from gamms.game.batch.arrivals import Arrivals
 from gamms.game.batch.asking import Asking
 from gamms.game.batch.begun import Beginning, remembers, why_not_begun
 from gamms.game.batch.channels import Outbox, Radio
-from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of
+from gamms.game.batch.columns import PlayedGame, Roster, agents_of, decider_of, preparing
 from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.delays import DelayedLooks
 from gamms.game.batch.forms import form_of
@@ -113,7 +113,8 @@ class ArrayEngine:
         if len(self._grounds) > 1:
             return f"agent {named} comes in a batch in which roads are closed"
         if agent.name not in self._kinds:
-            why = next((why for _, why in why_not_decided(game, [agent])), None)
+            why = next(map(_as_prepared, preparing(agent, settings["plans"])), None)
+            why = why or next((why for _, why in why_not_decided(game, [agent])), None)
             if why is None and agent.team in self._teams_asked:
                 why = "a team that is asked agent by agent"
             if why is not None:
@@ -504,10 +505,15 @@ def why_not_in_arrays(game: PlayedGame) -> str | None:
     not_called = why_not_called(game)
     found = [why_not_moved(game), *(why for is_so, why in reasons if is_so)]
     found += why_not_begun(game)
+    found += [_as_prepared(one) for agent in agents for one in preparing(agent, settings["plans"])]
     found += [f"{one}, with {not_asked}" for one in asked.values() if not_asked is not None]
     found += [f"{one}, with {not_called}" for one in scalar if not_called is not None]
     found += [one.rule.why_not_in_arrays(agents) for one in game.rules if hasattr(one.rule, "why_not_in_arrays")]
     return next((why for why in found if why is not None), None)
+
+
+def _as_prepared(decider: object) -> str:
+    return f"{as_code(decider)}, with what it prepares in a game"
 
 
 def why_not_decided(game: PlayedGame, agents: Sequence[IAgent]) -> Iterator[tuple[IAgent, str]]:

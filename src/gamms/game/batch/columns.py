@@ -239,6 +239,12 @@ def decider_of(agent: IAgent, plans: Mapping[Any, Plan]) -> Any:
     return plans[agent.team].function if agent.team in plans else agent.strategy
 
 
+def preparing(agent: IAgent, plans: Mapping[Hashable, Plan]) -> list[object]:
+    """Return which of the strategy of an agent and the plan of its team have a `prepare(ctx)`, which games call."""
+    found = [agent.strategy, getattr(plans.get(agent.team), "function", None)]
+    return [one for one in found if hasattr(one, "prepare") and not isinstance(one, type)]
+
+
 def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
     """Return the names of agents that may come, by team."""
     found: dict[Hashable, list[str]] = {}

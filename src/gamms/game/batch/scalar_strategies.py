@@ -435,11 +435,8 @@ def why_slower(game: PlayedGame, asked: Sequence[IAgent], num_games: int, *, are
 
 def why_not_asked(game: PlayedGame, agents: Sequence[IAgent]) -> str | None:
     """Return why agents cannot be asked one by one in games in arrays, in words; None: they can."""
-    settings = game.settings()
     sensors = [(agent, sensor) for agent in agents for sensor in getattr(agent, "sensors", {}).values()]
-    deciders = [decider_of(agent, settings["plans"]) for agent in agents]
     reasons = [
-        (any(hasattr(one, "prepare") for one in deciders), "what it prepares in a game"),
         (not all(getattr(sensor, "sees_world_only", False) for _, sensor in sensors), "sensors that may see more"),
         (
             any(_counts_looks(one) and look_of(one, by) is None for by, one in sensors),
