@@ -211,3 +211,41 @@ def test_messages_that_are_given_count_for_what_a_channel_takes():
         assert games.is_in_arrays
         assert games.result(0).errors == alone.result(0).errors
         assert len(games.result(0).errors) == 4
+
+
+def tell(state):
+    """Say something and rest; go to a node, stop on the way, and want to another one."""
+    state["outbox"] += [{"channel": name, "to": None, "body": state["turn"]} for name in ("radio", "wire")]
+    state["action"] = {"node_id": (1, None, 2, 2, 2, 2)[state["turn"]], "do": {"rest": None}}
+
+
+@gamms.array_strategy(of=tell)
+def tell_in_arrays(view):
+    for name in ("radio", "wire"):
+        view.send(name, True, int(view.turn[0]))
+    view.do("rest", True)
+    return view.towards(view.streets.rows(np.full(view.node.shape, 2)))
+
+
+@pytest.mark.parametrize("decide", ["turn", "arrival"])
+def test_agents_whose_actions_are_not_legal_neither_send_nor_do_anything(decide):
+    with gamms.create_context(logger_config={"level": "CRITICAL"}, game={"max_turns": 6}) as ctx:
+        for node, x in ((0, 0), (1, 10), (2, -10)):
+            ctx.graph.graph.add_node({"id": node, "x": x, "y": 0})
+        for edge, (source, target) in enumerate([(0, 1), (0, 2), (2, 0)]):  # there is no way back from node 1
+            ctx.graph.graph.add_edge({"id": edge, "source": source, "target": target, "length": 10.0})
+        for name, node in (("a", 0), ("b", 2)):
+            ctx.agent.create_agent(name, start_node_id=node, team="red", strategy=tell, speed=2.0)
+        ctx.game.speed_unit, ctx.game.deeds = "metres", {"rest": {}}
+        ctx.game.channels = {"radio": {"range_m": 99}, "wire": {"hops": 9, "max_bytes_per_turn": 1}}
+        ctx.game.step()
+        ctx.game.step()
+        ctx.game.decide = decide
+        with ctx.game.batch(seeds=[1, 2]) as games, ctx.game.fork(0).ctx as alone:
+            assert games.slow is None
+            games.run()
+            flaws = {error["agent"] for error in games.result(0).errors if "outbox" not in error["message"]}
+            assert flaws == {"a"}
+            for number, seed in enumerate((1, 2)):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())

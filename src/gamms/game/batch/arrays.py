@@ -329,11 +329,12 @@ class ArrayEngine:
             chosen, deeds = asking.ask(turn, actions, is_given | ~is_member, asked)
             if course is None:
                 moves, in_conflict = asking.moves(turn, chosen), None
-                turn.note_failures(moves.illegal)
+                asking.note(turn, moves.illegal)
             else:
-                moves = course.play(chosen, asking.at_arrivals)
+                moves = course.play(chosen, asking.at_arrivals, partial(asking.note, turn))
                 in_conflict = course.blocked
-            self._play_part(turn, moves, in_conflict, deeds, part)
+            illegal = {(one.at, one.agent) for one in (moves if course is None else course).illegal}
+            self._play_part(turn, moves, in_conflict, [one.without(illegal) for one in deeds], part)
         if len(turn.games):
             self._finish(turn, asking.outboxes)
 

@@ -3,14 +3,14 @@
 A round plays the next arrival of each game: games are at times of their own, and in each of them few agents arrive.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS
 from gamms.game.batch.columns import some_rows
-from gamms.game.batch.movement import Legs, Moves
+from gamms.game.batch.movement import Illegal, Legs, Moves
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.travel import ByMetres, Steps, Trip, motion_along
 from gamms.game.batch.turn import ArrayTurn
@@ -28,6 +28,8 @@ class Decided(NamedTuple):
 
 Ask = Callable[[ArrayTurn, BoolArray], Decided]
 """Asks some agents, (games, agents), of the games of a turn."""
+Note = Callable[[Sequence[Illegal]], None]
+"""Notes what agents did wrong that have decided, and which of their actions could not be done."""
 Resolve = Callable[[ArrayTurn, IntArray], BoolArray]
 """Returns which agents of the games of a turn, (games, agents), conflicts stop on the way to places."""
 
@@ -44,7 +46,10 @@ class Arrivals:
 
     Attributes:
         blocked: (games, agents) which agents conflicts have stopped.
+        illegal: the actions when the turn began that could not be done.
     """
+
+    illegal: Sequence[Illegal] = ()
 
     def __init__(
         self, state: GameArrays, turn: ArrayTurn, by: ByMetres, members: BoolArray, resolve: Resolve | None
@@ -60,13 +65,16 @@ class Arrivals:
         self._times = np.zeros(len(edge), np.int64)  # how often each has arrived
         self.blocked = np.zeros(members.shape, np.bool_)
 
-    def play(self, actions: IntArray, ask: Ask) -> Moves:
-        """Let agents do what they have decided when the turn began, and ask them wherever they arrive."""
+    def play(self, actions: IntArray, ask: Ask, note: Note) -> Moves:
+        """Let agents do what they have decided when the turn began, and ask them wherever they arrive.
+
+        `note` is called with the actions that could not be done, whenever agents have decided.
+        """
         games, by, state = self._turn.games, self._by, self._state
         try:
             state.now.clear()
-            self._begin(actions.ravel())
-            while self._pass_time(ask):
+            self._begin(actions.ravel(), note)
+            while self._pass_time(ask, note):
                 pass
         finally:
             by.edge[games], by.share[games], by.motion[games] = self._begun
@@ -75,15 +83,16 @@ class Arrivals:
             state.now.clear()
         return self._trip.moves()
 
-    def _begin(self, actions: IntArray) -> None:
+    def _begin(self, actions: IntArray, note: Note) -> None:
         trip, rows = self._trip, np.flatnonzero(self._members)
         is_going = self._by.is_going(self._turn.games).ravel()[rows]
         trip.decide(rows[~is_going], actions[rows[~is_going]])
         trip.go_on(rows[is_going], self._motion[rows[is_going]])
-        self._turn.note_failures(trip.illegal)
+        note(trip.illegal)
+        self.illegal = [*trip.illegal]
         self._depart(np.ones(len(self._turn.games), np.bool_), rows)
 
-    def _pass_time(self, ask: Ask) -> bool:
+    def _pass_time(self, ask: Ask, note: Note) -> bool:
         """Play the next arrival of each game; return whether there was one."""
         until = np.where(self._arrives, self._leg.until, np.inf).reshape(self._members.shape)
         now: FloatArray = until.min(axis=1, initial=np.inf)
@@ -96,7 +105,7 @@ class Arrivals:
         self._node[here], self._leg.edge[here], self._arrives[here] = self._trip.here[here], -1, False
         self._times[here] += 1
         self._trip.goes[here] = False
-        does_deeds = self._decide(now, decides, ask) if decides.any() else np.zeros(until.size, np.bool_)
+        does_deeds = self._decide(now, decides, ask, note) if decides.any() else np.zeros(until.size, np.bool_)
         is_lost = self._depart(games, here)
         lost = here[is_lost]
         if len(lost):
@@ -110,8 +119,8 @@ class Arrivals:
             self._turn.note_error(game, agent, WAITS if waits else NO_DEEDS)
         return True
 
-    def _decide(self, now: FloatArray, decides: BoolArray, ask: Ask) -> BoolArray:
-        """Ask agents that arrive now, (games,); return which of them do deeds."""
+    def _decide(self, now: FloatArray, decides: BoolArray, ask: Ask, note: Note) -> BoolArray:
+        """Ask agents that arrive now, (games,); return which of them do deeds, if what they decide is legal."""
         which: BoolArray = np.logical_or.reduce(decides, axis=1)
         rows = np.flatnonzero(decides)
         decided = ask(self._stand(which, now), decides[which])
@@ -119,7 +128,9 @@ class Arrivals:
         actions[which], does_deeds[which] = decided
         self._trip.illegal.clear()
         self._trip.decide(rows, actions.ravel()[rows])
-        self._turn.note_failures(self._trip.illegal)
+        note(self._trip.illegal)
+        for one in self._trip.illegal:
+            does_deeds[one.at, one.agent] = False
         return does_deeds.ravel()
 
     def _stand(self, which: BoolArray, now: FloatArray) -> ArrayTurn:

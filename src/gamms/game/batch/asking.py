@@ -6,12 +6,12 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms.game.batch.arrivals import Decided
-from gamms.game.batch.channels import Outbox
+from gamms.game.batch.channels import MOST_AT_ONCE, Outbox
 from gamms.game.batch.columns import places_of
 from gamms.game.batch.deeds import ArrayDeeds
 from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Ground
-from gamms.game.batch.movement import Moves, Route
+from gamms.game.batch.movement import Illegal, Moves, Route
 from gamms.game.batch.sight import DELAYS
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.turn import ArrayTurn, in_turns
@@ -105,6 +105,15 @@ class Asking:
         for one in deeds:
             does_deeds[one.at, one.agents] = True
         return Decided(actions, does_deeds)
+
+    def note(self, turn: ArrayTurn, illegal: Sequence[Illegal]) -> None:
+        """Note what those did wrong who were asked last; what they send whose actions are not legal is dropped."""
+        if illegal and self.outboxes:
+            is_dropped = np.zeros(self._state.node.shape, np.bool_)
+            is_dropped[turn.games[[one.at for one in illegal]], [one.agent for one in illegal]] = True
+            first = (self._moment - 1) * MOST_AT_ONCE
+            self.outboxes = [box.those(~is_dropped[box.at, box.senders] | (box.order < first)) for box in self.outboxes]
+        turn.note_failures(illegal)
 
     def _send(self, turn: ArrayTurn, boxes: list[Outbox]) -> None:
         """Take what agents want to send, and note what of it cannot be sent."""

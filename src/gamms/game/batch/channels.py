@@ -15,7 +15,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.plain import to_plain, why_not_plain
 from gamms.text import shown
 
-_MOST_AT_ONCE = 1 << 20  # messages of one agent in a turn
+MOST_AT_ONCE = 1 << 20  # messages of one agent in a turn
 
 
 class Outbox(NamedTuple):
@@ -43,7 +43,7 @@ class Outbox(NamedTuple):
 
     def sent_at(self, moment: int) -> "Outbox":
         """Return the messages, sent when agents were asked for that time in the turn."""
-        return self._replace(order=moment * _MOST_AT_ONCE + self.order)
+        return self._replace(order=moment * MOST_AT_ONCE + self.order)
 
 
 class Heard(NamedTuple):
@@ -190,8 +190,8 @@ class Radio(GameLog[list[_Sent]]):
             if len(those):
                 at, senders = number[box.at], box.senders
                 fates = Waves(self.channels[name], scene, at, senders, box.to.tolist()).outcomes(np.s_[:])
-                moment, order = np.divmod(box.order, _MOST_AT_ONCE)
-                place = (moment * len(self._roster.names) + senders) * _MOST_AT_ONCE + order
+                moment, order = np.divmod(box.order, MOST_AT_ONCE)
+                place = (moment * len(self._roster.names) + senders) * MOST_AT_ONCE + order
                 turns = scene.turns[at] + 1
                 sent.append(_Sent(name, box.at, turns, senders, box.to, box.bodies, place, *fates))
         self._pending.append(sent)

@@ -1,6 +1,6 @@
 """Deeds of many games at once: what strategies declare through their views, rules find in turns, and results list."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from operator import itemgetter
 from typing import Any, NamedTuple
 
@@ -42,6 +42,13 @@ class ArrayDeeds(NamedTuple):
     def those(self, which: Any) -> "ArrayDeeds":
         """Return some of the deeds: a mask, or their numbers."""
         return some_rows(self, which)
+
+    def without(self, actors: Collection[tuple[int, int]]) -> "ArrayDeeds":
+        """Return the deeds but those of some agents, each given with its game in the turn."""
+        if not actors:
+            return self
+        known = zip(self.at.tolist(), self.agents.tolist(), strict=True)
+        return self.those(np.array([actor not in actors for actor in known], np.bool_))
 
 
 def joined(parts: Sequence[ArrayDeeds]) -> ArrayDeeds:

@@ -153,10 +153,8 @@ class MovesOfTurn:
         for at, agent, kind in sorted(refused):
             self.note_error(at, agent, f"{kind}: {'; '.join(sorted(refused[at, agent, kind]))}")
         if refused:
-            keys = [list(zip(one.at.tolist(), one.agents.tolist(), strict=True)) for one in self._deeds]
             self._deeds = [
-                one.those(np.array([(*key, one.kind) not in refused for key in those], np.bool_))
-                for one, those in zip(self._deeds, keys, strict=True)
+                one.without({(at, agent) for at, agent, kind in refused if kind == one.kind}) for one in self._deeds
             ]
             self._refused = {}
         state.deeds.add(self.turn + 1, games, self._deeds)
@@ -248,7 +246,9 @@ class MovesOfTurn:
         return part
 
     def note_failures(self, illegal: Sequence[Illegal]) -> None:
-        """Note what agents did wrong that were asked, and which of their actions could not be done."""
+        """Note what agents did wrong that were asked, and whose actions could not be done: these send nothing."""
+        senders = {(int(self.games[one.at]), one.agent) for one in illegal}
+        self.failures[:] = [one for one in self.failures if not one.is_unsent or (one.game, one.agent) not in senders]
         self.failures += [Failure.illegal(int(self.games[i]), j, why) for i, j, why in illegal if self.alive[i, j]]
         for one in sorted(self.failures, key=itemgetter(0, 1, 2)):
             self._state.note_failure(one)
