@@ -133,3 +133,10 @@ def test_names_that_are_no_texts_are_refused(ctx, name):
         agent.deregister_sensor(name)
     with pytest.raises(TypeError, match="The name of an agent must be a string"):
         ctx.agent.delete_agent(name)
+
+
+@pytest.mark.parametrize("strategy", [random_walk, stay])
+def test_a_strategy_is_no_plan_of_a_team(ctx, strategy):
+    with pytest.raises(TypeError, match="is a strategy, which decides for one agent, and no plan of a team"):
+        ctx.game.command("red", strategy)
+    assert ctx.game.plans == {}

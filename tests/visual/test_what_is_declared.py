@@ -231,3 +231,13 @@ def test_a_sensor_that_was_declared_keeps_its_color_and_agents_theirs(ctx):
     commands = ctx.visual.draw_commands()
     assert colors_in(commands, 40) == {TEAL}
     assert {BLUE, TEAM_COLORS[1]} < colors_in(commands, 20)
+
+
+def test_a_misspelt_keyword_of_a_visual_is_warned_about(ctx, heard):
+    ctx.visual.set_agent_visual("anna", colour="red", size=3)
+    ctx.visual.set_graph_visual(nodecolor="red", width=1980, height=1080)
+    ctx.visual.set_sensor_visual("eyes", color="red", mine=1)
+    assert heard == [
+        "Visual 'anna': Unknown keyword 'colour'. Did you mean 'color'? It is left to drawers of your own.",
+        "Visual 'graph': Unknown keyword 'nodecolor'. Did you mean 'node_color'? It is left to drawers of your own.",
+    ]

@@ -142,9 +142,14 @@ class Game(RuleVerbs):
                 sensor is asked, and the agents have no states.
 
         Raises:
-            BadType: the plan cannot be called with one argument.
+            BadType: the plan cannot be called with one argument, or is a strategy of `gamms.strategies`.
         """
         as_key(team, "A team")
+        if getattr(plan, "__module__", "").startswith("gamms.strategies."):
+            raise BadType(
+                f"{shown(plan)} is a strategy, which decides for one agent, and no plan of a team: give it to the "
+                "agents, such as by create_agent(…, strategy=…)."
+            )
         others = {one: known for one, known in self.plans.items() if one != team}
         self.plans = others if plan is None else {**others, team: Plan(plan, arrays)}
         self._unchecked_plans.append(team)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple, Unpack, cast
 
-from gamms.arguments import as_float, as_int, as_key, as_name
+from gamms.arguments import as_float, as_int, as_key, as_name, misspelt
 from gamms.deciding import Guarded, Protected, outside_of_deciding, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, UnknownName
 from gamms.text import shown
@@ -88,6 +88,12 @@ _KINDS = {
     "cooldowns": _Kind(render_cooldowns, (), dict, dict),
 }
 _NAME_OF = {kind.drawer: name for name, kind in _KINDS.items()}
+_KEYWORDS = {  # of `set_…_visual`
+    "graph": GraphVisual.__optional_keys__,
+    "obstacles": ObstacleVisual.__optional_keys__,
+    "agent": AgentVisual.__optional_keys__,
+    "sensor": SensorVisual.__optional_keys__,
+}
 _DRAWING = "drawing"  # the kind of an artist whose commands are recorded
 
 
@@ -342,6 +348,10 @@ class Artists(Guarded):
         return artist
 
     def _made(self, kind: str, keywords: _Data, layer: int) -> Artist:
+        for hint in misspelt(keywords, sorted(_KEYWORDS[kind])):
+            self._ctx.logger.warning(
+                f"Visual {shown(keywords.get('name', kind))}: {hint} It is left to drawers of your own."
+            )
         spec = {"name": kind, "kind": kind, "keywords": keywords, "layer": layer, "visible": True}
         return cast("Artist", artist_of(self._ctx, spec))
 
