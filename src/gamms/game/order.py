@@ -14,6 +14,7 @@ import numpy as np
 from gamms import kernels
 from gamms.deciding import Deciders
 from gamms.errors import BadValue, GammsError, NoPath, UnknownName
+from gamms.game.around import Around, Surroundings
 from gamms.game.deeds import wanted_deeds
 from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, LazySlots
@@ -377,6 +378,7 @@ class Legality:
         self._ctx, self._settings = ctx, settings
         self.travel = Travel(ctx, settings)
         self._streets: Streets | None = None  # of the graph as it was when they were asked for
+        self._surroundings = Surroundings()
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return what an action leads to.
@@ -443,12 +445,13 @@ class Legality:
         if self._settings.legal == "any":
             return (here, *(id for id in graph.get_nodes() if id != here))
         speed = mover.speed or 0.0
-        near = [*graph.neighborhoods[here], *self._around(here, speed)]
+        near = self._around(here, speed).legal
         begun, covered = self._begun(mover, here)
-        if begun is not None:
-            left = edges_within(speed + covered) - 1.0  # less than the speed
-            near += [node for node, far in self._around(begun, speed).items() if far <= left]
-        return tuple(dict.fromkeys(near))
+        if begun is None:
+            return near
+        left = edges_within(speed + covered) - 1.0  # less than the speed
+        onward = [node for node, far in self._around(begun, speed).hops.items() if far <= left]
+        return tuple(dict.fromkeys([*near, *onward]))
 
     @property
     def streets(self) -> Streets:
@@ -495,20 +498,27 @@ class Legality:
             return ResolvedAction(path[0], (here, path[0]))
         begun, covered = self._begun(mover, here)
         if not is_route:
-            path = self._shortest(here, path[0], begun, covered)
+            path = self._shortest(mover.speed, here, path[0], begun, covered)
         return self._advance_along(mover.speed, here, path, covered if path[0] == begun else 0.0)
 
-    def _shortest(self, here: int, target: int, begun: int | None, covered: float) -> list[int]:
+    def _shortest(self, speed: float, here: int, target: int, begun: int | None, covered: float) -> list[int]:
         """Return the shortest path to a node, on from `here` or along the edge that the agent has begun."""
-        graph = self._ctx.graph.graph
         try:
-            path: list[int] = graph.shortest_path(here, target, None)[1:]
+            path = self._path(speed, here, target)
             if begun is not None and begun != path[0]:
-                left = 1.0 - covered + graph.distance(begun, target, None)
-                if left <= graph.distance(here, target, None):
-                    path = graph.shortest_path(begun, target, None)
+                onward = self._ctx.graph.graph.distance(begun, target, None)
+                if 1.0 - covered + onward <= len(path):
+                    path = [begun, *self._path(speed, begun, target)]
         except NoPath as error:
             raise BadValue(str(error)) from None
+        return path
+
+    def _path(self, speed: float, start: int, target: int) -> list[int]:
+        """Return the shortest path between nodes, without the first."""
+        around = self._around(start, speed)
+        if target in around.before:
+            return around.path(target)
+        path: list[int] = self._ctx.graph.graph.shortest_path(start, target, None)[1:]
         return path
 
     def _advance_along(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
@@ -528,14 +538,13 @@ class Legality:
             return None, 0.0
         return progress.target, progress.share
 
-    def _around(self, node: int, speed: float) -> dict[int, float]:
-        """Return the nodes within one turn at a speed, with the number of edges to each."""
-        # NOTE: always by a speed, because the graph keeps what it has found around a node for one cutoff.
-        cutoff = None if speed == inf else edges_within(speed)
-        if cutoff is not None and cutoff < 1.0:
-            return {node: 0.0}
-        near: dict[int, float] = self._ctx.graph.graph.distances(source=node, weight=None, cutoff=cutoff)
-        return near
+    def _around(self, node: int, speed: float) -> Around:
+        """Return the nodes within one turn at a speed."""
+        graph = self._ctx.graph.graph
+        if speed == inf:
+            hops: dict[int, float] = graph.distances(source=node, weight=None)
+            return Around(tuple(dict.fromkeys([*graph.neighborhoods[node], *hops])), hops, {})
+        return self._surroundings.of(graph, self.streets, node, floor(edges_within(speed)))
 
 
 def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
