@@ -37,6 +37,7 @@ def test_probabilities_diffuse_as_those_of_filters(edges, stay, turns):
         diffused = found.diffuse(masses, turns, stay)
         assert (diffused.reshape(6, 7) == filter.masses.T).all()
         assert (found.diffuse(masses[1, 2], turns, stay) == diffused[1, 2]).all()
+        assert (found.diffuse(masses) == found.diffuse(masses, turns=1)).all()
 
 
 @settings(max_examples=25, deadline=None, derandomize=True)

@@ -223,6 +223,7 @@ def test_a_film_may_be_written_into_the_folder_of_the_game(folder):
 
 def test_a_long_table_says_how_many_rows_it_leaves_out():
     table = rich_table(("number", "square"), [(str(i), str(i * i)) for i in range(1_502)])
+    assert [column.justify for column in table.columns] == ["left", "right"]
     assert [*table.columns[0].cells][-2:] == ["499", "and 1,002 more"]
     assert rich_table(("number",), [("1",)] * 500).row_count == 500
 

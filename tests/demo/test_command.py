@@ -9,6 +9,7 @@ from pathlib import Path
 
 import av
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 from gamms import cli, recorder
@@ -91,6 +92,9 @@ def test_what_is_not_installed_is_left_out_with_a_sentence(town, tmp_path, missi
     done = CliRunner().invoke(cli.app, ["demo", "--max-turns", "3", "--map", str(town), "--out", "out"])
     assert done.exit_code == 0, done.stderr
     check_what_is_left_out(tmp_path / "out", done.stdout, film, picture)
+    if film == ["game.gif"]:
+        with Image.open("out/game.gif") as gif:
+            assert (gif.height, gif.n_frames) == (640, 1 + 3)  # the start, and each turn
 
 
 def test_without_pygame_there_is_no_film(town, tmp_path):  # in a process that has not loaded it yet

@@ -1,6 +1,7 @@
 """`gamms experiment`, and files of experiments."""
 
 import csv
+import json
 import os
 import signal
 import subprocess
@@ -67,8 +68,10 @@ def test_a_file_is_played_and_its_summary_printed(folder):
     assert {row["strategies.blue"] for row in rows} == {"walking", "still"}
     assert all(row["moves.blue"] == "0" for row in rows if row["strategies.blue"] == "still")
     assert str(Path("results", "rows.csv")) in done.stdout
+    (folder / "results" / "rows.parquet").touch()  # of a run where the library was installed
     again = run("hunts.yaml", "--workers", 0)
     assert again.stdout.splitlines()[0] == "results has 12 games already; it goes on from there."
+    assert "rows.parquet: pip install" not in again.stdout
 
 
 def test_processes_give_the_same_files(folder):
@@ -94,7 +97,9 @@ def test_games_that_raise_are_counted(folder):
     (folder / "players.py").write_text("def stay(state):\n    raise ValueError('no')\n")
     done = run("hunts.yaml", "--workers", 0, "--seeds", "4,5")
     assert done.exit_code == 0
-    assert "4 of 8 games have raised; row " in done.stderr
+    rows = map(json.loads, (folder / "results" / "rows.jsonl").read_text().splitlines())
+    first = next(row["id"] for row in rows if row["error"])
+    assert f"4 of 8 games have raised; row {first}: ValueError: no" in done.stderr
     assert "ValueError: no" in done.stderr
 
 
