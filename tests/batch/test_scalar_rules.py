@@ -383,6 +383,17 @@ def test_rules_that_need_the_turn_engine_get_it(rule, why, shares_memory):
         assert all(rule.__name__ in one and why in one for one in detached.values())
 
 
+def looks_at_what_an_agent_was_told(ctx):
+    ctx.game.scores["told"] = len(ctx.game.facts_of("red_0"))
+
+
+def test_a_rule_that_reads_what_was_published_to_an_agent_gets_the_turn_engine():
+    with scene(max_turns=4).build(seed=1) as ctx:
+        ctx.game.publish(to="red_0", storm=3)
+        ctx.game.add(looks_at_what_an_agent_was_told)
+        assert ["what is published to agents" in why for why in check(ctx, [1, 2]).values()] == [True, True]
+
+
 def plans(ctx):
     ctx.game.scores["depth"] += ctx.game.data["plan"]["depth"]
 

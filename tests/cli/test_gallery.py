@@ -9,6 +9,7 @@ from pathlib import Path
 from threading import Thread
 
 import pytest
+from PIL import Image
 from typer.testing import CliRunner
 
 import gamms
@@ -68,6 +69,8 @@ def test_a_page_has_a_picture_that_opens_the_replay(folder):
     assert GAMES["people_and_machines"].spec.description in page
     assert "http" not in page, "it is for reading offline"
     assert (folder / "games/people_and_machines.png").stat().st_size < 60_000
+    with Image.open(folder / "games/people_and_machines.png") as still:
+        assert still.width * 3 == still.height * 4
     assert (folder / "games/people_and_machines.html").stat().st_size > 100_000
 
 

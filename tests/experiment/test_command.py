@@ -13,6 +13,7 @@ import pytest
 from typer.testing import CliRunner
 
 from gamms import cli, experiment
+from gamms.cli import experiments
 from gamms.experiment import folders
 from gamms.experiment.files import read_experiment
 from gamms.scenario import ScenarioError
@@ -56,7 +57,7 @@ def run(*arguments):
     return CliRunner().invoke(cli.app, ["experiment", *map(str, arguments)], catch_exceptions=False)
 
 
-def test_a_file_is_played_and_its_summary_printed(folder):
+def test_a_file_is_played_and_its_summary_printed(folder, monkeypatch):
     done = run("hunts.yaml", "--workers", 0)
     assert done.exit_code == 0
     assert done.stdout.splitlines()[0].split() == [
@@ -68,6 +69,11 @@ def test_a_file_is_played_and_its_summary_printed(folder):
     assert {row["strategies.blue"] for row in rows} == {"walking", "still"}
     assert all(row["moves.blue"] == "0" for row in rows if row["strategies.blue"] == "still")
     assert str(Path("results", "rows.csv")) in done.stdout
+    assert "variants together" not in done.stdout
+    monkeypatch.setattr(experiments, "_MOST_VARIANTS", 3)
+    together = run("hunts.yaml", "--workers", 0).stdout
+    assert "This is of all 4 variants together" in together
+    assert "teams.red.count" not in together
     (folder / "results" / "rows.parquet").touch()  # of a run where the library was installed
     again = run("hunts.yaml", "--workers", 0)
     assert again.stdout.splitlines()[0] == "results has 12 games already; it goes on from there."

@@ -63,6 +63,18 @@ def test_one_that_is_seen_and_deleted_in_the_same_turn_is_gone():
     assert names_in(data) == [["red_0"], ["red_0", "blue_0"], ["red_0"], ["red_0"]]
 
 
+def test_others_are_dead_or_alive_as_they_are():
+    ctx = pair_on_a_grid()
+    ctx.sensor.create_sensor("late", SensorType.AGENT_RANGE, sensor_range=30.0, delay_turns=1)
+    ctx.agent.get_agent("red_0").register_sensor("late", ctx.sensor.get_sensor("late"))
+    ctx.agent.create_agent("blue_1", start_node_id=2, team="blue", strategy=stay)
+    ctx.game.add(lambda ctx: ctx.game.turn == 2 and ctx.game.eliminate("blue_1"))
+    with opened(io.BytesIO(cut_of(recorded(lambda ctx: ctx.game.run(3), ctx, sensed=True), "red"))) as recording:
+        agents = recording[2].agents
+    assert agents["name"].tolist() == ["red_0", "blue_0", "blue_1"]
+    assert agents["alive"].tolist() == [True, True, False]  # of which red hears late
+
+
 def test_one_that_goes_takes_no_other_that_is_seen_with_it():
     ctx = pair_on_a_grid()
     ctx.agent.create_agent("red_1", start_node_id=1, team="red", sensors=["eyes"], strategy=stay)

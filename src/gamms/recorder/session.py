@@ -86,7 +86,7 @@ class RecordingSession:
         seed: of the context when the first turn was over.
     """
 
-    def __init__(self, ctx: HostContext, *, with_sensed: bool = False, with_drawings: bool = False) -> None:
+    def __init__(self, ctx: HostContext, *, with_sensed: bool, with_drawings: bool) -> None:
         self.ctx = ctx
         self._with_sensed = with_sensed
         self._versions: tuple[Any, ...] = ()  # of what was recorded, to see in each turn whether anything has changed
