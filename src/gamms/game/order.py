@@ -379,6 +379,7 @@ class Legality:
         self.travel = Travel(ctx, settings)
         self._streets: Streets | None = None  # of the graph as it was when they were asked for
         self._surroundings = Surroundings()
+        self._ids: tuple[Streets | None, tuple[int, ...]] = None, ()  # of all nodes, and of which map
 
     def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
         """Return what an action leads to.
@@ -443,7 +444,7 @@ class Legality:
         if mover.travels:
             return self.travel.reachable(mover.row, here, mover.speed)
         if self._settings.legal == "any":
-            return (here, *(id for id in graph.get_nodes() if id != here))
+            return self._anywhere(here)
         speed = mover.speed or 0.0
         near = self._around(here, speed).legal
         begun, covered = self._begun(mover, here)
@@ -452,6 +453,14 @@ class Legality:
         left = edges_within(speed + covered) - 1.0  # less than the speed
         onward = [node for node, far in self._around(begun, speed).hops.items() if far <= left]
         return tuple(dict.fromkeys([*near, *onward]))
+
+    def _anywhere(self, here: int) -> tuple[int, ...]:
+        """Return all nodes, the agent's own first."""
+        streets = self.streets
+        if self._ids[0] is not streets:
+            self._ids = streets, tuple(streets.columns.node_ids.tolist())
+        ids, row = self._ids[1], int(streets.rows([here])[0])
+        return (here, *ids[:row], *ids[row + 1 :])
 
     @property
     def streets(self) -> Streets:
