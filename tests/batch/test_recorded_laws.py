@@ -56,7 +56,8 @@ def test_a_recording_of_a_game_of_a_batch_is_that_of_the_game_alone(
     red, blue, rules, settled, conflicts, max_turns, outside, tmp_path_factory
 ):
     folder, rng = tmp_path_factory.mktemp("games"), np.random.default_rng(1)
-    given = {"settings": settled, "channels": {"radio": {"range_m": 30.0}}, "max_turns": max_turns, "sensors": EYES}
+    radio = {"range_m": 30.0, "max_bytes_per_turn": 3}
+    given = {"settings": settled, "channels": {"radio": radio}, "max_turns": max_turns, "sensors": EYES}
     given |= conflicts
     scenario = scene(rules, teams={"red": red, "blue": blue}, **given)
     with (
@@ -64,7 +65,13 @@ def test_a_recording_of_a_game_of_a_batch_is_that_of_the_game_alone(
         scenario.batch(2, seed=5, record=True, one_by_one=True) as others,
     ):
         while outside and not games.is_over.all():
-            actions = {team: games.observe(team).counts * 0 + rng.integers(2) for team in outside}
+            actions = {
+                team: {
+                    "moves": games.observe(team).counts * 0 + rng.integers(2),
+                    "messages": {"radio": (True, int(rng.integers(3)) * 999, rng.choice([team, None]))},
+                }
+                for team in outside
+            }
             for batch in (games, others):
                 batch.step(actions, on_illegal="stay")
         for batch in (games, others):
