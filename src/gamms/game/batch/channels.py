@@ -154,27 +154,31 @@ class Radio(GameLog[list[_Sent]]):
         is_bounded = channel.max_bytes_per_turn is not None
         if not is_bounded and all(to is None for to in box.to):
             return errors
-        for row, (game, sender, to, body) in enumerate(
-            zip(box.at.tolist(), box.senders.tolist(), box.to, box.bodies, strict=True)
-        ):
+        there = [b""] * len(is_there) if is_there.all() else [one.tobytes() for one in is_there]
+        ways = [
+            (box.channel, sender, to, there[game])
+            for game, sender, to in zip(box.at.tolist(), box.senders.tolist(), box.to, strict=True)
+        ]
+        if not is_bounded and self._have_receivers.issuperset(ways):
+            return errors
+        for row, (game, way, body) in enumerate(zip(box.at.tolist(), ways, box.bodies, strict=True)):
             try:
-                if to is not None:
-                    self._check_receivers(channel, sender, to, is_there[game])
+                if way not in self._have_receivers:
+                    self._check_receivers(channel, *way[1:3], is_there[game])
+                    self._have_receivers.add(way)
                 if is_bounded:
                     if id(body) not in sizes:
                         sizes[id(body)] = size_of(to_plain(body))
-                    key = box.channel, game, sender
+                    key = box.channel, game, way[1]
                     left[key] = left_after(sizes[id(body)], left.get(key, channel.max_bytes_per_turn), channel)
             except GammsError as error:
                 errors[row] = error
         return errors
 
     def _check_receivers(self, channel: Channel, sender: int, to: Hashable, is_there: BoolArray) -> None:
-        key = channel.name, sender, to, is_there.tobytes()
-        if key not in self._have_receivers:
+        if to is not None:
             there = zip(self.teams.items(), is_there.tolist(), strict=True)
             check_receivers(to, self._roster.names[sender], channel, dict(one for one, is_here in there if is_here))
-            self._have_receivers.add(key)
 
     def send(self, games: IntArray, scene: Scene, outboxes: Sequence[Outbox]) -> None:
         """Work out who hears what is sent in these games of the scene; what dead agents send is dropped."""
