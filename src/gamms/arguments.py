@@ -338,6 +338,7 @@ def as_text(value: object, name: str, form: str = "a string") -> str:
 
 
 _VARIADIC = 0x04  # the flag of code objects that take *args
+_GENERATOR = 0x220  # the flags of those with a yield
 
 
 def as_function_of(value: object, name: str, argument: str) -> Any:
@@ -362,6 +363,9 @@ def as_function_of(value: object, name: str, argument: str) -> Any:
             f"{name} must be a function of {argument} alone, and {made_by}{signature_of(value)} is not. If it "
             f"makes such a function, call it, {made_by}(…), and pass what it returns."
         )
+    code = getattr(getattr(value, "__func__", value), "__code__", None)
+    if code is not None and code.co_flags & _GENERATOR:
+        raise BadType(f"{name} must not be a generator, and {made_by} has a yield: nothing of it would be done.")
     return value
 
 

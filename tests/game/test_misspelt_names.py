@@ -1,3 +1,5 @@
+from io import BytesIO
+
 import pytest
 
 from gamms.rules import Conflicts, capture_flag, last_team, tag, time_limit
@@ -140,3 +142,47 @@ def test_a_strategy_is_no_plan_of_a_team(ctx, strategy):
     with pytest.raises(TypeError, match="is a strategy, which decides for one agent, and no plan of a team"):
         ctx.game.command("red", strategy)
     assert ctx.game.plans == {}
+
+
+def with_yield(given):
+    yield given
+
+
+async def awaited(given):
+    pass
+
+
+def test_functions_of_which_nothing_would_be_done_are_refused(ctx):
+    with pytest.raises(TypeError, match="A rule must not be a generator, and with_yield has a yield"):
+        ctx.game.add(with_yield)
+    with pytest.raises(TypeError, match="A rule must not be an async def, and awaited is one"):
+        ctx.game.add(awaited)
+    with pytest.raises(TypeError, match="A strategy must not be a generator"):
+        ctx.agent.create_agent("a", start_node_id=0, strategy=with_yield)
+    with pytest.raises(
+        TypeError, match=r"Collector 'x' must be a function of the context alone, and <lambda>\(\) is not"
+    ):
+        ctx.game.collect("x", lambda: 1)
+    assert (ctx.game.rules, list(ctx.agent.agents)) == ((), [])
+
+
+def test_an_event_keeps_its_turn(ctx):
+    with pytest.raises(ValueError, match="An event has the turn in which it is emitted"):
+        ctx.game.emit("met", turn=3)
+    assert list(ctx.game.events) == []
+
+
+def test_an_agent_on_a_node_that_was_removed_is_named(ctx):
+    ctx.agent.create_agent("anna", start_node_id=0, strategy=random_walk)
+    ctx.graph.graph.remove_node(0)
+    with pytest.raises(KeyError, match="Unknown node 0") as caught:
+        ctx.game.run(1)
+    assert "Agent 'anna' is on node 0, which is not on the map any more" in caught.value.__notes__[0]
+
+
+def test_data_that_a_recording_leaves_out_are_warned_about(ctx, heard):
+    ctx.record.start(BytesIO())
+    ctx.game.data.update(x=object(), y=1)
+    ctx.record.stop()
+    assert [one for one in heard if "'y'" in one] == []
+    assert any(one.startswith("Data of the game has 'x' with something in it that is no plain value") for one in heard)

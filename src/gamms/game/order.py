@@ -29,6 +29,7 @@ from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg, Track
+from gamms.typing.graph_engine import IGraph
 
 
 class Commanded:
@@ -329,6 +330,18 @@ class TurnOrder:
         self._moved = None if are_few else np.zeros(agents, np.int32)
         self._turns, self._stayed = 0, []
         self._blocked = np.zeros(0 if are_few else agents, np.int32)
+
+
+def note_lost(error: BaseException, order: TurnOrder, graph: IGraph) -> None:
+    """Name in an error the first agent that is on a node which is no longer on the map, if one is."""
+    for slot in order.slots if isinstance(error, UnknownName) else ():
+        node = order.block.node[slot.row]
+        if not slot.flies and not graph.has_node(node):
+            error.add_note(
+                f"Agent {slot.name!r} is on node {node}, which is not on the map any more: put it on another one, or "
+                "delete it."
+            )
+            return
 
 
 def is_among(name: str, names: Sequence[str]) -> bool:

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from gamms.arguments import as_choice, as_key, as_path, as_target, as_text
-from gamms.errors import BadFile, BadType, Duplicate, UnknownName, nearest
+from gamms.arguments import as_choice, as_function_of, as_key, as_path, as_target, as_text
+from gamms.errors import BadFile, Duplicate, UnknownName, nearest
 from gamms.folders import write_whole
 from gamms.ir.game_state import LogHistory, LogPoint
 from gamms.ir.messages import message_table
@@ -372,9 +372,8 @@ class Collectors:
         """Add a collector; see `Game.collect`."""
         if name in self.by_name:
             raise Duplicate("a collector", name)
-        if not callable(fn):
-            raise BadType(f"Collector {shown(name)} needs a function, not {shown(fn)}.")
         as_choice(as_text(per, "per"), "per", ("game", "agent"))
+        as_function_of(fn, f"Collector {shown(name)}", "the context" if per == "game" else "an agent")
         names = ("turn", "value") if per == "game" else ("turn", "agent", "value")
         columns: dict[str, list[Any]] = {column: [] for column in names}
         self.by_name[name] = Collector(fn, every, per, columns, {column: LogHistory() for column in names})

@@ -146,7 +146,13 @@ class RuleVerbs(Settings):
 
     @refused_while_deciding
     def emit(self, kind: str, **data: Plain) -> None:
-        """Note that something happened; it is in `events` and in the result. Values should be plain."""
+        """Note that something happened; it is in `events` and in the result. Values should be plain.
+
+        Raises:
+            BadValue: `data` has a turn, which an event has in any case.
+        """
+        if "turn" in data:
+            raise BadValue("An event has the turn in which it is emitted: give turn= another name, such as until=.")
         turn = self._state.turn + self._turns.is_moving
         self._state.events.append({"turn": turn, "kind": as_name(kind, "a kind of event"), **data})
 

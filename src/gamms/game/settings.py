@@ -1,6 +1,7 @@
 """What a game is played by: settings that are checked when they are set, plans of teams, and rules in their order."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from inspect import iscoroutinefunction
 from typing import Any, Literal, NamedTuple, Unpack
 
 from gamms.arguments import as_bool, as_count, as_function_of, as_items, as_key, as_known, as_name, as_positive, as_text
@@ -321,7 +322,8 @@ class RuleSet:
         """Add a rule; see `Game.add`."""
         if callable(getattr(rule, "resolve", None)):
             raise BadType(f"{shown(rule)} is no rule: set ctx.game.conflicts to what decides conflicts of moves.")
-        as_function_of(rule, "A rule", "the context")
+        if iscoroutinefunction(as_function_of(rule, "A rule", "the context")):
+            raise BadType(f"A rule must not be an async def, and {_name_of(rule)} is one: it is not awaited.")
         taken = {one.name for one in self.rules}
         if name is not None and as_name(name, "a rule") in taken:
             raise Duplicate("a rule", name)

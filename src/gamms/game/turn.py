@@ -17,7 +17,7 @@ from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, sent
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
-from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of, is_among
+from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of, is_among, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.game_state import GameState, in_conflict
@@ -235,7 +235,8 @@ class TurnEngine:
             if self._outgoing:
                 agents = [slot.agent for slot in self.order().slots]
                 state.messages += sent(self._ctx, agents, self._outgoing, state.turn)
-        except BaseException:  # what was drawn is drawn again when the turn is played
+        except BaseException as error:  # what was drawn is drawn again when the turn is played
+            note_lost(error, self._order or order, self._ctx.graph.graph)
             restart_draws(made_slots((self._order or order).slots))
             raise
         finally:

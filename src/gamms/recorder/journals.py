@@ -45,6 +45,14 @@ class SkippedValues:
                 self.plain_part("agent", name, attributes)
         self.check_sensors(self._ctx.sensor.storage.described())
 
+    def check_data(self) -> None:
+        """Warn of what rules remember that cannot be written."""
+        left_out: list[Any] = []
+        if self._ctx.current_game is not None:
+            plain_subset(self._ctx.game.data, left_out)
+        for key in left_out:
+            self._warn("data", "of the game", key)
+
     def check_sensors(self, described: list[dict[str, Any]]) -> None:
         """Warn of values of these sensors that cannot be written."""
         for sensor in described:

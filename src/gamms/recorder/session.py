@@ -238,6 +238,7 @@ class RecordingSession:
             return  # and has said so
         if not self.is_paused:
             self._note_changes()
+        self._skipped.check_data()
         log = self._journal.log
         if log:
             log.append((kinds.UNFINISHED, {}))
