@@ -213,6 +213,39 @@ def test_messages_that_are_given_count_for_what_a_channel_takes():
         assert len(games.result(0).errors) == 4
 
 
+def summon(state):
+    """Send something to an agent that may come, and to the own team."""
+    state["outbox"] += [{"channel": "radio", "to": to, "body": state["turn"]} for to in ("red_3", "red")]
+    state["action"] = state["curr_pos"]
+
+
+@gamms.array_strategy(of=summon)
+def summon_in_arrays(view):
+    for to in ("red_3", "red"):
+        view.send("radio", True, int(view.turn[0]), to=to)
+    return view.counts * 0
+
+
+def reinforce(ctx):
+    if ctx.game.turn == 2 + ctx.seed % 2:
+        strategy = ctx.agent.get_agent("red_0").strategy
+        ctx.agent.create_agent("red_3", start_node_id=0, team="red", strategy=strategy)
+
+
+@pytest.mark.parametrize("red", [1, 3])
+def test_messages_to_agents_that_have_not_come_yet_are_errors(red):
+    scenario = scene([], red=red, max_turns=5, channels={"radio": {"range_m": 40.0}})
+    with scenario.build(seed=1, strategies={"red": summon, "blue": summon}) as ctx:
+        ctx.game.add(reinforce)
+        with ctx.game.batch(seeds=[4, 5], most_agents={"red": ["red_3"]}) as games, ctx.game.fork(0).ctx as alone:
+            games.run()
+            assert not games.detached
+            for number, seed in enumerate((4, 5)):
+                alone.game.reset(seed=seed)
+                assert plain(games.result(number)) == plain(alone.game.run())
+        assert any("Unknown agent or team 'red_3'" in error["message"] for error in games.result(0).errors)
+
+
 def tell(state):
     """Say something and rest; go to a node, stop on the way, and want to another one."""
     state["outbox"] += [{"channel": name, "to": None, "body": state["turn"]} for name in ("radio", "wire")]

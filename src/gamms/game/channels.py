@@ -285,9 +285,9 @@ def check_receivers(to: Hashable, sender: str, channel: Channel, teams: Mapping[
     """
     addressed = receivers_of(to, teams)
     if not addressed:
-        raise UnknownName(
-            "agent or team", to, [*teams, *dict.fromkeys(team for team in teams.values() if team is not None)]
-        )
+        names = sorted(teams)
+        named = dict.fromkeys(team for team in map(teams.__getitem__, names) if team is not None)
+        raise UnknownName("agent or team", to, [*names, *named])
     others = [name for name in addressed if name != sender]
     if not others:
         raise BadValue(f"A message to {shown(to)} would come to no agent but its sender.")
