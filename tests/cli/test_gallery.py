@@ -4,6 +4,7 @@ import json
 import os
 import re
 import sys
+from html import escape
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -67,6 +68,7 @@ def test_a_page_has_a_picture_that_opens_the_replay(folder):
     page = (folder / "games/index.html").read_text()
     assert '<a href="people_and_machines.html"><img src="people_and_machines.png"' in page
     assert GAMES["people_and_machines"].spec.description in page
+    assert f"By the baselines: {escape(str(records()['people_and_machines']))}." in page
     assert "http" not in page, "it is for reading offline"
     assert (folder / "games/people_and_machines.png").stat().st_size < 60_000
     with Image.open(folder / "games/people_and_machines.png") as still:

@@ -4,6 +4,11 @@ import csv
 import json
 import os
 import re
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
 
 import av
 import pytest
@@ -132,6 +137,33 @@ def test_code_from_elsewhere_is_announced_and_the_callers_own_is_not(folder, tmp
     assert [line for line in done.stdout.splitlines() if line.startswith("imports")] == [
         f"imports --strategy red: mine:play, from {elsewhere}"
     ]
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals of POSIX")
+def test_a_game_is_served_until_ctrl_c_and_its_result_is_there_before(folder, monkeypatch):
+    pytest.importorskip("uvicorn")
+    results = []
+
+    def wait_for_the_end():
+        try:
+            until = time.monotonic() + 60.0
+            while "The last turn is served" not in Path("said").read_text() and time.monotonic() < until:
+                time.sleep(0.02)
+            results.append(Result.load("served/result.json"))
+        finally:
+            signal.pthread_kill(threading.main_thread().ident, signal.SIGINT)
+
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # shells ignore it for what runs behind them
+    waiting = threading.Thread(target=wait_for_the_end)
+    with Path("said").open("w", buffering=1) as said:
+        monkeypatch.setattr(sys, "stdout", said)
+        waiting.start()
+        words = ["run", "game.yaml", "--web", "--seed", "3", "--out", "served"]
+        cli.app(words, standalone_mode=False)
+    waiting.join()
+    signal.signal(signal.SIGINT, before)
+    assert results == [scenario.load("game.yaml").play(seed=3)]
+    assert (folder / "served" / "game.ggr").exists()
 
 
 def test_the_game_is_shown_in_a_window(folder, monkeypatch):

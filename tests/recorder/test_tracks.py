@@ -152,6 +152,8 @@ def test_the_command_line_writes_tracks(game, tmp_path):
     assert "2025-06-15T15:06:45Z" in (tmp_path / "c.gpx").read_text()
     again = CliRunner().invoke(app, ["convert", str(tmp_path / "game.ggr"), str(tmp_path / "c.gpx")])
     assert again.exit_code != 0
+    CliRunner().invoke(app, ["convert", str(tmp_path / "game.ggr"), str(tmp_path / "d.gpx")])
+    assert "2025-06-15T15:06:41Z" in (tmp_path / "d.gpx").read_text(), "by default a turn takes a second"
 
 
 def test_the_command_line_converts_maps(tmp_path):

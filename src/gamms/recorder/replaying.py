@@ -198,20 +198,10 @@ class LiveAgents(AgentsState):
             if len(numbers) != _PLACES[key]:
                 raise BadValue(f"{shown(key)} has {_PLACES[key]} numbers, and not {shown(numbers)}.")
         with self._engine.block.accepting_any_node():
-            agent = self._engine.create_agent(name, **self._with_known_sensors(kwargs))
+            agent = self._engine.create_agent(name, **kwargs)
         self._block.write(self._block.row_of(agent.name), places)
         self.names[self.following] = name
         self.following += 1
-
-    def _with_known_sensors(self, given: dict[str, Any]) -> dict[str, Any]:
-        """Return the keywords of an agent without sensors that are not here."""
-        sensors, known = given.get("sensors") or (), self._ctx.sensor.sensors
-        if all(sensor_id in known for sensor_id in (sensors.values() if isinstance(sensors, dict) else sensors)):
-            return given
-        self._ctx.logger.error("Sensors that are not here are left out of the replay.")
-        if isinstance(sensors, dict):
-            return given | {"sensors": {name: one for name, one in sensors.items() if one in known}}
-        return given | {"sensors": [one for one in sensors if one in known]}
 
     def remove(self, name: str) -> None:
         """Delete an agent."""

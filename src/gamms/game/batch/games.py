@@ -73,9 +73,9 @@ class Batch:
         source: BatchSource,
         seeds: Sequence[int],
         *,
-        record: bool = False,
-        library: ArrayLibrary | None = None,
-        most_agents: MostAgents | None = None,
+        record: bool,
+        library: ArrayLibrary | None,
+        most_agents: MostAgents | None,
     ) -> None:
         self._source, self.seeds, self.library = source, seeds, library
         self.slow, asked = source.follows_seed or why_not_in_arrays(source.game), teams_asked(source.game)
