@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 import time
+from collections import Counter
 from pathlib import Path
 
 import av
@@ -83,6 +84,10 @@ def test_many_seeds_are_the_games_of_each_seed(folder, jobs):
     assert list(rows[0]) == [
         "seed", "turns", "winner", "reason", "truncated", "score_red", "score_blue", "alive_red", "alive_blue",
     ]  # fmt: skip
+    living = [Counter(one["team"] for one in result.agents.values() if one["alive"]) for result in expected]
+    assert [(row["alive_red"], row["alive_blue"]) for row in rows] == [
+        (str(one["red"]), str(one["blue"])) for one in living
+    ]
     red, blue = (sum(one.winner == team for one in expected) for team in ("red", "blue"))
     mean = sum(one.turns for one in expected) / 5
     wins = f"red won {red} ({red / 5:.0%}), blue won {blue} ({blue / 5:.0%})"
