@@ -2,6 +2,7 @@ from io import BytesIO
 
 import pytest
 
+from gamms.errors import UnknownName
 from gamms.rules import Conflicts, capture_flag, last_team, tag, time_limit
 from gamms.strategies import chase, first, random_walk, stay
 
@@ -107,8 +108,14 @@ class Callable:
         pass
 
 
+class Resolving(Callable):
+    def resolve(self, moves, ctx):
+        return set()
+
+
 @pytest.mark.parametrize(
-    "function", [Rules().one, lambda c, k=1: None, lambda *a: None, lambda c, *, k=1: None, Callable(), print]
+    "function",
+    [Rules().one, lambda c, k=1: None, lambda *a: None, lambda c, *, k=1: None, Callable(), Resolving(), print],
 )
 def test_whatever_can_be_called_with_one_argument_is_taken(ctx, function):
     ctx.game.add(function)
@@ -142,6 +149,14 @@ def test_a_strategy_is_no_plan_of_a_team(ctx, strategy):
     with pytest.raises(TypeError, match="is a strategy, which decides for one agent, and no plan of a team"):
         ctx.game.command("red", strategy)
     assert ctx.game.plans == {}
+
+
+def test_a_method_of_a_list_is_a_plan(ctx):
+    seen = []
+    ctx.agent.create_agent("b", start_node_id=0, team="red")
+    ctx.game.command("red", seen.append)
+    ctx.game.run(1)
+    assert list(seen[0]) == ["b"]
 
 
 def with_yield(given):
@@ -178,6 +193,16 @@ def test_an_agent_on_a_node_that_was_removed_is_named(ctx):
     with pytest.raises(KeyError, match="Unknown node 0") as caught:
         ctx.game.run(1)
     assert "Agent 'anna' is on node 0, which is not on the map any more" in caught.value.__notes__[0]
+
+
+def test_an_error_in_a_context_that_a_rule_has_ended_stays_what_it_is(ctx):
+    @ctx.game.add(phase="deeds")
+    def end(ctx):
+        ctx.terminate()
+        raise UnknownName("tower", "north")
+
+    with pytest.raises(UnknownName, match="Unknown tower 'north'"):
+        ctx.game.step()
 
 
 def test_data_that_a_recording_leaves_out_are_warned_about(ctx, heard):

@@ -145,7 +145,7 @@ class Game(RuleVerbs):
             BadType: the plan cannot be called with one argument, or is a strategy of `gamms.strategies`.
         """
         as_key(team, "A team")
-        if getattr(plan, "__module__", "").startswith("gamms.strategies."):
+        if str(getattr(plan, "__module__", "")).startswith("gamms.strategies."):
             raise BadType(
                 f"{shown(plan)} is a strategy, which decides for one agent, and no plan of a team: give it to the "
                 "agents, such as by create_agent(…, strategy=…)."

@@ -29,7 +29,6 @@ from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg, Track
-from gamms.typing.graph_engine import IGraph
 
 
 class Commanded:
@@ -332,13 +331,15 @@ class TurnOrder:
         self._blocked = np.zeros(0 if are_few else agents, np.int32)
 
 
-def note_lost(error: BaseException, order: TurnOrder, graph: IGraph) -> None:
+def note_lost(error: BaseException, ctx: HostContext) -> None:
     """Name in an error the first agent that is on a node which is no longer on the map, if one is."""
-    for slot in order.slots if isinstance(error, UnknownName) else ():
-        node = order.block.node[slot.row]
-        if not slot.flies and not graph.has_node(node):
+    if not isinstance(error, UnknownName) or ctx.is_terminated():
+        return
+    block, has_node = ctx.agent.block, ctx.graph.graph.has_node
+    for name, kind, node, alive in zip(block.names, block.kind, block.node, block.alive, strict=True):
+        if alive and not kind and not has_node(node):
             error.add_note(
-                f"Agent {slot.name!r} is on node {node}, which is not on the map any more: put it on another one, or "
+                f"Agent {name!r} is on node {node}, which is not on the map any more: put it on another one, or "
                 "delete it."
             )
             return
@@ -537,8 +538,7 @@ class Legality:
 
     def _path(self, speed: float, start: int, target: int) -> list[int]:
         """Return the shortest path between nodes, without the first."""
-        around = self._around(start, speed)
-        if target in around.before:
+        if speed != inf and target in (around := self._around(start, speed)).before:
             return around.path(target)
         path: list[int] = self._ctx.graph.graph.shortest_path(start, target, None)[1:]
         return path

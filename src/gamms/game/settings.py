@@ -320,7 +320,7 @@ class RuleSet:
 
     def add(self, rule: Rule, phase: str, name: str | None) -> None:
         """Add a rule; see `Game.add`."""
-        if callable(getattr(rule, "resolve", None)):
+        if callable(getattr(rule, "resolve", None)) and (isinstance(rule, type) or not callable(rule)):
             raise BadType(f"{shown(rule)} is no rule: set ctx.game.conflicts to what decides conflicts of moves.")
         if iscoroutinefunction(as_function_of(rule, "A rule", "the context")):
             raise BadType(f"A rule must not be an async def, and {_name_of(rule)} is one: it is not awaited.")

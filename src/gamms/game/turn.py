@@ -236,7 +236,7 @@ class TurnEngine:
                 agents = [slot.agent for slot in self.order().slots]
                 state.messages += sent(self._ctx, agents, self._outgoing, state.turn)
         except BaseException as error:  # what was drawn is drawn again when the turn is played
-            note_lost(error, self._order or order, self._ctx.graph.graph)
+            note_lost(error, self._ctx)
             restart_draws(made_slots((self._order or order).slots))
             raise
         finally:

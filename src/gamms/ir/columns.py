@@ -35,7 +35,7 @@ class ChangeLog:
 
 
 class StructureLog:
-    """The rows of a block that came, went, or changed their life, team, speed or sensors, each under an own version.
+    """The rows of a block that came, went, or changed their life, team, speed or sensors, each under its own version.
 
     It is for one reader, which asks for what has changed since the version at which it has asked last.
 

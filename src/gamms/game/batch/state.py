@@ -155,7 +155,7 @@ class Failure(NamedTuple):
     agent: int
     kind: str
     message: str
-    why: str  # as the agent is told
+    why: str  # what `state["blocked"]` says
 
     @classmethod
     def illegal(cls, game: int, agent: int, why: str, *, is_unsent: bool = False) -> "Failure":
