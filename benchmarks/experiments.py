@@ -15,7 +15,7 @@ def of_demo(games=8):
     processes have spent.
     """
     from gamms import demo, experiment, scenario
-    from gamms.experiment.executors import WorkerPool
+    from gamms.workers import WorkerPool
 
     game, workers = scenario.load(demo.FILE), WorkerPool(2)
     game.build(seed=0).terminate()  # with the map

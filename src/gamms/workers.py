@@ -6,12 +6,13 @@ import runpy
 import signal
 import subprocess
 import sys
+import threading
 import traceback
 from collections.abc import Callable, Collection, Iterator
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Future, ThreadPoolExecutor
 from concurrent.futures import wait as wait_for
 from contextlib import contextmanager, suppress
-from functools import cache
+from functools import cache, partial
 from multiprocessing.connection import wait
 from typing import Any, BinaryIO, ParamSpec, TypeVar, cast
 
@@ -118,6 +119,56 @@ class Worker:
     def _died(self) -> WorkerDied:
         self.end()
         return WorkerDied(f"the process that played it ended, with exit code {self._process.returncode}")
+
+
+class WorkerPool(ThreadPoolExecutor):
+    """Processes of which each may die without the others: its task raises `WorkerDied`, and another takes its place.
+
+    They are fresh processes on every system, and end with this one however that ends.
+
+    Args:
+        workers: how many.
+        is_fresh: whether each task gets a process of its own.
+    """
+
+    def __init__(self, workers: int, *, is_fresh: bool = False) -> None:
+        super().__init__(workers, "gamms-worker")
+        self._is_fresh = is_fresh
+        self._own = threading.local()
+        self._all: list[Worker] = []
+        self._is_ended = False
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Call a function in a process."""
+        return super().submit(self._call, partial(fn, *args, **kwargs))
+
+    def _call(self, call: Callable[[], object]) -> Any:
+        task = task_of(call)  # not before, for tasks that wait may be many and large
+        worker: Worker | None = getattr(self._own, "worker", None)
+        if worker is None:
+            worker = self._own.worker = Worker()
+            self._all.append(worker)
+            if self._is_ended:  # while this one was started
+                worker.end()
+        try:
+            is_done, answer = worker.ask(task)
+        except WorkerDied:
+            self._own.worker = None
+            raise
+        if self._is_fresh:
+            worker.end()
+            self._own.worker = None
+        if not is_done:
+            raise answer
+        return answer
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End all processes; tasks that are under way are lost."""
+        super().shutdown(wait=False, cancel_futures=True)
+        self._is_ended = True
+        for worker in self._all:
+            worker.end()
+        super().shutdown(wait=wait, cancel_futures=cancel_futures)
 
 
 @contextmanager

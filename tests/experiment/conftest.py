@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from gamms.experiment.executors import WorkerPool
+from gamms.workers import WorkerPool
 
 
 @pytest.fixture(scope="session")

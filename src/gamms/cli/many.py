@@ -98,8 +98,7 @@ def _results(
     game: "Scenario", seeds: Sequence[int], strategies: Strategies, jobs: int
 ) -> Iterator[tuple[int, "Result"]]:
     """Yield the result of each seed, in their order, whatever process has played it."""
-    from gamms.experiment.executors import WorkerPool
-    from gamms.workers import result_of
+    from gamms.workers import WorkerPool, result_of
 
     jobs = min(jobs, len(seeds))
     size = max(1, min(_MOST_IN_A_BATCH, len(seeds) // (4 * jobs)))

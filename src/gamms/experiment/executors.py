@@ -1,15 +1,16 @@
 """Where games are played: in this process, in worker processes, or by an executor of the caller's, such as Ray's."""
 
-import threading
 from collections.abc import Callable
-from concurrent.futures import Executor, Future, ThreadPoolExecutor
+from concurrent.futures import Executor, Future
 from importlib.util import find_spec
-from typing import Any, ParamSpec, TypeVar
+from typing import ParamSpec, TypeVar
 
 from gamms.arguments import as_count
 from gamms.errors import BadType, BadValue, MissingExtra
 from gamms.text import shown
-from gamms.workers import Worker, WorkerDied, task_of
+from gamms.workers import WorkerDied, WorkerPool
+
+__all__ = ["Here", "WorkerPool", "executor_for"]
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -41,55 +42,6 @@ class Here(Executor):
         future: Future[T] = Future()
         future.set_result(fn(*args, **kwargs))
         return future
-
-
-class WorkerPool(ThreadPoolExecutor):
-    """Processes of which each may die without the others: its task raises `WorkerDied`, and another takes its place.
-
-    They are fresh processes on every system, and end with this one however that ends.
-
-    Args:
-        workers: how many.
-        is_fresh: whether each task gets a process of its own.
-    """
-
-    def __init__(self, workers: int, *, is_fresh: bool = False) -> None:
-        super().__init__(workers, "gamms-worker")
-        self._is_fresh = is_fresh
-        self._own = threading.local()
-        self._all: list[Worker] = []
-        self._is_ended = False
-
-    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
-        """Call a function in a process."""
-        return super().submit(self._call, task_of(fn, *args, **kwargs))
-
-    def _call(self, task: bytes) -> Any:
-        worker: Worker | None = getattr(self._own, "worker", None)
-        if worker is None:
-            worker = self._own.worker = Worker()
-            self._all.append(worker)
-            if self._is_ended:  # while this one was started
-                worker.end()
-        try:
-            is_done, answer = worker.ask(task)
-        except WorkerDied:
-            self._own.worker = None
-            raise
-        if self._is_fresh:
-            worker.end()
-            self._own.worker = None
-        if not is_done:
-            raise answer
-        return answer
-
-    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
-        """End all processes; tasks that are under way are lost."""
-        super().shutdown(wait=False, cancel_futures=True)
-        self._is_ended = True
-        for worker in self._all:
-            worker.end()
-        super().shutdown(wait=wait, cancel_futures=cancel_futures)
 
 
 def _on_ray() -> Executor:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 from gamms.arguments import as_bool, as_ids, as_mapping, as_path
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
-from gamms.experiment.executors import Here, WorkerPool, executor_for
+from gamms.experiment.executors import Here, executor_for
 from gamms.experiment.games import Collect, Played, Player, Row, Settings, Task, pickled, play
 from gamms.experiment.rows import Rows
 from gamms.experiment.sampling import Sample
@@ -24,7 +24,7 @@ from gamms.scenario import Scenario
 from gamms.scenario import load as load_scenario
 from gamms.text import shown, without_address
 from gamms.versions import versions
-from gamms.workers import cores, first_done, refuse_in_worker
+from gamms.workers import WorkerPool, cores, first_done, refuse_in_worker
 
 _BYTES = 3_000  # of a row
 _TASK_S = 2.0  # how long a task should take

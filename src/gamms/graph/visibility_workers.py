@@ -6,13 +6,12 @@ The processes of `multiprocessing` would import the user's script again; those o
 """
 
 from collections.abc import Callable, Generator
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import closing
-from threading import Event, local
 from typing import NamedTuple
 
 import numpy as np
 
+from gamms.errors import GammsError
 from gamms.graph.indexes import NodeGrid
 from gamms.graph.obstacles import Obstacles
 from gamms.graph.tables import NodeTable
@@ -104,33 +103,18 @@ def compute_visibility(task: VisibilityTask, workers: int | None, show: Callable
 
 def _seen_by_processes(task: VisibilityTask, spans: list[Span], workers: int) -> Generator[VisibilityRows, None, None]:
     """Return what each span sees; where a process cannot be had or breaks down, this process works in its place."""
-    from gamms.workers import Worker, WorkerDied, result_of, task_of
+    from gamms.workers import WorkerDied, WorkerPool, result_of
 
-    processes: list[Worker] = []
-    own, is_over = local(), Event()  # each thread has a process
-
-    def seen(span: Span) -> VisibilityRows:
-        is_done, found = False, _NOTHING
-        try:
-            if not hasattr(own, "process"):
-                own.process = Worker()
-                processes.append(own.process)
-            if is_over.is_set():
-                own.process.end()
-            is_done, found = own.process.ask(task_of(seen_by, task, span))
-        except (OSError, ValueError, WorkerDied):
-            is_done = False
-        return found if is_done or is_over.is_set() else seen_by(task, span)
-
-    with ThreadPoolExecutor(workers) as pool:  # threads that wait for a process each
-        try:
-            for future in [pool.submit(seen, span) for span in spans]:
-                yield result_of(future)
-        finally:
-            is_over.set()
-            for process in processes:
-                process.end()
-            pool.shutdown(cancel_futures=True)
+    pool = WorkerPool(workers)
+    try:
+        for span, future in [(span, pool.submit(seen_by, task, span)) for span in spans]:
+            try:
+                found = result_of(future)
+            except (OSError, WorkerDied, GammsError):
+                found = seen_by(task, span)
+            yield found
+    finally:
+        pool.shutdown()
 
 
 def seen_by(task: VisibilityTask, span: Span) -> VisibilityRows:

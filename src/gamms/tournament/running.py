@@ -11,7 +11,7 @@ from typing import Any
 
 from gamms.arguments import as_bool, as_count, as_int, as_items, as_known, as_path, as_positive
 from gamms.errors import BadType, BadValue, GammsError, WriteConflict
-from gamms.experiment.executors import Here, WorkerPool, executor_for
+from gamms.experiment.executors import Here, executor_for
 from gamms.experiment.folders import Journal
 from gamms.experiment.variants import digest_of, row_id
 from gamms.folders import locked, write_whole
@@ -26,7 +26,7 @@ from gamms.tournament.players import Allowed
 from gamms.tournament.table import Table
 from gamms.tournament.workers import Settings, Task, close_launchers, not_enforced, pickled, play
 from gamms.versions import versions
-from gamms.workers import cores, first_done
+from gamms.workers import WorkerPool, cores, first_done
 
 MANIFEST = "tournament.json"
 _FORMAT = "gamms tournament 1"
