@@ -221,9 +221,9 @@ class BaseAgent(ContextPart, IAgent):
     @refused_while_deciding
     def sense(self) -> dict[str, tuple[SensorType, Any]]:
         """Ask all sensors; return name -> (kind, data), as `get_state` has it under `sensor`."""
-        node, place = self.current_node_id, self._on_edge()
+        node, sensed = self.current_node_id, {}
+        place = self._on_edge() if self._sensor_list else None
         where: Any = node if place is None else place.xy
-        sensed = {}
         for sensor, (name, last, *_, look) in zip(self._sensor_list.values(), self._carried, strict=True):
             (look or sensor).sense(where if getattr(sensor, "looks_from_points", False) else node)
             sensed[name] = sensor.type, last[0]

@@ -297,7 +297,7 @@ class TurnMoves:
             slot = self.slots[i]
             place = travel.place(slot.row) if slot.travels else None
             if place is not None and travel.roads.on(place.edge) is not None:
-                self.go(i, action_of(travel.stay(slot.row, self.starts[i]), place))
+                self.go(i, action_of(travel.stay(place, self.starts[i]), place))
 
     def on(self, order: TurnOrder) -> "TurnMoves":
         """Return the moves of the agents of another order; those that are new in it stay."""

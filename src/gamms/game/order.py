@@ -428,14 +428,15 @@ class Legality:
 
     def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
         """Return where an agent that travels gets on its way to a node, along nodes, or to a stop."""
-        travel, row = self.travel, mover.row
+        travel = self.travel
+        place = travel.place(mover.row)
         if wanted is None:
-            way = travel.stay(row, here)
+            way = travel.stay(place, here)
         elif isinstance(wanted, list):
-            way = travel.along(row, here, mover.speed, wanted)
+            way = travel.along(place, here, mover.speed, wanted)
         else:
-            way = travel.towards(row, here, mover.speed, wanted)
-        return action_of(way, travel.place(row))
+            way = travel.towards(place, here, mover.speed, wanted)
+        return action_of(way, place)
 
     def is_open(self, track: Track) -> bool:
         """Return whether all edges of a legal move are there still."""
@@ -456,7 +457,7 @@ class Legality:
         if mover.is_plain:
             return tuple(graph.neighborhoods[here])
         if mover.travels:
-            return self.travel.reachable(mover.row, here, mover.speed)
+            return self.travel.reachable(self.travel.place(mover.row), here, mover.speed)
         if self._settings.legal == "any":
             return self._anywhere(here)
         speed = mover.speed or 0.0
@@ -571,7 +572,8 @@ class Legality:
 
 def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
     """Return a way as an action; it began on an edge, or on a node."""
-    return ResolvedAction(way.path[-1], way.path, times=way.times, progress=way.progress, legs=way.legs, begun=begun)
+    path, times, legs, progress = way
+    return ResolvedAction(path[-1], path, times=times, progress=progress, legs=legs, begun=begun)
 
 
 def edges_within(budget: Any) -> Any:

@@ -4,9 +4,10 @@ Rules of motion as in microscopic traffic models with a constant speed per edge 
 Dynamics, 2013, chapter 6), without interaction: an agent covers speed times time on each edge.
 """
 
-from collections.abc import Iterable
+from bisect import bisect_right
+from collections.abc import Iterable, Iterator
 from heapq import heappop, heappush
-from itertools import pairwise
+from itertools import chain, islice
 from math import inf
 from typing import Any, NamedTuple
 
@@ -16,9 +17,12 @@ from gamms.ir.agents import Motion, Progress
 from gamms.ir.graph import GraphColumns
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg
+from gamms.typing.graph_engine import IGraph
+from gamms.typing.on_edges import Line, OnEdge, placed
 
 ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end is not asked again in it
 SLACK = 1e-9  # of a turn: a way that takes exactly as long must not fail by rounding
+_MOST_KEPT = 1 << 17  # nodes that are in reach of others, about 100 bytes each
 LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # of an edge: who is under way is on it, though these shares may be rounded
 
 
@@ -33,44 +37,86 @@ class Road(NamedTuple):
     seconds: float  # that it takes at least; 0.0 where edges have no speed of their own
 
 
+class Step(NamedTuple):
+    """What an agent covers of one edge if it goes on for long enough."""
+
+    road: Road
+    begin: float  # share of the road, from its source
+    end: float
+    node: int  # that it leads to
+
+
+class Reached(NamedTuple):
+    """The nodes within a turn from one at a speed."""
+
+    legal: tuple[int, ...]  # the node, those next to it, then the others
+    nodes: tuple[int, ...]  # as they are reached, of those at once the one with the least id first
+    times: tuple[float, ...]  # when each is, in turns
+
+
 class Roads:
     """The edges of one revision of a graph by their ends; of parallel ones the cheapest, of equal ones the first.
 
     Args:
+        graph: with the edges.
         columns: of the graph.
         costs: (edges,) by the weight of the game.
         seconds: (edges,) that each takes at least; None: edges have no speed of their own.
+        turn_seconds: how long a turn lasts, in the time of speeds.
     """
 
-    def __init__(self, columns: GraphColumns, costs: Any, seconds: Any) -> None:
+    def __init__(self, graph: IGraph, columns: GraphColumns, costs: Any, seconds: Any, turn_seconds: float) -> None:
+        self._graph, self._near, self._turn_seconds = graph, graph.neighborhoods, turn_seconds
         self._columns, self._costs, self._seconds = columns, costs, seconds
         self._row_of = {id: row for row, id in enumerate(columns.node_ids.tolist())}
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
+        # NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
         self._leaving: dict[int, list[Road]] = {}  # by node; those that were asked for
+        self._cheapest: dict[int, dict[int, Road]] = {}  # by nodes
         self._on: dict[int, Road] = {}
+        self._back: dict[int, Road | None] = {}  # by the id of an edge
+        self._lines: dict[int, Line] = {}
+        self._arcs: dict[tuple[int, float], list[tuple[float, int]]] = {}  # by node and speed: turns and target
+        self._reached: dict[tuple[int, float], Reached] = {}  # by node and speed
+        self._kept = 0  # how many nodes are in the last two
 
     def road(self, source: int, target: int) -> Road | None:
         """Return the cheapest edge from one node to another; None where there is none."""
-        roads = self.between(source, target)
-        return min(roads, key=lambda road: road.cost) if roads else None
+        found = self._cheapest.get(source)
+        if found is None:
+            found = self._cheapest[source] = {}
+            for road in self.leaving(source):
+                if road.target not in found or road.cost < found[road.target].cost:
+                    found[road.target] = road
+        return found.get(target)
 
     def on(self, edge: int) -> Road | None:
         """Return an edge by its id; None where there is none."""
-        if edge not in self._on:
-            row = self._edge_row_of.get(edge)
-            if row is None:
-                return None
-            self._on[edge] = self._at(row)
-        return self._on[edge]
+        road, row = self._on.get(edge), self._edge_row_of.get(edge)
+        if road is None and row is not None:
+            road = self._on[edge] = self._at(row)
+        return road
+
+    def of(self, place: Progress) -> Road:
+        """Return the edge that an agent is on.
+
+        Raises:
+            UnknownName (KeyError): it was closed; agents leave such edges before they are asked.
+        """
+        road = self.on(place.edge)
+        if road is None:
+            raise UnknownName("edge", place.edge)
+        return road
 
     def back(self, road: Road) -> Road | None:
         """Return the edge by which one turns round on a road: as long, and the other way."""
-        roads = self.between(road.target, road.source)
-        return next((one for one in roads if abs(one.length - road.length) <= SLACK * road.length), None)
+        if road.edge not in self._back:
+            roads, slack = self.between(road.target, road.source), SLACK * road.length
+            self._back[road.edge] = next((one for one in roads if abs(one.length - road.length) <= slack), None)
+        return self._back[road.edge]
 
     def leaving(self, node: int) -> list[Road]:
         """Return the edges that leave a node, in insertion order."""
-        # NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
         roads = self._leaving.get(node)
         if roads is None:
             columns, row = self._columns, self._row_of[node]
@@ -81,6 +127,100 @@ class Roads:
     def between(self, source: int, target: int) -> list[Road]:
         """Return all edges from one node to another, in insertion order."""
         return [road for road in self.leaving(source) if road.target == target]
+
+    def located(self, place: Progress) -> OnEdge | None:
+        """Return what `typing.on_edges.located` does."""
+        road = self.on(place.edge)
+        if road is None:
+            return None
+        line = self._lines.get(road.edge)
+        if line is None:
+            line = self._lines[road.edge] = Line.of(self._graph.get_edge(road.edge).points)
+        return placed(place, road.length, line)
+
+    # -- ways -----------------------------------------------------------------------------------------------------
+
+    def steps(self, place: Progress | None, here: int, nodes: Iterable[int], *, is_back: bool) -> Iterator[Step]:
+        """Yield the edges of a way, from where an agent is."""
+        at = here
+        if place is not None:
+            road = self.of(place)
+            if is_back and self.back(road) is None:
+                raise one_way(place.source, place.target)
+            at = here if is_back else place.target
+            yield Step(road, place.share, 0.0 if is_back else 1.0, at)
+        for node in nodes:
+            if node == at:
+                continue
+            next_road = self.road(at, node)
+            if next_road is None:
+                raise BadValue(f"No edge leads from node {at} to node {node}.")
+            yield Step(next_road, 0.0, 1.0, node)
+            at = node
+
+    def leg(self, road: Road, begin: float, end: float, since: float, until: float) -> Leg:
+        """Return what an agent covers of a road from one time to another."""
+        back = self.back(road)
+        return Leg(road.source, road.target, road.edge, begin, end, since, until, None if back is None else back.edge)
+
+    # -- how far agents get ---------------------------------------------------------------------------------------
+
+    def turns(self, road: Road, share: float, speed: float | None) -> float:
+        """Return how many turns a share of a road takes."""
+        if speed is None:
+            return share
+        metres, seconds = share * road.length, self._turn_seconds
+        by_speed = 0.0 if speed == inf or metres == 0.0 else (metres / (speed * seconds) if speed > 0.0 else inf)
+        return max(by_speed, share * road.seconds / seconds)
+
+    def reached(self, node: int, speed: float) -> Reached:
+        """Return the nodes within a turn from a node."""
+        found = self._reached.get((node, speed))
+        if found is None:
+            times = self.around(node, speed, 0.0, 1.0)
+            legal = tuple(dict.fromkeys([*self._near[node], *times]))
+            self._keep(len(legal))
+            found = self._reached[node, speed] = Reached(legal, tuple(times), tuple(times.values()))
+        return found
+
+    def around(self, node: int, speed: float, begun: float, left: float) -> dict[int, float]:
+        """Return the nodes within what is left of a turn from a node, with the times at which they are reached.
+
+        Args:
+            node: the first one.
+            speed: of the agent.
+            begun: when it is there.
+            left: of the turn.
+        """
+        found, heap, latest, arcs = dict[int, float](), [(begun, node)], left + SLACK, self._arcs
+        while heap:
+            now, at = heappop(heap)
+            if at in found:
+                continue
+            found[at] = now
+            leaving = arcs.get((at, speed))
+            for turns, target in self._arcs_from(at, speed) if leaving is None else leaving:
+                then = now + turns
+                if then > latest:  # nor will the rest be in reach
+                    break
+                if target not in found:
+                    heappush(heap, (then, target))
+        return found
+
+    def _arcs_from(self, node: int, speed: float) -> list[tuple[float, int]]:
+        """Return the nodes next to a node that are within a turn from it, by the turns to them."""
+        pairs = sorted((self.turns(road, 1.0, speed), road.target) for road in self.leaving(node))
+        arcs = self._arcs[node, speed] = [pair for pair in pairs if pair[0] <= 1.0 + SLACK]
+        self._keep(len(arcs) + 1)
+        return arcs
+
+    def _keep(self, nodes: int) -> None:
+        """Count nodes that will be kept; what was kept before is forgotten where there are too many."""
+        self._kept += nodes
+        if self._kept > _MOST_KEPT:
+            self._arcs.clear()
+            self._reached.clear()
+            self._kept = nodes
 
     def _at(self, row: int) -> Road:
         columns = self._columns
@@ -122,13 +262,6 @@ def progress_at(leg: Leg, time: float) -> Progress | None:
     return Progress(leg.source, leg.target, share, leg.edge, motion)
 
 
-class _Step(NamedTuple):
-    road: Road
-    begin: float  # share of the road, from its source
-    end: float
-    node: int  # that it leads to
-
-
 class Travel:
     """Where agents of a game by metres go.
 
@@ -149,12 +282,13 @@ class Travel:
     @property
     def roads(self) -> Roads:
         """The edges as they are now."""
-        graph, weight = self._ctx.graph.graph, self._settings.weight
-        key = graph.revision, weight, self._settings.speed_unit
+        graph, settings = self._ctx.graph.graph, self._settings
+        key = graph.revision, settings.weight, settings.speed_unit, settings.turn_seconds
         if self._roads is None or key != self._key or key[0] is None:
-            costs = graph.weights(weight)
+            costs, is_by_seconds = graph.weights(settings.weight), settings.speed_unit == "metres_per_second"
+            turn_seconds = settings.turn_seconds if is_by_seconds else 1.0
             seconds = costs if self._has_speeds else None
-            self._roads, self._key = Roads(self._ctx.graph.columns(), costs, seconds), key
+            self._roads, self._key = Roads(graph, self._ctx.graph.columns(), costs, seconds, turn_seconds), key
         return self._roads
 
     def place(self, row: int) -> Progress | None:
@@ -168,50 +302,44 @@ class Travel:
 
     # -- ways -----------------------------------------------------------------------------------------------------
 
-    def stay(self, row: int, here: int) -> Way:
-        """Return the way of an agent that stops where it is."""
-        place = self.place(row)
+    def stay(self, place: Progress | None, here: int) -> Way:
+        """Return the way of an agent that stops where it is: on an edge, or on its node."""
         return self._ended([here], [self.now], [], place and place._replace(motion=Motion.STOPPED))
 
-    def go_on(self, row: int, here: int, speed: float | None) -> Way:
+    def go_on(self, place: Progress, here: int, speed: float | None) -> Way:
         """Return the way of an agent that is on its way along an edge, and goes on to the end that it heads for."""
-        place = self.place(row)
-        if place is None:
-            return self.stay(row, here)
-        return self._advance(speed, here, self._steps(place, here, [], is_back=place.motion == Motion.BACK), place)
+        return self._advance(speed, here, self.roads.steps(place, here, [], is_back=place.motion == Motion.BACK), place)
 
-    def along(self, row: int, here: int, speed: float | None, route: list[int]) -> Way:
+    def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> Way:
         """Return the way along nodes that follow each other, as far as the turn goes.
 
         Raises:
             BadValue: no edge leads from one to the next, or an agent would have to turn round on a one-way road.
         """
         if not route:
-            return self.stay(row, here)
-        place = self.place(row)
+            return self.stay(place, here)
         nodes = route[1:] if route[0] == here else route
         is_back = place is not None and (not nodes or nodes[0] != place.target)
         if place is not None and not is_back:
             nodes = nodes[1:]
-        return self._advance(speed, here, self._steps(place, here, nodes, is_back=is_back), place)
+        return self._advance(speed, here, [*self.roads.steps(place, here, nodes, is_back=is_back)], place)
 
-    def towards(self, row: int, here: int, speed: float | None, target: int) -> Way:
+    def towards(self, place: Progress | None, here: int, speed: float | None, target: int) -> Way:
         """Return the way towards a node, by the shortest path, as far as the turn goes.
 
         Raises:
             BadValue: no path leads there.
         """
-        place = self.place(row)
+        roads = self.roads
         if place is None:
             if target == here:
-                return self.stay(row, here)
+                return self.stay(None, here)
             self._refuse_far(here, target, speed)
-            nodes = self._path(here, target, speed)
-            return self._advance(speed, here, self._steps(None, here, nodes, is_back=False), None)
-        road = self._road_of(place)
-        may_turn = self.roads.back(road) is not None
+            return self._advance(speed, here, roads.steps(None, here, self._path(here, target), is_back=False), None)
+        road = roads.of(place)
+        may_turn = roads.back(road) is not None
         if target == place.target or (target == here and may_turn):
-            return self._advance(speed, here, self._steps(place, here, [], is_back=target == here), place)
+            return self._advance(speed, here, roads.steps(place, here, [], is_back=target == here), place)
         if speed is None:
             raise BadValue(no_end(target, here, place.target))
         graph, weight = self._ctx.graph.graph, self._settings.weight
@@ -222,78 +350,67 @@ class Travel:
                 str(NoPath(place.target, target) if may_turn or target != here else one_way(place.source, place.target))
             )
         is_back = behind < ahead
-        nodes = self._path(here if is_back else place.target, target, speed)
-        return self._advance(speed, here, self._steps(place, here, nodes, is_back=is_back), place)
+        nodes = self._path(here if is_back else place.target, target)
+        return self._advance(speed, here, roads.steps(place, here, nodes, is_back=is_back), place)
 
-    def reachable(self, row: int, here: int, speed: float | None) -> tuple[int, ...]:
+    def reachable(self, place: Progress | None, here: int, speed: float | None) -> tuple[int, ...]:
         """Return the nodes that an agent may go to: those next to it, then those in reach in this turn.
 
         Without a speed it may leave an edge for one of its ends only. One whose edge was closed is on the node that it
         has passed last when the next turn begins. One on its way that decides where it arrives gets the nodes that are
         in reach from there.
         """
-        near, place = self._ctx.graph.graph.neighborhoods, self.place(row)
-        if place is None or self.roads.on(place.edge) is None:
-            found = [*near[here], *self._around(here, speed, 0.0)]
-        elif self._settings.decide == "arrival" and self.is_going(place):
+        roads = self.roads
+        road = None if place is None else roads.on(place.edge)
+        if place is None or road is None:
+            return self._legal_from(here, speed, 0.0)
+        ahead, behind = roads.turns(road, 1.0 - place.share, speed), roads.turns(road, place.share, speed)
+        if self._settings.decide == "arrival" and place.motion in (Motion.FORWARD, Motion.BACK):
             is_back = place.motion is Motion.BACK
-            end, share = (here, place.share) if is_back else (place.target, 1.0 - place.share)
-            found = [*near[end], *self._around(end, speed, self._turns(self._road_of(place), share, speed))]
-        else:
-            road = self._road_of(place)
-            may_turn = self.roads.back(road) is not None
-            ends = [(place.target, 1.0 - place.share), *([(here, place.share)] if may_turn else [])]
-            found = [*([here] if may_turn else []), place.target]
-            if speed is not None:  # else it goes to one of the ends
-                found += [node for end, _ in ends for node in near[end]]
-                found += [
-                    node for end, part in ends for node in self._around(end, speed, self._turns(road, part, speed))
-                ]
+            return self._legal_from(here, speed, behind) if is_back else self._legal_from(place.target, speed, ahead)
+        ends = [(place.target, ahead), *([] if roads.back(road) is None else [(here, behind)])]
+        found = [end for end, _ in reversed(ends)]
+        if speed is not None:  # else it goes to one of the ends
+            near = self._ctx.graph.graph.neighborhoods
+            found += chain(*[near[end] for end, _ in ends], *[self._around(end, speed, begun) for end, begun in ends])
         return tuple(dict.fromkeys(found))
+
+    def _legal_from(self, node: int, speed: float | None, begun: float) -> tuple[int, ...]:
+        """Return the nodes that an agent may go to from a node, where it is in a part of a turn."""
+        near = self._ctx.graph.graph.neighborhoods[node]
+        if speed is None:
+            return tuple(near)
+        if begun == self.now == 0.0 and (speed < inf or self._has_speeds):
+            return self.roads.reached(node, speed).legal
+        return tuple(dict.fromkeys([*near, *self._around(node, speed, begun)]))
 
     # -- what ways are made of --------------------------------------------------------------------------------------
 
-    def _steps(self, place: Progress | None, here: int, nodes: Iterable[int], *, is_back: bool) -> list[_Step]:
-        """Return the edges of a way, from where an agent is."""
-        steps, at = [], here
-        if place is not None:
-            road = self._road_of(place)
-            if is_back and self.roads.back(road) is None:
-                raise one_way(place.source, place.target)
-            at = here if is_back else place.target
-            steps.append(_Step(road, place.share, 0.0 if is_back else 1.0, at))
-        for node in nodes:
-            if node == at:
-                continue
-            next_road = self.roads.road(at, node)
-            if next_road is None:
-                raise BadValue(f"No edge leads from node {at} to node {node}.")
-            steps.append(_Step(next_road, 0.0, 1.0, node))
-            at = node
-        return steps
-
-    def _advance(self, speed: float | None, here: int, steps: list[_Step], place: Progress | None) -> Way:
+    def _advance(self, speed: float | None, here: int, steps: Iterable[Step], place: Progress | None) -> Way:
         """Follow steps until the turn is over, or, where agents decide at each node, as far as the next one."""
         if self._settings.decide == "arrival" or speed is None:
-            steps = steps[:1]
-        now, path, times, legs = self.now, [here], [self.now], list[Leg]()
-        endless = self._endless(steps) if speed in (None, inf) else None
-        for step in steps:
-            share = abs(step.end - step.begin)
-            takes = self._turns(step.road, share, speed) if endless is None else share * step.road.length * endless
+            steps = islice(steps, 1)
+        now, path, times, legs, endless = self.now, [here], [self.now], list[Leg](), None
+        if speed in (None, inf):
+            steps = [*steps]
+            endless = self._endless(steps)
+        roads = self.roads
+        for road, begin, end, node in steps:
+            share = abs(end - begin)
+            takes = roads.turns(road, share, speed) if endless is None else share * road.length * endless
             if now + takes > 1.0 + SLACK:
                 part = share * (1.0 - now) / takes if takes < inf else 0.0
-                end = step.begin + part if step.end > step.begin else step.begin - part
-                if part > 0.0 and 0.0 < end < 1.0:
-                    legs.append(self._leg(step.road, step.begin, end, now, 1.0))
-                    motion = Motion.FORWARD if step.end > step.begin else Motion.BACK
-                    return self._ended(path, times, legs, Progress(*step.road[1:3], end, step.road.edge, motion))
+                at = begin + part if end > begin else begin - part
+                if part > 0.0 and 0.0 < at < 1.0:
+                    legs.append(roads.leg(road, begin, at, now, 1.0))
+                    motion = Motion.FORWARD if end > begin else Motion.BACK
+                    return self._ended(path, times, legs, Progress(road.source, road.target, at, road.edge, motion))
                 break
             until = now + takes if now + takes < 1.0 - ROUNDED else 1.0
-            legs.append(self._leg(step.road, step.begin, step.end, now, until))
+            legs.append(roads.leg(road, begin, end, now, until))
             now = until
-            if step.node != path[-1]:
-                path.append(step.node)
+            if node != path[-1]:
+                path.append(node)
                 times.append(now)
             place = None
         return self._ended(path, times, legs, place)
@@ -303,85 +420,46 @@ class Travel:
         if place is not None:
             since = legs[-1].until if legs else self.now
             if since < 1.0:
-                legs.append(self._leg(self._road_of(place), place.share, place.share, since, 1.0))
+                roads = self.roads
+                legs.append(roads.leg(roads.of(place), place.share, place.share, since, 1.0))
         return Way(tuple(path), tuple(times), tuple(legs), place)
 
-    def _endless(self, steps: list[_Step]) -> float:
+    def _endless(self, steps: list[Step]) -> float:
         """Return the turns per metre of an agent whose way takes the rest of the turn, however long it is."""
         metres = sum(abs(step.end - step.begin) * step.road.length for step in steps)
         return (1.0 - self.now) / metres if metres else 0.0
 
-    def _turns(self, road: Road, share: float, speed: float | None) -> float:
-        """Return how many turns a share of a road takes."""
-        if speed is None:
-            return share
-        settings = self._settings
-        seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
-        metres = share * road.length
-        by_speed = 0.0 if speed == inf or metres == 0.0 else (metres / (speed * seconds) if speed > 0.0 else inf)
-        return max(by_speed, share * road.seconds / seconds)
-
-    def _path(self, source: int, target: int, speed: float | None) -> list[int]:
-        """Return the nodes behind `source` on the shortest path to `target`, as many at least as a turn leads to."""
-        graph, weight, edges = self._ctx.graph.graph, self._settings.weight, 2
-        if source == target:
-            return []
-        while True:
+    def _path(self, source: int, target: int) -> Iterator[int]:
+        """Yield the nodes behind `source` on the shortest path to `target`."""
+        graph, weight, edges = self._ctx.graph.graph, self._settings.weight, 8
+        while source != target:
             try:
                 path: list[int] = graph.shortest_path(source, target, weight, most_edges=edges)
             except NoPath as error:
                 raise BadValue(str(error)) from None
-            if path[-1] == target or self._lasts(path, speed):
-                return path[1:]
-            edges *= 2
-
-    def _lasts(self, path: list[int], speed: float | None) -> bool:
-        """Whether a path takes longer than a turn."""
-        roads = [self.roads.road(a, b) for a, b in pairwise(path)]
-        return sum(self._turns(road, 1.0, speed) for road in roads if road is not None) > 1.0 + SLACK
+            yield from path[1:]
+            source, edges = path[-1], 2 * edges
 
     def _refuse_far(self, here: int, target: int, speed: float | None) -> None:
         near = self._ctx.graph.graph.neighborhoods[here]
         if speed is None and target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
-    def _around(self, node: int, speed: float | None, begun: float) -> dict[int, float]:
-        """Return the nodes within a turn from a node, with the time of the turn at which they are reached.
-
-        `begun` is the part of the turn that it takes to the node.
-        """
+    def _around(self, node: int, speed: float, begun: float) -> Iterable[int]:
+        """Return the nodes within what is left of the turn from a node, where an agent is in a part of a turn."""
         left = 1.0 - self.now
-        if speed is None:
-            return {}
         if speed == inf and not self._has_speeds:
-            return dict.fromkeys(self._ctx.graph.graph.distances(source=node), begun)
-        found, heap, roads = dict[int, float](), [(begun, node)], self.roads
-        while heap:
-            now, at = heappop(heap)
-            if at in found:
-                continue
-            found[at] = now
-            for road in roads.leaving(at):
-                if road.target not in found:
-                    then = now + self._turns(road, 1.0, speed)
-                    if then <= left + SLACK:
-                        heappush(heap, (then, road.target))
-        return found
+            found: Iterable[int] = self._ctx.graph.graph.distances(source=node)
+            return found
+        if begun > 0.0:
+            return self.roads.around(node, speed, begun, left)
+        _, nodes, times = self.roads.reached(node, speed)
+        return nodes[: bisect_right(times, left + SLACK)]
 
     @property
     def _has_speeds(self) -> bool:
         """Whether edges have speeds of their own."""
         return self._settings.weight == "travel_time" and self._settings.speed_unit == "metres_per_second"
-
-    def _leg(self, road: Road, begin: float, end: float, since: float, until: float) -> Leg:
-        back = self.roads.back(road)
-        return Leg(road.source, road.target, road.edge, begin, end, since, until, None if back is None else back.edge)
-
-    def _road_of(self, place: Progress) -> Road:
-        road = self.roads.on(place.edge)
-        if road is None:  # closed edges are left before agents are asked
-            raise UnknownName("edge", place.edge)
-        return road
 
 
 def one_way(source: int, target: int) -> BadValue:

@@ -28,7 +28,6 @@ from gamms.text import as_code, shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Move
-from gamms.typing.on_edges import located
 from gamms.typing.sensor_engine import SensorType
 
 if TYPE_CHECKING:
@@ -193,7 +192,7 @@ class TurnEngine:
             state["legal"] = self._legality.reachable(slot, here)
         if slot.travels:
             progress = block.on_edge(row)
-            place = None if progress is None else located(self._ctx.graph.graph, progress)
+            place = None if progress is None else self.travel.roads.located(progress)
             if place is None:
                 node = self._ctx.graph.graph.get_node(here)
                 state["edge"], state["offset_m"], state["xy"] = None, 0.0, (node.x, node.y)
@@ -398,7 +397,7 @@ class TurnEngine:
         resting = [i for i in part.members if i not in going]
         turn = self._ask(order, Part(slots, resting, order.progress, self._settings.plans), observers)
         for i, place in going.items():
-            turn.go(i, action_of(travel.go_on(slots[i].row, block.node[slots[i].row], slots[i].speed), place))
+            turn.go(i, action_of(travel.go_on(place, block.node[slots[i].row], slots[i].speed), place))
         arrivals, asked = Arrivals(turn, block, has_end=self._settings.conflicts is not None), Counter[int]()
         for i in self._give_way(turn, arrivals, part.members, turn.actions):
             turn.stop(i)

@@ -18,7 +18,6 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.kernels.csr import chosen_runs
 
 _FEW = 1000  # arcs: below, a heap in Python is done before SciPy has checked its arguments
-
 _FEW_TIES = 1 << 10  # arcs that end paths of equal length: of so few, the paths are followed one by one
 _SLACK = 1e-9  # more than rounding adds to the length of a path with a million edges
 _LEAST = 1e-150  # what is shorter may have lost digits
@@ -425,22 +424,23 @@ def best_steps(source: int, target: int, found: Found, ids: memoryview) -> dict[
     """
     if source not in found.distances:
         return {}
+    steps = dict[int, int]()
+    while source != target and len(found.successors[source]) == 1:  # until where paths branch off
+        steps[source] = source = found.successors[source][0]
     before: dict[int, set[int]] = {}
-    waiting, seen = [source], {source}
-    while waiting:
-        row = waiting.pop()
+    waiting = [source]
+    for row in waiting:  # which grows
         for following in found.successors.get(row, ()):
-            before.setdefault(following, set()).add(row)
-            if following not in seen:
-                seen.add(following)
+            if following not in before:
                 waiting.append(following)
+            before.setdefault(following, set()).add(row)
     hops, level = {target: 0}, [target]
     for row in level:  # which grows
         for previous in before.get(row, ()):
             if previous not in hops:
                 hops[previous] = hops[row] + 1
                 level.append(previous)
-    steps, row = {}, source
+    row = source
     while row != target:
         following = min((one for one in found.successors[row] if hops[one] + 1 == hops[row]), key=lambda one: ids[one])
         steps[row] = row = following

@@ -48,10 +48,7 @@ def located(graph: IGraph, progress: Progress) -> OnEdge | None:
         edge = graph.get_edge(progress.edge)
     except (UnknownName, ContextTerminated):
         return None
-    x, y, dx, dy = point_along(edge.points, progress.share)
-    sign = -1.0 if progress.motion == Motion.BACK else 1.0
-    ends = progress.source, progress.target, progress.edge
-    return OnEdge(ends, progress.share * edge.length, (x, y), (sign * dx, sign * dy))
+    return placed(progress, edge.length, Line.of(edge.points))
 
 
 class Line(NamedTuple):
@@ -77,6 +74,14 @@ class Line(NamedTuple):
                 return x0 + left * dx, y0 + left * dy, dx, dy
             left -= length
         return *points[-1], 0.0, 0.0
+
+
+def placed(progress: Progress, length: float, line: Line) -> OnEdge:
+    """Return where on the map an agent is that is on an edge of a length, along a polyline."""
+    x, y, dx, dy = line.at(progress.share)
+    sign = -1.0 if progress.motion == Motion.BACK else 1.0
+    ends = progress.source, progress.target, progress.edge
+    return OnEdge(ends, progress.share * length, (x, y), (sign * dx, sign * dy))
 
 
 def point_along(flat: Sequence[float], share: float) -> tuple[float, float, float, float]:
