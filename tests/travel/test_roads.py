@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import gamms
 from gamms.game import travel
 from gamms.game.travel import SLACK, Roads
 from gamms.graph import Graph
@@ -71,3 +72,18 @@ def test_of_parallel_edges_the_first_of_the_cheapest_is_taken_and_the_first_that
         assert roads.road(source, target).edge == edges.index((source, target, cheapest))
         back = (target, source, length)
         assert getattr(roads.back(roads.on(id)), "edge", None) == (edges.index(back) if back in edges else None)
+
+
+def test_an_agent_without_a_bound_of_its_own_keeps_to_the_speeds_of_edges():
+    game = {"speed_unit": "metres_per_second", "weight": "travel_time"}
+    with gamms.create_context(seed=1, logger_config={"level": "CRITICAL"}, game=game) as ctx:
+        ctx.graph.add_nodes([0, 1, 2], [0.0, 200.0, 400.0], [0.0] * 3)
+        for id in (0, 1):
+            edge = {"id": id, "source": id, "target": id + 1, "length": 200.0, "travel_time": 2.0}
+            ctx.graph.graph.add_edge(edge)
+        car = ctx.agent.create_agent("car", start_node_id=0, speed=inf, strategy=lambda state: state.update(action=2))
+        places = []
+        for _ in range(4):
+            ctx.game.step()
+            places.append((car.current_node_id, car.offset_m))
+    assert places == [(0, 100.0), (1, 0.0), (1, 100.0), (2, 0.0)]

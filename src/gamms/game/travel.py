@@ -391,7 +391,7 @@ class Travel:
         if self._settings.decide == "arrival" or speed is None:
             steps = islice(steps, 1)
         now, path, times, legs, endless = self.now, [here], [self.now], list[Leg](), None
-        if speed in (None, inf):
+        if speed is None or (speed == inf and not self._has_speeds):
             steps = [*steps]
             endless = self._endless(steps)
         roads = self.roads
