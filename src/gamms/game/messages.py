@@ -6,13 +6,16 @@ under way follows from the log.
 """
 
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple, cast
 
 import numpy as np
 
 from gamms import kernels
-from gamms.game.channels import Channel, Jammer, Outgoing, matching, receivers_of
+from gamms.game.channels import Channel, Jammer, Outgoing, checked_outbox, matching, receivers_of, unknown_in
+from gamms.game.order import IllegalAction
+from gamms.game.settings import Settings
+from gamms.game.slots import AgentSlot
 from gamms.ir.chances import as_chances, chances_at
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
@@ -20,6 +23,7 @@ from gamms.ir.messages import ARRIVALS
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.readonly import copied
+from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.on_edges import located
@@ -289,6 +293,61 @@ def _distances(xyz: FloatArray, place: FloatArray) -> FloatArray:
     ways = xyz - place
     distances: FloatArray = np.sqrt((ways * ways).sum(axis=-1))
     return distances
+
+
+class Outboxes:
+    """What agents send in a turn.
+
+    Args:
+        ctx: the context, whose agents count.
+        settings: of the game.
+
+    Attributes:
+        outgoing: what they send in the turn under way.
+    """
+
+    def __init__(self, ctx: HostContext, settings: Settings) -> None:
+        self._ctx, self._settings = ctx, settings
+        self.outgoing: list[Outgoing] = []
+        self._known_channels: list[Channel] = []  # of which it was checked whom they name
+
+    def take(self, slots: Iterable[AgentSlot], turn: int) -> list[tuple[AgentSlot, str]]:
+        """Take what agents have decided to send, and return what cannot be sent: by whom, and why."""
+        self._warn_of_unknown_names()
+        messages, unsent = self.read(slots, turn)
+        self.outgoing += messages
+        return unsent
+
+    def read(self, slots: Iterable[AgentSlot], turn: int) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
+        """Return what agents have decided to send, and what of it cannot be sent: by whom, and why.
+
+        Raises:
+            IllegalAction: something cannot be sent, and `on_illegal` is "raise".
+        """
+        channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
+        outgoing, unsent = list[Outgoing](), list[tuple[AgentSlot, str]]()
+        for slot in slots:
+            outbox = slot.last[0].get("outbox", ())
+            if type(outbox) is list and not outbox:
+                continue
+            messages, flaws = checked_outbox(outbox, slot, channels, teams)
+            outgoing += messages
+            if flaws and self._settings.on_illegal == "raise":
+                raise IllegalAction(f"Agent {shown(slot.name)} in turn {turn}: {flaws[0]}")
+            unsent += [(slot, flaw) for flaw in flaws]
+        return outgoing, unsent
+
+    def sent(self, agents: Sequence[IAgent], turn: int) -> list[dict[str, Any]]:
+        """Send what was taken, between agents that have moved by now; return its entries in the log."""
+        outgoing, self.outgoing = self.outgoing, []
+        return sent(self._ctx, agents, outgoing, turn)
+
+    def _warn_of_unknown_names(self) -> None:
+        for channel in self._settings.channels.values():
+            if channel not in self._known_channels:
+                for flaw in unknown_in(channel, self._ctx):
+                    self._ctx.logger.warning(f"{channel.name}: {flaw}")
+        self._known_channels = list(self._settings.channels.values())
 
 
 class Inboxes:

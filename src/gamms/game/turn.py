@@ -12,12 +12,11 @@ import numpy as np
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue, UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
-from gamms.game.channels import Channel, Outgoing, checked_outbox, unknown_in
 from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import PrivateForks
-from gamms.game.messages import Inboxes, sent
+from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
-from gamms.game.order import IllegalAction, Legality, Part, ResolvedAction, TurnOrder, action_of, is_among, note_lost
+from gamms.game.order import Legality, Part, ResolvedAction, TurnOrder, action_of, is_among, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.game_state import GameState, in_conflict
@@ -54,6 +53,7 @@ class TurnEngine:
         part: the number of those who are asked, in the order of play.
         refusals: what rules refuse, while they may; else None.
         travel: where agents of a game by metres go.
+        outboxes: what agents send.
     """
 
     def __init__(self, ctx: HostContext, settings: Settings, state: GameState, phase: DecidePhase) -> None:
@@ -73,8 +73,7 @@ class TurnEngine:
         self._shared: dict[Any, Any] = {}  # what array forms of conflict resolvers have worked out for the graph
         self._resolved_at: int | None = None  # the revision of the graph when conflicts were resolved last
         self._inboxes = Inboxes(ctx, state)
-        self._outgoing: list[Outgoing] = []  # of this turn
-        self._known_channels: list[Channel] = []  # of which it was checked whom they name
+        self.outboxes = Outboxes(ctx, settings)
 
     def order(self) -> TurnOrder:
         """Return the living agents, as they are asked in a turn."""
@@ -231,17 +230,15 @@ class TurnEngine:
             if len(order.parts) > 1:
                 turn = self._play_later_parts(turn, first, observers, rules)
             state.moves = turn
-            if self._outgoing:
-                agents = [slot.agent for slot in self.order().slots]
-                state.messages += sent(self._ctx, agents, self._outgoing, state.turn)
+            if self.outboxes.outgoing:
+                state.messages += self.outboxes.sent([slot.agent for slot in self.order().slots], state.turn)
         except BaseException as error:  # what was drawn is drawn again when the turn is played
             note_lost(error, self._ctx)
+            self.outboxes.outgoing = []
             restart_draws(made_slots((self._order or order).slots))
             raise
         finally:
             self.is_moving = False
-            if self._outgoing:
-                self._outgoing = []
             if self._order is not order and self._settings.order is not order.groups:
                 self._order_key = ()  # a rule has set another order of play, which counts from now on
 
@@ -355,7 +352,10 @@ class TurnEngine:
             self._phase.agent, self._phase.moment, self.is_deciding = None, None, False
             if decisions.awaited:
                 decisions.drop()
-        unsent = self._take_outboxes(order, part, decisions.failed) if order.has_channels else []
+        unsent: Iterable[tuple[AgentSlot, str]] = ()
+        if order.has_channels:
+            failed = decisions.failed
+            unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], state.turn)
         if state.blocked:
             self._forget_blocked(order, part)
         for i, why in decisions.close():
@@ -458,35 +458,6 @@ class TurnEngine:
             elif place is not None:
                 here = block.node[slot.row]
                 decisions.actions[i] = self._legality.travelled(slot, here, None)
-
-    def _take_outboxes(self, order: TurnOrder, part: Part, failed: set[int]) -> list[tuple[AgentSlot, str]]:
-        """Take what agents send whose decisions count, and return what cannot be sent: by whom, and why."""
-        self._warn_of_unknown_names()
-        messages, unsent = self.outboxes([order.slots[i] for i in part.observing if i not in failed], self._state.turn)
-        self._outgoing += messages
-        return unsent
-
-    def outboxes(self, slots: Iterable[AgentSlot], turn: int) -> tuple[list[Outgoing], list[tuple[AgentSlot, str]]]:
-        """Return what agents have decided to send, and what of it cannot be sent: by whom, and why."""
-        channels, teams = self._settings.channels, {one.name: one.team for one in self._ctx.agent.create_iter()}
-        outgoing, unsent = list[Outgoing](), list[tuple[AgentSlot, str]]()
-        for slot in slots:
-            outbox = slot.last[0].get("outbox", ())
-            if type(outbox) is list and not outbox:
-                continue
-            messages, flaws = checked_outbox(outbox, slot, channels, teams)
-            outgoing += messages
-            if flaws and self._settings.on_illegal == "raise":
-                raise IllegalAction(f"Agent {shown(slot.name)} in turn {turn}: {flaws[0]}")
-            unsent += [(slot, flaw) for flaw in flaws]
-        return outgoing, unsent
-
-    def _warn_of_unknown_names(self) -> None:
-        for channel in self._settings.channels.values():
-            if channel not in self._known_channels:
-                for flaw in unknown_in(channel, self._ctx):
-                    self._ctx.logger.warning(f"{channel.name}: {flaw}")
-        self._known_channels = list(self._settings.channels.values())
 
     def _note_illegal(self, slot: AgentSlot, message: str) -> None:
         slot.counts["illegal"] += 1

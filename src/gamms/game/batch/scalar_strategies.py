@@ -302,7 +302,7 @@ class ScalarStrategies:
             decisions.drop()
         failed = decisions.failed
         deciding = [slots[i] for i in part.observing if i not in failed]
-        messages, unsent = turns.outboxes(deciding, state.turn) if settings.channels else ([], [])
+        messages, unsent = turns.outboxes.read(deciding, state.turn) if settings.channels else ([], [])
         self.forget_blocked(turn, living, [at])
         turn.failures += self._failures(game, state, decisions.close(), unsent)
         done = []
