@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 from gamms.rules import Conflicts
 
 CHANGES = st.lists(
-    st.tuples(st.sampled_from(["die", "return", "come", "go", "change team", "be faster"]), st.integers(0, 99)),
+    st.tuples(
+        st.sampled_from(["die", "return", "come", "go", "change team", "be faster", "change strategy"]),
+        st.integers(0, 99),
+    ),
     max_size=4,
 )
 ALL_DIE = [[("die", 0)] * 11, [("return", 2)], [("die", 0), ("return", 1), ("return", 5)], []]
@@ -16,6 +19,10 @@ NAMES = ["a", "b", "blue_1a", "m", "z"]  # before, between and behind those of a
 
 def wander(state):
     state["action"] = state["draw"].choice(state["legal"])
+
+
+def turn_back(state):
+    state["action"] = state["legal"][-1] if state["turn"] % 2 else {"node_id": state["curr_pos"], "heading": 1.0}
 
 
 def spread(arrays):
@@ -41,9 +48,11 @@ def change(ctx, kind, number):
             one.team = "blue" if one.team == "red" else "red"
         elif kind == "be faster" and number % 3 == 0:
             one.speed = 2
+        elif kind == "change strategy":
+            one.strategy = turn_back if one.strategy is wander else wander
 
 
-def played(grid, turns, *, has_team, has_plan, order, phase, forgets):
+def played(grid, turns, *, has_team, has_plan, order, phase, conflicts, forgets=False, is_observed=False):
     """Play turns with such changes, after some of which a rule asks who is there, and return all that came of it.
 
     One that forgets makes everything for each turn and each such question, as after any change of the settings.
@@ -55,7 +64,9 @@ def played(grid, turns, *, has_team, has_plan, order, phase, forgets):
             ctx.agent.create_team("blue", range(6), strategy=wander)
         if has_plan:
             ctx.game.command("blue", spread, arrays=True)
-        ctx.game.conflicts, ctx.game.order = Conflicts(2), order
+        ctx.game.conflicts, ctx.game.order = conflicts, order
+        if is_observed:
+            ctx.game.internals.after_observing.append(lambda agents, states: None)
         waiting = list(turns)
 
         def forget(ctx):
@@ -82,15 +93,22 @@ def played(grid, turns, *, has_team, has_plan, order, phase, forgets):
     has_team=st.booleans(),
     has_plan=st.booleans(),
     order=st.sampled_from([None, [["red"], ["blue"]], [["blue"], ["red"]]]),
-    phase=st.sampled_from(["after", "deeds"]),
+    phase=st.sampled_from(["before", "deeds", "after"]),
+    conflicts=st.sampled_from([None, Conflicts(2)]),
 )
-@example(turns=ALL_DIE, has_team=True, has_plan=True, order=None, phase="after")
-@example(turns=ALL_DIE, has_team=False, has_plan=False, order=None, phase="deeds")
+@example(turns=ALL_DIE, has_team=True, has_plan=True, order=None, phase="after", conflicts=Conflicts(2))
+@example(turns=ALL_DIE, has_team=False, has_plan=False, order=None, phase="deeds", conflicts=None)
+@example(
+    turns=[[("change strategy", 1)]] * 3, has_team=True, has_plan=False, order=None, phase="before", conflicts=None
+)
 def test_a_game_whose_agents_change_is_as_if_nothing_were_known_of_the_last_turn(
-    grid, turns, has_team, has_plan, order, phase
+    grid, turns, has_team, has_plan, order, phase, conflicts
 ):
-    play = {"has_team": has_team, "has_plan": has_plan and has_team, "order": order, "phase": phase}
-    assert played(grid, turns, **play, forgets=False) == played(grid, turns, **play, forgets=True)
+    play = {"order": order, "phase": phase, "conflicts": conflicts}
+    play |= {"has_team": has_team, "has_plan": has_plan and has_team}
+    assert played(grid, turns, **play) == played(grid, turns, **play, forgets=True)
+    if not play["has_plan"]:  # an observer has the states of all
+        assert played(grid, turns, **play) == played(grid, turns, **play, is_observed=True)
 
 
 @pytest.mark.parametrize("goes", ["die", "go"])

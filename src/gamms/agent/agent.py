@@ -93,6 +93,7 @@ class BaseAgent(ContextPart, IAgent):
                 if value is not None:
                     as_function_of(value, "A strategy", "the state")
                 self._phase.strategy_changes += 1
+                self._block.structure.note((self._row,))
             self._put_attribute(name, value)
             return
         object.__setattr__(self, name, value)

@@ -92,7 +92,7 @@ class AgentEngine(ContextPart, IAgentEngine):
 
     @property
     def structure_version(self) -> int:
-        """A number that changes whenever an agent comes, goes, dies, returns, or has another team, speed or sensor."""
+        """A number that changes with the agents, and with their lives, teams, speeds, sensors and strategies."""
         return self._block.structure.version
 
     @overload  # type: ignore[override] # narrower: what is created is of the class that its type says

@@ -249,9 +249,8 @@ class Decisions:
         """
         turn, shared, phase = self._state.turn, self._state.team_memories, self._phase
         starts, ends = self.starts, self.ends
-        for i, (agent, template, carried, last) in zip(asked, individuals, strict=True):
-            strategy: Callable[[Any], Any] | None = agent.strategy
-            if template is None or strategy is None:
+        for i, (agent, strategy, template, carried, last) in zip(asked, individuals, strict=True):
+            if template is None:
                 self.ask(i, self.observe(self.slots[i]))
                 continue
             # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.

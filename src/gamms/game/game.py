@@ -248,10 +248,10 @@ class Game(RuleVerbs):
         state, rules = self._state, self._ruleset
         if "before" in rules.phases and state.parts_played is None:
             self._apply_rules("before")
-        if state.over is not None:
-            return
-        if not state.has_begun:  # a rule has reset the game
-            self._begin()
+            if state.over is not None:
+                return
+            if not state.has_begun:  # a rule has reset the game
+                self._begin()
         self._turns.play(self._internals.after_observing, rules)
         state.turn += 1
         state.parts_played = None

@@ -73,29 +73,45 @@ class Part:
         slots: of all living agents.
         members: the indices of the slots of these; None: all.
         progress: by row of the agents, on the edge that one has covered part of.
-        plans: by team.
+        settings: of the game.
 
     Attributes:
         members: as given, all written out.
         asked: the indices of the slots of agents that no plan decides for.
-        individuals: what a usual turn needs of each of these, see `AgentSlot.asked`.
+        individuals: what a usual turn needs of each of these, see `AgentSlot.asked`; none where there are channels or a
+            time budget, or agents of a team share no memory.
         commanded: the agents that plans decide for, team by team.
         observing: the indices of the slots of agents whose sensors are asked.
         see_world_only: whether no agent has a sensor that may look at more than the graph and the agents.
+        is_usual: whether these individuals are all who decide, and see the world only.
         on_ground: the indices of the slots of agents on the ground; None: all living agents.
         ground: the rows of these.
         paced: the indices of the slots of agents on the ground that may cover part of an edge.
+        decides_at_arrivals: whether there are agents that decide at each arrival.
     """
 
     def __init__(
-        self, slots: Sequence[AgentSlot], members: list[int] | None, progress: list[Any], plans: Mapping[Any, Plan]
+        self, slots: Sequence[AgentSlot], members: list[int] | None, progress: list[Any], settings: Settings
     ) -> None:
         self.members: Sequence[int] = range(len(slots)) if members is None else members
-        if isinstance(slots, LazySlots):
-            self._take_columns(slots, plans)
-            return
-        mine = slots if members is None else [slots[i] for i in members]
-        self.asked, self.commanded = self.members, list[Commanded]()
+        self.commanded = list[Commanded]()
+        asked = (
+            self._take_columns(slots, settings.plans)
+            if isinstance(slots, LazySlots)
+            else self._take_slots(slots, settings.plans, progress)
+        )
+        are_usual = settings.team_memory and settings.time_budget is None and not settings.channels
+        self.individuals = [slot.asked for slot in asked] if are_usual else []
+        self.is_usual = bool(self.individuals) and self.see_world_only and not self.commanded
+        self.decides_at_arrivals = settings.decide == "arrival" and any(slots[i].travels for i in self.paced)
+
+    def _take_slots(
+        self, slots: Sequence[AgentSlot], plans: Mapping[Any, Plan], progress: list[Any]
+    ) -> Sequence[AgentSlot]:
+        """Take what slots say, those of all that are living; return those of the agents that are asked."""
+        members = self.members
+        mine = slots if len(members) == len(slots) else [slots[i] for i in members]
+        self.asked = members
         if plans:
             pairs = list(zip(self.members, mine, strict=True))
             self.asked = [i for i, slot in pairs if slot.team not in plans]
@@ -104,7 +120,6 @@ class Part:
                 for team in dict.fromkeys(slot.team for slot in mine)
                 if team in plans
             ]
-        self.individuals = [slots[i].asked for i in self.asked]
         blind = {i for one in self.commanded if one.plan.arrays for i in one.indices}
         self.observing = [i for i in self.members if i not in blind] if blind else self.members
         self.see_world_only = all(slots[i].sees_world_only for i in self.observing)
@@ -117,9 +132,13 @@ class Part:
             for i, slot in zip(self.members, mine, strict=True)
             if slot.speed is not None or slot.travels or progress[slot.row]
         ]
+        return mine if self.asked is members else [slots[i] for i in self.asked]
 
-    def _take_columns(self, slots: LazySlots, plans: Mapping[Any, Plan]) -> None:
-        """Take what the columns of agents say, without making the slots of those that plans of arrays decide for."""
+    def _take_columns(self, slots: LazySlots, plans: Mapping[Any, Plan]) -> Sequence[AgentSlot]:
+        """Take what the columns of agents say; return the slots of those that are asked.
+
+        The slots of those that plans of arrays decide for are not made.
+        """
         of_team: dict[Any, Sequence[int]] = {team: [] for team in dict.fromkeys(slots.teams)}
         if len(of_team) == 1:
             of_team = dict.fromkeys(of_team, self.members)
@@ -134,8 +153,6 @@ class Part:
         if plans:
             self.asked = [i for i in self.observing if slots.teams[i] not in plans]
             asked = slots.those(self.asked)
-        self.individuals = [slot.asked for slot in asked]
-        self.commanded = []
         for team, indices in of_team.items():
             if team in plans and indices:
                 is_all = len(indices) == len(slots)
@@ -149,6 +166,7 @@ class Part:
         rows = slots.selection.rows
         self.ground = slots.selection if len(ground) == len(slots) else Selection([rows[i] for i in ground])
         self.paced = [i for i in slots.paced if i in mine]
+        return asked
 
     def of_ground(self, values: Any) -> Any:
         """Return those values, one per slot, that are of agents on the ground."""
@@ -174,11 +192,11 @@ class TurnOrder:
         slots, block: as given.
         groups: the order of play, as given.
         has_channels, has_deeds: whether the settings have such, for which a turn does nothing else.
-        decides_at_arrivals: whether agents that travel decide at each arrival.
-        is_usual: whether agents can be asked in line: no channels, no time budget, and teams share their memories.
         progress: by row of the agents, on the edge that one has covered part of.
         whole: all of them.
         parts: those that move at once, in their order.
+        has_parts: whether these are several.
+        is_usual: whether all that happens is that usual agents decide and move along one edge at once.
         unlisted: the first of an agent whose team is in no part; None: there is no such.
         selection: the rows of all.
         structure_version, rows_version: of the agents.
@@ -194,20 +212,20 @@ class TurnOrder:
         change: Succession | None,
     ) -> None:
         self.slots, self.block, self.structure_version = slots, block, block.structure.version
-        self.progress, self.rows_version, plans = block.progress, block.rows_version, settings.plans
+        self.progress, self.rows_version = block.progress, block.rows_version
         self.groups = order
         self.has_channels, self.has_deeds = bool(settings.channels), bool(settings.deeds)
-        self.decides_at_arrivals = settings.decide == "arrival"
-        self.is_usual = settings.team_memory and settings.time_budget is None and not self.has_channels
-        progress = block.progress
-        self.whole = Part(slots, None, progress, plans)
+        self.whole = Part(slots, None, block.progress, settings)
         self.parts, self.unlisted = [self.whole], None
         if order is not None:
             all_teams = self._all_teams()
             listed = {team for teams in order for team in teams}
             self.unlisted = next((slots[i] for i, team in enumerate(all_teams) if team not in listed), None)
             members = [[i for i, team in enumerate(all_teams) if team in teams] for teams in order]
-            self.parts = [Part(slots, some, progress, plans) for some in members]
+            self.parts = [Part(slots, some, block.progress, settings) for some in members]
+        self.has_parts = len(self.parts) > 1
+        just_moves = settings.conflicts is None and not (self.has_parts or self.has_deeds or self.whole.paced)
+        self.is_usual = self.whole.is_usual and just_moves and self.whole.on_ground is None
         self.selection = self.whole.ground
         if self.whole.on_ground is not None:
             self.selection = (

@@ -119,9 +119,14 @@ class AgentSlot:
 
     @property
     def asked(self) -> tuple[Any, ...]:
-        """What a usual turn needs of it: the agent, its template if it is plain, its sensors and its last state."""
-        if self._asked is None:
-            self._asked = self.agent, self.template if self.is_plain else None, self.carried, self.last
+        """What a usual turn needs of it: the agent, its strategy, its template, its sensors and its last state.
+
+        There is no template if it is not plain, or has no strategy.
+        """
+        agent = self.agent
+        if self._asked is None or self._asked[1] is not agent.strategy:
+            template = self.template if self.is_plain and agent.strategy is not None else None
+            self._asked = agent, agent.strategy, template, self.carried, self.last
         return self._asked
 
     def _new_template(self) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
 from gamms.game.order import Legality, Part, ResolvedAction, TurnOrder, action_of, is_among, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
+from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -217,7 +218,7 @@ class TurnEngine:
         Raises:
             BadValue: the order of play leaves out a team.
         """
-        state, order = self._state, self.order()
+        order = self.order()
         if order.unlisted is not None:
             raise BadValue(
                 f"ctx.game.order leaves out team {shown(order.unlisted.team)}, of which agent "
@@ -225,13 +226,10 @@ class TurnEngine:
             )
         self._groups, self.is_moving = order.groups, True
         try:
-            first = state.parts_played or 0
-            turn = self._play_part(order, first, observers, rules)
-            if len(order.parts) > 1:
-                turn = self._play_later_parts(turn, first, observers, rules)
-            state.moves = turn
-            if self.outboxes.outgoing:
-                state.messages += self.outboxes.sent([slot.agent for slot in self.order().slots], state.turn)
+            if order.is_usual and not (observers or rules.act_before_moves):
+                self._play_at_once(order)
+            else:
+                self._play_in_parts(order, observers, rules)
         except BaseException as error:  # what was drawn is drawn again when the turn is played
             note_lost(error, self._ctx)
             self.outboxes.outgoing = []
@@ -241,6 +239,25 @@ class TurnEngine:
             self.is_moving = False
             if self._order is not order and self._settings.order is not order.groups:
                 self._order_key = ()  # a rule has set another order of play, which counts from now on
+
+    def _play_at_once(self, order: TurnOrder) -> None:
+        """Let all agents decide and move, where nothing can change that: of a usual order."""
+        spent, began = self._state.timings, perf_counter()
+        turn = self._state.moves = self._ask(order, order.whole, [])
+        now = perf_counter()
+        self._apply(turn, order.whole)
+        spent["decide"] += now - began
+        spent["apply"] += perf_counter() - now
+
+    def _play_in_parts(self, order: TurnOrder, observers: list[Observer], rules: RuleSet) -> None:
+        """Let the agents of each part decide and move."""
+        state = self._state
+        first = state.parts_played or 0
+        turn = self._play_part(order, first, observers, rules)
+        if order.has_parts:
+            state.moves = self._play_later_parts(turn, first, observers, rules)
+        if self.outboxes.outgoing:
+            state.messages += self.outboxes.sent([slot.agent for slot in self.order().slots], state.turn)
 
     def _play_later_parts(self, turn: TurnMoves, first: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
         """Let the agents of all parts after the first decide and move; return the moves of the whole turn."""
@@ -255,10 +272,9 @@ class TurnEngine:
     def _play_part(self, order: TurnOrder, number: int, observers: list[Observer], rules: RuleSet) -> TurnMoves:
         part, self.part = order.parts[number], number
         spent, began = self._state.timings, perf_counter()
-        is_by_arrival = part.paced and order.decides_at_arrivals and any(order.slots[i].travels for i in part.paced)
-        ask = self._ask_at_arrivals if is_by_arrival else self._ask
+        ask = self._ask_at_arrivals if part.decides_at_arrivals else self._ask
         turn = self._state.moves = ask(order, part, observers)
-        if len(order.parts) > 1 and order.whole.paced:
+        if order.has_parts and order.whole.paced:
             turn.let_stand(frozenset(order.whole.paced).difference(part.members), self._legality.travel)
         now = perf_counter()
         spent["decide"] += now - began
@@ -266,7 +282,7 @@ class TurnEngine:
             turn = self._do_deeds(turn, part, rules)
             part, began, now = turn.order.parts[number], now, perf_counter()
             spent["rules"] += now - began
-        if self._settings.conflicts is not None and not is_by_arrival:
+        if self._settings.conflicts is not None and not part.decides_at_arrivals:
             self._resolve(turn)
             began, now = now, perf_counter()
             spent["resolve"] += now - began
@@ -331,32 +347,35 @@ class TurnEngine:
         No agent sees what others decide: while a strategy runs, nothing can be changed, so what is seen right before an
         agent decides is what all see. Where a sensor may look at more than the world, all observe first.
         """
-        starts, state = order.nodes(), self._state
+        starts, phase = order.nodes(), self._phase
         decisions = self._decisions.begin(order.slots, starts)
         if part.paced:
             self._stand_on_edges(order, part, decisions)
-        self.is_deciding = True
-        self._phase.moment = decisions.actions if part.see_world_only else None
+        self.is_deciding, phase.moment = True, decisions.actions if part.see_world_only else None
         try:
-            sees_first = observers or not part.see_world_only
-            seen = self._observe_first(order, part, observers) if sees_first else None
-            seed = self._ctx.seed if part.commanded else 0
-            self.ask_part(part, decisions, seed, seen, is_usual=order.is_usual)
+            if part.is_usual and not observers:
+                decisions.ask_each(part.asked, part.individuals, self._near)
+            else:
+                sees_first = observers or not part.see_world_only
+                seen = self._observe_first(order, part, observers) if sees_first else None
+                self.ask_part(part, decisions, self._ctx.seed, seen)
             if decisions.awaited:
                 if self._loop is None:
                     from gamms.game.awaiting import EventLoop  # which loads asyncio
 
                     self._loop = EventLoop()
                 decisions.collect(self._loop)
+        except BaseException:
+            decisions.drop()
+            raise
         finally:
-            self._phase.agent, self._phase.moment, self.is_deciding = None, None, False
-            if decisions.awaited:
-                decisions.drop()
+            phase.agent = phase.moment = None
+            self.is_deciding = False
         unsent: Iterable[tuple[AgentSlot, str]] = ()
         if order.has_channels:
             failed = decisions.failed
-            unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], state.turn)
-        if state.blocked:
+            unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], self._state.turn)
+        if self._state.blocked:
             self._forget_blocked(order, part)
         for i, why in decisions.close():
             self._block(order.slots[i], why)
@@ -364,9 +383,7 @@ class TurnEngine:
             self._note_illegal(slot, why)
         return TurnMoves(order, starts, decisions.ends, decisions.actions)
 
-    def ask_part(
-        self, part: Part, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None, *, is_usual: bool
-    ) -> None:
+    def ask_part(self, part: Part, decisions: Decisions, seed: int, seen: dict[int, Any] | None = None) -> None:
         """Ask the strategies of the agents of a part, and the plans of its teams.
 
         Args:
@@ -374,10 +391,9 @@ class TurnEngine:
             decisions: takes what they decide.
             seed: of the game.
             seen: the states of all, by slot; None: each observes when it is asked.
-            is_usual: see `TurnOrder`.
         """
         slots, observe = decisions.slots, decisions.observe
-        if seen is None and is_usual and part.individuals:
+        if seen is None and part.individuals:
             decisions.ask_each(part.asked, part.individuals, self._near or self._ctx.graph.graph.neighborhoods)
         else:
             for i in part.asked:
@@ -395,7 +411,7 @@ class TurnEngine:
         places = {i: block.on_edge(slots[i].row) for i in part.paced if slots[i].travels}
         going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
         resting = [i for i in part.members if i not in going]
-        turn = self._ask(order, Part(slots, resting, order.progress, self._settings.plans), observers)
+        turn = self._ask(order, Part(slots, resting, order.progress, self._settings), observers)
         for i, place in going.items():
             turn.go(i, action_of(travel.go_on(place, block.node[slots[i].row], slots[i].speed), place))
         arrivals, asked = Arrivals(turn, block, has_end=self._settings.conflicts is not None), Counter[int]()
@@ -407,7 +423,7 @@ class TurnEngine:
             for now, here in arrivals.times():
                 travel.now, actions = now, dict[int, ResolvedAction]()
                 if now < 1.0:
-                    actions = self._ask(order, Part(slots, here, order.progress, self._settings.plans), []).actions
+                    actions = self._ask(order, Part(slots, here, order.progress, self._settings), []).actions
                 losers = self._give_way(turn, arrivals, here, actions)
                 for i in here:
                     asked[i] += 1
@@ -547,6 +563,11 @@ class TurnEngine:
         order, ends, block = turn.order, turn.ends, turn.order.block
         block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
         order.count_moves(turn.starts, ends)
+        if part.paced or turn.actions:
+            self._apply_actions(turn, part, block)
+
+    def _apply_actions(self, turn: TurnMoves, part: Part, block: AgentBlock) -> None:
+        """Write what a part does besides going from node to node."""
         for i in part.paced:
             block.set_progress(turn.slots[i].row, turn.actions[i].progress if i in turn.actions else None)
         for i, action in turn.actions.items():

@@ -111,7 +111,7 @@ class AgentBlock:
         removed: how many rows are those of agents that were removed; `keep` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         rows_version: changes whenever agents have other rows, or their rows are those of agents that were removed.
-        structure: which rows came, went, died, returned, or got another team, speed or sensor.
+        structure: which rows came, went, died, returned, or got another team, speed, sensor or strategy.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
         under_way: where agents are within a turn, where some of them decide while others go on.
     """

@@ -293,8 +293,7 @@ class ScalarStrategies:
 
         decisions = Decisions(settings, state, phase_of(fork.ctx), self._targets, observe).begin(slots, starts)
         try:
-            seed, are_in_line = self._state.seeds[game], settings.team_memory and not settings.channels
-            turns.ask_part(part, decisions, seed, is_usual=are_in_line)
+            turns.ask_part(part, decisions, self._state.seeds[game])
             if decisions.awaited:
                 fork.refuse("it is awaited")
             fork.raise_notes()
@@ -360,7 +359,7 @@ class ScalarStrategies:
             fork.continue_looks(players.state, self._counting, self._state.looks[game])
         if players.living != living:
             slots, block = [players.slots[number] for number in living], fork.ctx.agent.block
-            players.living, players.part = living, (slots, Part(slots, None, block.progress, settings.plans))
+            players.living, players.part = living, (slots, Part(slots, None, block.progress, settings))
         return players.part
 
     def _look_at(self, fork: RuleFork) -> None:
