@@ -31,8 +31,7 @@ def nearest_node(store: GraphStore, xy: tuple[Any, Any], latlon: tuple[Any, Any]
     nearest, (x, y) = store.indexes.nearest, xy
     is_one = type(x) is type(y) is float and isfinite(x) and isfinite(y)
     if is_one and within is None and latlon[0] is None and latlon[1] is None:
-        id: int = store.nodes.ids[nearest(x, y)]  # NOTE: for flyers, in every turn (benchmarks: flyers)
-        return id
+        return store.nodes.ids[nearest(x, y)]  # NOTE: for flyers, in every turn (benchmarks: flyers)
     limit = None if within is None else as_range(within, "within")
     places = places_of(store.crs, xy, latlon)
     rows = np.array([nearest(x, y) for x, y in places.reshape(-1, 2).tolist()], np.int64)

@@ -20,10 +20,7 @@ def touching(
 ) -> "np.ndarray[tuple[int, ...], np.dtype[np.bool_]]":
     """Return which boxes, from `low` to `high` (boxes, 2), touch the box (left, low, right, high)."""
     left, bottom, right, top = box
-    is_touching: np.ndarray[tuple[int, ...], np.dtype[np.bool_]] = (
-        (high[:, 0] >= left) & (low[:, 0] <= right) & (high[:, 1] >= bottom) & (low[:, 1] <= top)
-    )
-    return is_touching
+    return (high[:, 0] >= left) & (low[:, 0] <= right) & (high[:, 1] >= bottom) & (low[:, 1] <= top)
 
 
 def extent(starts: FloatArray, ends: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -61,8 +61,7 @@ class Paths(NamedTuple):
 
 def _shares(points: FloatArray) -> FloatArray:
     lengths = np.hypot(*np.diff(points, axis=0).T)
-    shares: FloatArray = np.concatenate([[0.0], np.cumsum(lengths)]) / (float(lengths.sum()) or 1.0)
-    return shares
+    return np.concatenate([[0.0], np.cumsum(lengths)]) / (float(lengths.sum()) or 1.0)
 
 
 class Moves(NamedTuple):

@@ -214,8 +214,7 @@ class Roster(NamedTuple):
     def plays_for(self, teams: Collection[Hashable] | None) -> BoolArray:
         """Return which agents are of one of these teams, which need not have agents, (agents,); None: all."""
         is_in = np.array([teams is None or team in teams for team in self.teams], np.bool_)
-        found: BoolArray = is_in[self.team_of]
-        return found
+        return is_in[self.team_of]
 
     def are_mates(self, agents: IntArray, others: IntArray) -> BoolArray:
         """Return which agents are of the same team as others, by numbers that broadcast; of no team (None), none."""

@@ -526,8 +526,7 @@ class Batch:
 
     def _put(self, array: T) -> T:
         """Return an array of the host as one of the library of the batch."""
-        there: T = array if self.library is None else self.library.put(array)
-        return there
+        return array if self.library is None else self.library.put(array)
 
     def _on_host(self, given: Mapping[Hashable, Given]) -> dict[Hashable, Given]:
         """Return actions with moves as arrays of the host."""

@@ -103,8 +103,7 @@ def as_flights(given: object, what: str, shape: tuple[int, int]) -> FloatArray:
 
 
 def _as_mask(where: object, shape: tuple[int, int], what: str) -> BoolArray:
-    mask: BoolArray = as_array(where, f"The agents of {what!r}", "booleans", shape)
-    return mask
+    return as_array(where, f"The agents of {what!r}", "booleans", shape)
 
 
 class Acting:

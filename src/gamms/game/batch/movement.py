@@ -115,8 +115,7 @@ class Paths(NamedTuple):
         comes = np.concatenate((self.waits[..., None], self.nodes[..., 1:] != self.nodes[..., :-1]), axis=-1)
         comes[..., 1:2] |= self.waits[..., None]
         comes[..., 0] = False
-        found: BoolArray = comes & (steps < self.lengths[..., None])
-        return found
+        return comes & (steps < self.lengths[..., None])
 
     @property
     def edges(self) -> IntArray:
@@ -451,13 +450,11 @@ class Anywhere(Movement):
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes: the own one, then the others."""
-        found: IntArray = np.where(actions == 0, choices, actions - (actions <= choices))
-        return found
+        return np.where(actions == 0, choices, actions - (actions <= choices))
 
     def action_to(self, choices: IntArray, targets: IntArray) -> IntArray:
         """Return the numbers of legal nodes, by rows."""
-        found: IntArray = np.where(targets == choices, 0, targets + (targets < choices))
-        return found
+        return np.where(targets == choices, 0, targets + (targets < choices))
 
     def towards(
         self, node: IntArray, targets: IntArray, which: tuple[IntArray, IntArray], allowed: BoolArray | None = None
@@ -528,5 +525,4 @@ class Noted(Movement):
 
     def nodes(self, choices: IntArray, actions: IntArray) -> IntArray:
         """Return the rows of legal nodes by their numbers."""
-        found: IntArray = self._nodes[choices, actions]
-        return found
+        return self._nodes[choices, actions]

@@ -235,8 +235,7 @@ class RouteTable:
         """Return where the values of queries are whose tables are there."""
         tables = self._table_of[ends]
         ranks = self._ranks[tables, starts]
-        found: IntArray = np.where(ranks == self._unknown, 0, self._first[tables] + ranks)
-        return found
+        return np.where(ranks == self._unknown, 0, self._first[tables] + ranks)
 
     def _fill(self, starts: IntArray, ends: IntArray, *, with_hops: bool) -> bool:
         """Compute the tables that are missing; where that is too much, discard all and return False."""

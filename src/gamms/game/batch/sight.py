@@ -487,8 +487,7 @@ def _noticed(world: _World, lookout: Lookout, pairs: Pairs) -> BoolArray | None:
         chances = chances_at(far, np.array(look.chances))
     else:
         chances = chances_given(look.chance, far, "The function of detection")
-    is_noticed: BoolArray = kernels.fraction_many(_drawn(world, lookout, pairs, "detection")) < chances
-    return is_noticed
+    return kernels.fraction_many(_drawn(world, lookout, pairs, "detection")) < chances
 
 
 def _drawn(world: _World, lookout: Lookout, pairs: Pairs, purpose: str, *which: str) -> BitArray:
@@ -579,10 +578,8 @@ def _within(dx: FloatArray, dy: FloatArray, radius: float) -> BoolArray:
     """Return which offsets are no longer than a radius, as the index of nodes finds them; they are overwritten."""
     with np.errstate(over="ignore"):
         if not _LEAST < radius < _MOST:
-            found: BoolArray = np.hypot(dx, dy) <= radius
-            return found
+            return np.hypot(dx, dy) <= radius
         dx *= dx
         dy *= dy
         dx += dy
-    near: BoolArray = dx <= radius * radius
-    return near
+    return dx <= radius * radius

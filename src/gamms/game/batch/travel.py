@@ -167,8 +167,7 @@ class ByMetres(Movement):
 
     def cheapest(self, starts: IntArray, ends: IntArray) -> IntArray:
         """Return the rows of the cheapest edges between nodes next to each other."""
-        found: IntArray = self._cheapest[np.searchsorted(self._ways, starts * len(self.streets.counts) + ends)]
-        return found
+        return self._cheapest[np.searchsorted(self._ways, starts * len(self.streets.counts) + ends)]
 
     # -- legal nodes ----------------------------------------------------------------------------------------------
 

@@ -386,8 +386,7 @@ class ArrayTurn(MovesOfTurn):
         self._note(kind, at, fields)
 
     def _places(self, at: object) -> IntArray:
-        places: IntArray = as_numbers_of(at, "at", len(self.games), "games of this turn")
-        return places
+        return as_numbers_of(at, "at", len(self.games), "games of this turn")
 
     def _pairs(self, at: object, agents: object) -> tuple[IntArray, IntArray]:
         """Return the games of this turn and the agents that a verb got, one of each for each."""

@@ -452,14 +452,12 @@ class ArrayView(Mapping[str, Any]):
     @property
     def living(self) -> BoolArray:
         """Which agents are alive, (games, all agents)."""
-        found: BoolArray = self._state.alive[self.games]
-        return found
+        return self._state.alive[self.games]
 
     @property
     def is_there(self) -> BoolArray:
         """Which agents are in the game, dead or alive, (games, all agents); the others have not come yet."""
-        found: BoolArray = self._state.is_there[self.games]
-        return found
+        return self._state.is_there[self.games]
 
     @property
     def blocked(self) -> BoolArray:
