@@ -41,6 +41,7 @@ class Slow(Graph):
 
     weights = IGraph.weights
     shortest_path = IGraph.shortest_path
+    _routes_now = IGraph._routes_now
     distance = IGraph.distance
     distances = IGraph.distances
     distance_matrix = IGraph.distance_matrix

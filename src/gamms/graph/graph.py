@@ -25,7 +25,6 @@ from gamms.typing.graph_engine import (
     Node,
     NodeColumns,
     NodeGround,
-    NodeIds,
     Numbers,
     OSMEdge,
     Surroundings,
@@ -330,6 +329,7 @@ class Graph(Guarded, IGraph):
         self, source: int, target: int, weight: str | None = "length", most_edges: int | None = None
     ) -> list[int]:
         """Return ids of the nodes on the shortest path from one node to another, both included."""
+        # NOTE: without another call, for strategies that ask in each turn (benchmarks: Paths).
         return self._routes.shortest_path(source, target, weight, most_edges)
 
     def distance(self, source: int, target: int, weight: str | None = "length") -> float:
@@ -346,19 +346,8 @@ class Graph(Guarded, IGraph):
                 return far
         return self._routes.distance(source, target, weight)
 
-    def distances(
-        self,
-        source: NodeIds | None = None,
-        target: NodeIds | None = None,
-        weight: str | None = "length",
-        cutoff: float | None = None,
-    ) -> dict[int, float]:
-        """Return the distances by path from a node to every other, or from every other to a node."""
-        return self._routes.distances(source, target, weight, cutoff)
-
-    def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None = "length") -> FloatArray:
-        """Return the distances by path from each of some nodes to each of others, (sources, targets)."""
-        return self._routes.distance_matrix(sources, targets, weight)
+    def _routes_now(self) -> CachedRoutes:
+        return self._routes
 
     # -- places -------------------------------------------------------------------------------------------------
 
