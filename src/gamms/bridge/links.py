@@ -4,6 +4,7 @@ A link never blocks a game: what cannot be sent at once is counted and dropped, 
 number. A further way is a class that calls `_take` for each line and has `_transmit`.
 """
 
+import asyncio
 import logging
 import socket
 import subprocess
@@ -11,6 +12,7 @@ import threading
 from abc import ABC, abstractmethod
 from collections import Counter, deque
 from collections.abc import Sequence
+from contextlib import suppress
 from queue import Empty, Full, Queue
 from time import monotonic
 from typing import IO, TYPE_CHECKING, Any, Self
@@ -23,8 +25,6 @@ from gamms.extras import needing
 from gamms.text import shown
 
 if TYPE_CHECKING:
-    from asyncio import AbstractEventLoop, Event
-
     from websockets.asyncio.server import ServerConnection
 
 Address = tuple[str, int]
@@ -238,20 +238,14 @@ class Process(Link):
         for thread in self._threads:
             thread.join(_GRACE_S)
         for pipe in (self._process.stdin, self._process.stdout):
-            if pipe is not None:
-                _close_quietly(pipe)
+            _close_quietly(pipe)
 
     def _stop_writing(self) -> None:
         while True:
-            try:
-                self._unsent.put_nowait(None)
-            except Full:
-                try:
-                    self._unsent.get_nowait()
-                except Empty:
-                    continue
-            else:
-                return
+            with suppress(Full):
+                return self._unsent.put_nowait(None)
+            with suppress(Empty):
+                self._unsent.get_nowait()
 
     def _transmit(self, line: bytes) -> bool:
         try:
@@ -280,8 +274,7 @@ class Process(Link):
                 pipe.flush()
             except OSError:  # the program has ended
                 break
-        if pipe is not None:
-            _close_quietly(pipe)
+        _close_quietly(pipe)
 
 
 class WebSocketServer(Link):
@@ -315,8 +308,8 @@ class WebSocketServer(Link):
         self._origins: list[Any] = [None, *(as_name(one, "an origin") for one in as_items(origins, "origins", "texts"))]
         self._viewers: set[ServerConnection] = set()
         self._pending = 0  # lines on their way to the thread
-        self._loop: AbstractEventLoop | None = None
-        self._stop: Event | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._stop: asyncio.Event | None = None
         self._errors: list[OSError] = []
         self.url = ""
         is_ready = threading.Event()
@@ -361,8 +354,6 @@ class WebSocketServer(Link):
         broadcast(self._viewers, line)
 
     def _run(self, is_ready: threading.Event) -> None:
-        import asyncio
-
         try:
             asyncio.run(self._serve(is_ready))
         except OSError as error:
@@ -371,8 +362,6 @@ class WebSocketServer(Link):
             is_ready.set()
 
     async def _serve(self, is_ready: threading.Event) -> None:
-        import asyncio
-
         from websockets.asyncio.server import serve
 
         self._loop, self._stop = asyncio.get_running_loop(), asyncio.Event()
@@ -395,8 +384,6 @@ class WebSocketServer(Link):
             await self._stop.wait()
 
     async def _talk(self, viewer: "ServerConnection") -> None:
-        import asyncio
-
         from websockets.exceptions import ConnectionClosed
 
         if len(self._viewers) >= _MOST_VIEWERS:
@@ -439,8 +426,7 @@ def _cannot_listen(address: object, error: OSError) -> NetworkError:
     )
 
 
-def _close_quietly(pipe: IO[bytes]) -> None:
-    try:
-        pipe.close()
-    except OSError:  # what was not written has no reader any more
-        return
+def _close_quietly(pipe: IO[bytes] | None) -> None:
+    with suppress(OSError):  # what was not written has no reader any more
+        if pipe is not None:
+            pipe.close()
