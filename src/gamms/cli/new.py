@@ -32,7 +32,7 @@ def new(
     if name.exists():
         raise BadValue(f"There is {str(name)!r} already: choose another name, for nothing is written over.")
     scenario = name / f"{name.name}.yaml"
-    text = _text_of(game)
+    text = "" if game.file is None else game.file.read_text(encoding="utf-8")
     files = {}  # of the copy -> what is copied
     for module, file in _code_of(game).items():
         copy = module.removeprefix(source).removeprefix("_") or "strategies"
@@ -54,10 +54,6 @@ def new(
     *most, last = [f"{scenario} (the game)", *(f"{name / copy} ({_WHAT[copy]})" for copy in files)]
     echo(f"Wrote {', '.join(most)}{' and ' if most else ''}{last}. Go on with\n")
     echo(f"  gamms run {scenario} --out {name / 'first'}\n  gamms run {scenario} --seeds 0:20")
-
-
-def _text_of(game: "Scenario") -> str:
-    return "" if game.file is None else game.file.read_text(encoding="utf-8")
 
 
 def _code_of(game: "Scenario") -> dict[str, Path]:

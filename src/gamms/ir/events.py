@@ -460,13 +460,12 @@ def as_looks(value: object) -> dict[int, dict[str, Any]]:
         BadType: it is something else.
     """
     looks = value.items() if isinstance(value, Mapping) else [(None, None)]
-    if not all(type(turn) is int and isinstance(seen, dict) and all(map(_is_text, seen)) for turn, seen in looks):
+    if not all(
+        type(turn) is int and isinstance(seen, dict) and all(isinstance(name, str) for name in seen)
+        for turn, seen in looks
+    ):
         raise BadType(f"What a sensor is still to report is a dict of turns, not {shown(value)}.")
     return dict(looks)
-
-
-def _is_text(value: object) -> bool:
-    return isinstance(value, str)
 
 
 def _delay(state: State, data: Mapping[str, Plain]) -> None:

@@ -174,7 +174,11 @@ def _searching(settings: _Settings) -> Callable[[States], None]:
 
     def prepare(ctx: Context) -> None:
         teams = [team for team, plan in ctx.game.plans.items() if getattr(plan.function, "prepare", None) is prepare]
-        own = [one for one in ctx.agent.create_iter() if one.team in teams or _prepares(one) is prepare]
+        own = [
+            one
+            for one in ctx.agent.create_iter()
+            if one.team in teams or getattr(one.strategy, "prepare", None) is prepare
+        ]
         if not own:
             return
         if pace.costs["model"].least == inf:
@@ -184,10 +188,6 @@ def _searching(settings: _Settings) -> Callable[[States], None]:
     if limit < inf:
         mcts.__dict__["prepare"] = prepare
     return mcts
-
-
-def _prepares(agent: IAgent) -> object:
-    return getattr(agent.strategy, "prepare", None)
 
 
 def _policy_in(ctx: Context, rollout: Policy | Mapping[Any, Policy], agent: IAgent) -> Strategy:
@@ -467,11 +467,9 @@ class _Search:
         if not pace.knows(states := self._model.states):
             pace.follow(next(iter(states.values()))["fork"], self._model.policies)
         agents = self._model.ctx.agent.agents.items()
-        rivals = [name for name, one in agents if name not in self._own and one.team in (None, *self._rivals())]
+        others = [(name, one.team) for name, one in agents if name not in self._own]
+        rivals = [name for name, team in others if team is None or team != self._model.team]
         self._others: dict[str, dict[Key, _Node]] = {name: {} for name in rivals if settings.are_searched}
-
-    def _rivals(self) -> list[Any]:
-        return [team for team in self._model.ctx.agent.teams if team != self._model.team]
 
     def decide(self) -> None:
         """Set the actions of all agents."""

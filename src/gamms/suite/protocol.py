@@ -9,12 +9,9 @@ from gamms.arguments import as_int
 from gamms.errors import BadFile, BadValue
 from gamms.plain import Plain
 from gamms.scenario import Scenario
-from gamms.suite.generator import KINDS, MAPS, generate
 
 VERSION = 1  # of the tasks and the protocol; results of different versions are not compared
 _DATA = Path(__file__).parent.parent / "data"
-_SEED = 1  # from which the scenarios of version 1 were generated
-_SEEDS = range(20)  # of the games against each opponent
 
 
 class Task(NamedTuple):
@@ -65,17 +62,6 @@ def scenario_of(task: Task, strategy: Plain = None, **code: Any) -> Scenario:
     """Return the scenario of a task, with another strategy of the team; `code` says where that is: folder, allow."""
     scenario = Scenario(**task.scenario, **code)
     return scenario if strategy is None else scenario.replace(**{f"teams.{task.team}.strategy": strategy})
-
-
-def drawn_tasks(seed: int = _SEED) -> list[Task]:
-    """Return tasks like those of the suite, of all kinds on all maps, drawn with a seed."""
-    made = []
-    for map in MAPS:
-        for kind in KINDS:
-            drawn = generate(kind, map, seed)
-            played = drawn.team, drawn.opponent, drawn.opponents, list(_SEEDS), f"wins.{drawn.team}"
-            made.append(_named(Task(f"{kind}-{map}", drawn.scenario.to_dict(), *played)))
-    return made
 
 
 def _named(task: Task) -> Task:

@@ -244,10 +244,6 @@ class NoEngine(PictureEngine):
     def __init__(self, ctx: IContext, *, simulation_time_constant: float = _TURN_SECONDS, **kwargs: object) -> None:  # noqa: ARG002 - options of other engines are no error
         super().__init__(ctx, simulation_time_constant=simulation_time_constant)
 
-    def get_viewport(self) -> None:
-        """Return None: nothing is shown."""
-        return
-
 
 class OffscreenEngine(PictureEngine):
     """Films the turns of a context without a display; `frame`, `save` and `film` work as everywhere.

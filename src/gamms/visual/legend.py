@@ -140,11 +140,11 @@ def grown(before: tuple[Block, ...], now: tuple[Block, ...]) -> tuple[Block, ...
 
 def _is_open(block: Block) -> bool:
     """Return whether rows may stand with others: those without a title, and without values but scores."""
-    return isinstance(block, Rows) and not block.title and (bool(block.heading) or not _has_values(block))
-
-
-def _has_values(block: Rows) -> bool:
-    return any(row.value for row in block.rows)
+    return (
+        isinstance(block, Rows)
+        and not block.title
+        and (bool(block.heading) or not any(row.value for row in block.rows))
+    )
 
 
 def plain_block(block: Block) -> dict[str, Any]:
@@ -212,9 +212,9 @@ class Legend:
         pen, top = pen.zoomed(self._zoom, left, top), 0.0
         for block in self._blocks:
             if isinstance(block, Bar):
-                _draw_bar(pen, block, 0.0, top)
+                _draw_bar(pen, block, top)
             else:
-                _draw_rows(pen, block, 0.0, top)
+                _draw_rows(pen, block, top)
             top += _height(block) + _GAP_PX
 
 
@@ -292,27 +292,27 @@ def _with_signs(blocks: tuple[Block, ...], signs: tuple[str, ...]) -> tuple[Bloc
     return tuple(block for block in few if isinstance(block, Bar) or block.title or block.rows)
 
 
-def _draw_bar(pen: Pen, bar: Bar, left: float, top: float) -> None:
-    top += _draw_title(pen, bar.title, left, top)
+def _draw_bar(pen: Pen, bar: Bar, top: float) -> None:
+    top += _draw_title(pen, bar.title, top)
     step, bottom = _BAR_HEIGHT_PX / len(bar.colors), top + _BAR_HEIGHT_PX
     for number, color in enumerate(reversed(bar.colors)):  # each down to the bottom, so that no seam shows
         begin = top + number * step
-        pen.rectangle(left, begin, _BAR_PX, bottom - begin, color)
+        pen.rectangle(0.0, begin, _BAR_PX, bottom - begin, color)
     for words, y in ((bar.high, top + 6.0), (bar.middle, (top + bottom) / 2), (bar.low, bottom - 6.0)):
-        pen.text(words, left + _BAR_PX + 8.0, y, _FONT_PX)
+        pen.text(words, _BAR_PX + 8.0, y, _FONT_PX)
 
 
-def _draw_rows(pen: Pen, block: Rows, left: float, top: float) -> None:
-    top += _draw_title(pen, block.title, left, top)
-    end = left + _values_end(block)
+def _draw_rows(pen: Pen, block: Rows, top: float) -> None:
+    top += _draw_title(pen, block.title, top)
+    end = _values_end(block)
     if block.heading:
         pen.text(block.heading, end - words_width(block.heading, _SMALL_PX), top + 0.4 * _LINE_PX, _SMALL_PX, pen.faint)
         top += _HEADING_PX
     for number, row in enumerate(_shown(block)):
         middle = top + (number + 0.5) * _LINE_PX
         color = pen.faint if row.color == SIGN and row.sign != _DISC else row.color
-        _SIGNS.get(row.sign, _disc)(pen, left + _SWATCH_PX + 1.0, middle, color)
-        pen.text(row.name, left + _NAME_PX, middle, _FONT_PX)
+        _SIGNS.get(row.sign, _disc)(pen, _SWATCH_PX + 1.0, middle, color)
+        pen.text(row.name, _NAME_PX, middle, _FONT_PX)
         if row.value:
             pen.text(row.value, end - words_width(row.value, _FONT_PX), middle, _FONT_PX)
 
@@ -385,10 +385,10 @@ _SIGNS: dict[str, Callable[[Pen, float, float, Rgb], None]] = {
 }
 
 
-def _draw_title(pen: Pen, title: str, left: float, top: float) -> float:
+def _draw_title(pen: Pen, title: str, top: float) -> float:
     """Write a title, and return its height, pixels."""
     if title:
-        pen.text(title, left, top + 0.5 * _LINE_PX, _TITLE_PX)
+        pen.text(title, 0.0, top + 0.5 * _LINE_PX, _TITLE_PX)
     return _title_height(title)
 
 

@@ -241,10 +241,12 @@ class Motion:
     def moves_between(self, before: Mapping[str, Step], steps: Mapping[str, Step]) -> Moves:
         """Return how agents moved in a turn, by the last move of each before and after it."""
         moved = {name: step for name, step in steps.items() if step[0] != step[1] and before.get(name) != step}
-        others = {
-            name: step for name, step in moved.items() if isinstance(step[0], tuple) or isinstance(step[1], tuple)
+        others = {name: step for name, step in moved.items() if any(isinstance(end, tuple) for end in step)}
+        lines_of = {
+            name: self._travelled(*step)
+            for name, step in others.items()
+            if any(isinstance(end, Progress) for end in step)
         }
-        lines_of = {name: self._travelled(*step) for name, step in others.items() if _is_travel(step)}
         travels = {name: line for name, line in lines_of.items() if line is not None}
         flights = {name: step for name, step in others.items() if name not in lines_of}
         names = [name for name in moved if name not in others]
@@ -367,10 +369,6 @@ class Motion:
         is_taken = columns.targets[edges] == ends[rows[step], 1]
         first = dict(zip(rows[step[is_taken]][::-1].tolist(), edges[is_taken][::-1].tolist(), strict=True))
         return {row: columns.polylines[edge] for row, edge in sorted(first.items()) if edge in columns.polylines}
-
-
-def _is_travel(step: Step) -> bool:
-    return isinstance(step[0], Progress) or isinstance(step[1], Progress)
 
 
 class TurnEvents:
