@@ -91,14 +91,19 @@ def test_isochrones_refuse_a_negative_limit(town):
 
 
 @given(
-    edges=EDGES, places=PLACES, targets=st.lists(ROW, max_size=5), source=ROW, share=st.sampled_from([1 / 64, 1 << 30])
+    edges=EDGES,
+    places=PLACES,
+    targets=st.lists(ROW, max_size=5),
+    source=ROW,
+    share=st.sampled_from([1 / 64, 1 << 30]),
+    few=st.sampled_from([0, 5]),
 )
 @LAWS
-def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, targets, source, share):
+def test_the_nearest_is_the_first_of_those_at_the_least_distance(edges, places, targets, source, share, few):
     graph, _ = build([(u, v, math.dist(places[u], places[v]) + length // 5) for u, v, length in edges], places)
     far = [graph.distance(source, target) for target in targets]
     known = targets[far.index(min(far))] if targets and min(far) < math.inf else None
-    with mock.patch.object(routes, "_SHARE", share):
+    with mock.patch.object(routes, "_SHARE", share), mock.patch.object(routes, "_FEW", few):
         fresh, _ = build([(u, v, math.dist(places[u], places[v]) + length // 5) for u, v, length in edges], places)
         assert fresh.routes.nearest(source, targets) == known
         if known is not None:

@@ -23,6 +23,7 @@ from gamms.text import shown
 from gamms.typing.graph_values import NodeIds
 from gamms.typing.routes import RememberedT, Routes
 
+_FEW = 8  # targets: of so many the nearest is found by asking for the distance to each
 _SHARE = 16  # searches for one goal may expand one node in so many before its table is made
 _MOST_STEPS = 1 << 18  # on paths that were found, about 200 bytes each
 _PATIENCE_S = 2.0
@@ -116,6 +117,28 @@ class CachedRoutes(Routes):
         """Return (ends,) what the ways from a row to others take at least."""
         check_weight(weight)
         return self.search(weight).least_distances(row, ends)
+
+    def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
+        """Return the place in `ends` of the nearest; of many, only those are asked for that a search reaches first."""
+        check_weight(weight)
+        if len(ends) <= _FEW:
+            return super().nearest_end(row, ends, weight, within)
+        places = self._reached_first(row, ends, weight)
+        if len(places) == 1 and within == inf:
+            return places[0]
+        found = super().nearest_end(row, ends[places], weight, within)
+        return None if found is None else places[found]
+
+    def _reached_first(self, row: int, ends: IntArray, weight: str | None) -> list[int]:
+        """Return the places in `ends` of those that are reached first from a row, up to rounding."""
+        search, most = self.search(weight, reverse=False), len(self.ids()) // _SHARE
+        near = search.distances(row, set(ends.tolist()), most, is_nearest=True)
+        if near is None:
+            far = kernels.shortest_distances(self.arcs(weight, reverse=False), np.array([row]))[ends]
+        else:
+            far = np.array([near.get(end, inf) for end in ends.tolist()])
+        found: list[int] = np.flatnonzero((far <= kernels.widened(far.min())) & (far < inf)).tolist()
+        return found
 
     def _has_table(self, key: Hashable) -> bool:
         return self.cache.revision == self._store.revision and key in self.cache.entries

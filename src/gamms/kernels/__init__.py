@@ -66,13 +66,12 @@ from gamms.kernels.fields_of_view import (
     unit_quaternion,
     yaw,
 )
+from gamms.kernels.local_paths import LocalSearch, best_steps, simple_paths, widened
 from gamms.kernels.matrix_games import saddle_points, solve_matrix_games
 from gamms.kernels.occlusion import blocks, visible
 from gamms.kernels.paths import (
     Arcs,
-    LocalSearch,
     Reached,
-    best_steps,
     first_steps,
     lacks_scipy,
     last_arcs,
@@ -82,6 +81,5 @@ from gamms.kernels.paths import (
     route_tables,
     route_trees,
     shortest_distances,
-    simple_paths,
     tight_arcs,
 )

@@ -74,6 +74,17 @@ class Routes(ABC):
         """Return (ends,) what the ways from a row to others take at least; override for speed."""
         return np.zeros(len(ends))
 
+    def nearest_end(self, row: int, ends: IntArray, weight: str | None, within: float) -> int | None:
+        """Return the place in `ends` of what `RouteQueries.nearest` says; override for speed."""
+        least, best, found = self.least_distances(row, ends, weight), within, None
+        for at in np.argsort(least, kind="stable").tolist():
+            if least[at] > best:
+                break
+            far = self.distance_between(row, ends.item(at), weight, best)
+            if far < best or (far == best < inf and (found is None or at < found)):
+                best, found = far, at
+        return found
+
     def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
         """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
         most = len(self.ids()) if most_edges is None else as_count(most_edges, "most_edges")
@@ -289,8 +300,8 @@ class RouteQueries:
     ) -> int | None:
         """Return which of several nodes is nearest by path from a node; None where no path leads to any.
 
-        It asks for the `distance` to one after the other, by what the straight line leaves possible, and stops once
-        no other can be nearer: so what is far costs nothing where something is near.
+        It searches from the node until it has reached one; of a few it asks for the `distance` to one after the other,
+        by what the straight line leaves possible. What is far costs nothing where something is near.
 
         Args:
             source: node id.
@@ -305,16 +316,10 @@ class RouteQueries:
             UnknownName (KeyError): there is no such node.
             BadValue (ValueError): `within` is negative or NaN.
         """
-        routes, best, found = self._routes, as_range(within, "within"), None
+        routes, most = self._routes, as_range(within, "within")
         ids = routes.ids()
         row, ends = routes.row(source), routes.rows(targets, "targets")
-        least = routes.least_distances(row, ends, weight)
-        for at in np.argsort(least, kind="stable").tolist():
-            if least[at] > best:
-                break
-            far = routes.distance_between(row, ends.item(at), weight, best)
-            if far < best or (far == best < inf and (found is None or at < found)):
-                best, found = far, at
+        found = routes.nearest_end(row, ends, weight, most)
         return None if found is None else ids.item(ends.item(found))
 
     def tables(self, targets: NodeIds, weight: str | None = "length", cutoff: float = inf) -> RouteTables:
