@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from gamms.game.decisions import memory_copy
 from gamms.game.decisions import merged_memory as merged
 
 
@@ -98,6 +99,19 @@ def test_one_writer_alone_has_its_way(before, copy):
 @given(MEMORIES, MEMORIES)
 def test_who_writes_nothing_changes_nothing(before, copy):
     assert merged(before, [("a", before), ("b", copy), ("c", before)]) == copy
+
+
+def test_a_copy_has_containers_of_its_own_which_are_the_same_where_those_before_were():
+    places, pairs = {1, 2}, {(3, 4)}
+    memory = {"here": places, "there": places, "board": {"visited": {5}, "seen": places}, "pairs": pairs}
+    memory["board"]["itself"] = memory["board"]
+    copy = memory_copy(memory)
+    assert copy["here"] is copy["there"] is copy["board"]["seen"]
+    assert copy["board"]["itself"] is copy["board"]
+    copy["here"].add(9)
+    copy["board"]["visited"].add(9)
+    copy["pairs"].clear()
+    assert (places, memory["board"]["visited"], pairs) == ({1, 2}, {5}, {(3, 4)})
 
 
 def test_facts_cannot_be_written_to_however_deep(ctx):

@@ -70,13 +70,12 @@ def sweep(
         here, memory, board = node_of(state, "sweep"), required(state, "memory", "sweep"), shared_memory(state, "sweep")
         visited = board.setdefault("visited", set())
         visited |= {here, *(nodes_in_view(ctx, state) if sees else ())}
-        ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
-        if again and visited.issuperset(ids):
+        if again and visited.issuperset(_all_of(ctx, chosen)):
             visited.clear()
             visited.add(here)
         target = memory.get("sweep target")
         if target is None or target in visited:
-            target = memory["sweep target"] = _next_to_visit(ctx, state, ids, visited)
+            target = memory["sweep target"] = _next_to_visit(ctx, state, chosen, visited)
         move_to(ctx, state, target, fallback, "sweep")
 
     looks = COVERS if sees else False
@@ -252,26 +251,33 @@ def _nearest(view: ArrayView, starts: IntArray, wanted: BoolArray) -> IntArray:
     return found
 
 
-def _next_to_visit(ctx: Context, state: State, ids: Sequence[int], visited: set[int]) -> int | None:
+def _all_of(ctx: Context, chosen: tuple[int, ...] | None) -> Sequence[int]:
+    """Return the nodes to visit; None: all nodes."""
+    ids: Sequence[int] = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
+    return ids
+
+
+def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, visited: set[int]) -> int | None:
     """Return the nearest node that is left in the agent's part, else on the whole map; of several, the lowest id."""
     name, here = required(state, "name", "sweep"), state["curr_pos"]
-    left = sorted(node for node in ids if node not in visited)
     team = required(state, "team", "sweep")
     members = [name] if team is None else sorted(one.name for one in ctx.agent.teams[team] if is_living(ctx, one.name))
-    parts = _parts(ctx, tuple(ids), len(members))
-    own = [node for node in left if node in parts[members.index(name)]]
-    nearest = ctx.graph.routes.nearest(here, own)
-    return ctx.graph.routes.nearest(here, left) if nearest is None else nearest
+    own = _parts(ctx, chosen, len(members))[members.index(name)]
+    nearest = ctx.graph.routes.nearest(here, sorted(own - visited))
+    if nearest is None:
+        nearest = ctx.graph.routes.nearest(here, sorted(set(_all_of(ctx, chosen)) - visited))
+    return nearest
 
 
 _cut: WeakKeyDictionary[Context, dict[Any, list[set[int]]]] = WeakKeyDictionary()  # the last cut of a map
 
 
-def _parts(ctx: Context, ids: tuple[int, ...], number: int) -> list[set[int]]:
+def _parts(ctx: Context, chosen: tuple[int, ...] | None, number: int) -> list[set[int]]:
     """Return so many parts of some nodes, with as many nodes each, by cutting along the longer side again and again."""
-    key = (ctx.graph.graph.revision, number, ids)
+    key = (ctx.graph.graph.revision, number, chosen)
     if key not in (known := _cut.setdefault(ctx, {})):
         known.clear()
+        ids = _all_of(ctx, chosen)
         known[key] = [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
     return known[key]
 
