@@ -262,6 +262,7 @@ class Context(Guarded, typing.IContext):
         """
         ahead = Context(InternalContext(memory_engine=memory.MemoryEngine()), logger=self._logger)
         ahead._seed, ahead.is_seeded = seed, self.is_seeded
+        ahead._phase.known_names = self._phase.known_names  # whose warnings are not repeated
         ahead.graph_engine = graph.GraphEngine(ahead)
         ahead.agent_engine = agent.AgentEngine(ahead)
         ahead.sensor_engine = sensor.SensorEngine(ahead)

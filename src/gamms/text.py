@@ -2,7 +2,7 @@
 
 import ast
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial, update_wrapper, wraps
 from reprlib import Repr
 from threading import Lock
@@ -58,6 +58,15 @@ class Called(partial[Any]):
 
     def __repr__(self) -> str:
         return self.call
+
+    def held(self) -> Iterator[object]:
+        """Yield what the function closes over, and what functions among that, which were made likewise, do."""
+        cells = [cell.cell_contents for cell in getattr(self.func, "__closure__", None) or ()]
+        for value in cells:
+            for one in value if isinstance(value, (list, tuple)) else (value,):
+                yield one
+                if isinstance(one, Called):
+                    yield from one.held()
 
 
 def shown_as_called(make: Callable[P, F]) -> Callable[P, F]:

@@ -166,6 +166,26 @@ def test_an_attribute_that_is_no_misspelt_keyword_is_not_warned_about(ctx, heard
     assert not heard
 
 
+def test_an_attribute_that_looks_misspelt_is_warned_about_once_and_kept(ctx, heard):
+    ann, ben = (ctx.agent.create_agent(name, start_node_id=0) for name in ("ann", "ben"))
+    for agent in (ann, ben, ann):
+        agent.curent_node_id = 3
+        agent.energy, agent.notes, agent.alive = 3, [1], True
+    assert (ann.curent_node_id, ann.current_node_id, ann.notes) == (3, 0, [1])
+    hint = "Unknown attribute 'curent_node_id'. Did you mean 'current_node_id'? It is kept as an attribute."
+    assert heard == [f"Agent 'ann': {hint}"]
+    with ctx.game.fork(1).ctx as ahead:
+        ahead.agent.get_agent("ann").curent_node_id = 4
+    assert len(heard) == 1
+
+
+def test_an_attribute_that_looks_misspelt_is_warned_about_in_each_context(ctx, heard):
+    ctx.agent.create_agent("ann", start_node_id=0).currentnodeid = [1]
+    assert heard == [
+        "Agent 'ann': Unknown attribute 'currentnodeid'. Did you mean 'current_node_id'? It is kept as an attribute."
+    ]
+
+
 def test_a_strategy_can_be_given_at_once(ctx):
     agent = ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state.update(action=1))
     agent.step()

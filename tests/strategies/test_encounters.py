@@ -7,8 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from gamms.agent import AgentType
+from gamms.errors import BadValue
 from gamms.sensor import SensorType
-from gamms.strategies import chase, flee, goto, guard, patrol, random_walk, stay
+from gamms.strategies import chase, first, flee, goto, guard, mix, patrol, random_walk, stay
 
 NODES = st.integers(0, 35)
 
@@ -28,6 +29,30 @@ def test_the_nearest_enemy_by_road_is_chased_not_the_nearest_as_the_crow_flies(o
         world.add("close", 2, stay, team="blue")
         world.add("friend", 0, stay, team="red")
         assert world.play(2)["cat"] == [0, 1, 1]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        chase,
+        lambda ctx: goto(ctx, 3),
+        lambda ctx: first(stay, patrol(ctx, [1, 2])),
+        lambda ctx: mix(0.5, stay, flee(ctx)),
+    ],
+)
+def test_a_strategy_that_was_made_for_another_context_is_refused(world, open_world, make):
+    agent = world.add("cat", 14, make(world.ctx))
+    with open_world({3: (0.0, 0.0), 1: (1.0, 0.0), 2: (2.0, 0.0)}, [(3, 1, 1.0)]) as other:
+        wrong = make(other.ctx)
+        for give in (
+            lambda: agent.register_strategy(wrong),
+            lambda: world.add("dog", 14, wrong),
+            lambda: world.ctx.agent.create_team("team", [1, 2], strategy=wrong),
+        ):
+            with pytest.raises(BadValue, match=r"\(.*ctx.*\) was made for another context"):
+                give()
+    assert agent.strategy is not wrong
+    assert set(world.ctx.agent.agents) == {"cat"}
 
 
 def test_of_equally_near_enemies_the_first_by_name_is_chased(world):

@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 
 from gamms import kernels
 from gamms.agent.carried import carried
-from gamms.arguments import as_bool, as_float, as_function_of, as_key, as_name, as_range
+from gamms.arguments import as_bool, as_float, as_key, as_name, as_range, misspelt
 from gamms.deciding import ContextPart, DecidePhase, phase_of, refused_while_deciding
 from gamms.errors import BadType, BadValue, ContextTerminated, GammsError, MissingKey, UnknownName
 from gamms.ir import events
@@ -15,6 +15,7 @@ from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.graph import FloatArray
 from gamms.ir.journal import CLOSED
 from gamms.readonly import ReadOnlyMapping
+from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.actions import (
     above,
@@ -22,6 +23,7 @@ from gamms.typing.actions import (
     as_node,
     as_position,
     as_quat,
+    as_strategy,
     flight,
     heading_in,
     known_node,
@@ -88,15 +90,27 @@ class BaseAgent(ContextPart, IAgent):
     def __setattr__(self, name: str, value: object) -> None:
         """Set an attribute; refused while a strategy is running."""
         if name[0] != "_":
-            self._phase.refuse(f"set agent.{name}")
-            if name == "strategy":
-                if value is not None:
-                    as_function_of(value, "A strategy", "the state")
-                self._phase.strategy_changes += 1
-                self._block.structure.note((self._row,))
+            phase = self._phase
+            if phase.agent is not None:
+                phase.refuse(f"set agent.{name}")
+            if name not in phase.known_names:
+                self._look_at(name, value)
             self._put_attribute(name, value)
             return
         object.__setattr__(self, name, value)
+
+    def _look_at(self, name: str, value: object) -> None:
+        """Check a strategy; warn of another name that looks misspelt, once in a context."""
+        if name == "strategy":
+            if value is not None:
+                as_strategy(self._ctx, value)
+            self._phase.strategy_changes += 1
+            self._block.structure.note((self._row,))
+            return
+        self._phase.known_names.add(name)
+        if isinstance(getattr(type(self), name, None), (Attribute, type(None))):
+            for hint in misspelt([name], sorted({"strategy", *self._SETTABLE}), "attribute"):
+                self._ctx.logger.warning(f"Agent {shown(self.name)}: {hint} It is kept as an attribute.")
 
     def _put_attribute(self, name: str, value: object) -> None:
         """Set an attribute that nothing refuses."""

@@ -13,7 +13,7 @@ import numpy as np
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.snapshots import AgentsSnapshot, attributes_of, copied_attributes, details_of, teams_in
 from gamms.agent.teams import AgentsByName, Members, Team, column_of, is_attribute, make_member, values_in
-from gamms.arguments import as_function_of, as_ids, as_member, as_name, misspelt
+from gamms.arguments import as_ids, as_member, as_name, misspelt
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
@@ -24,7 +24,7 @@ from gamms.ir.positions import Positions
 from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
-from gamms.typing.actions import known_node
+from gamms.typing.actions import as_strategy, known_node
 from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
@@ -161,6 +161,7 @@ class AgentEngine(ContextPart, IAgentEngine):
                 raise MissingKey(" ".join([f"Agent {shown(name)} needs {needed}=, {what}.", *hints]))
         for hint in hints:
             self._ctx.logger.warning(f"Agent {shown(name)}: {hint} It is kept as an attribute.")
+        self._phase.known_names.update(kwargs)
         block, journal = self._block, self._block.journal
         if not journal.is_silent:
             block.journal = Muted(journal)  # what follows is a part of the creation
@@ -245,7 +246,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         for node in unknown:
             known_node(graph, block, node)
         if strategy is not None:
-            as_function_of(strategy, "A strategy", "the state")
+            as_strategy(self._ctx, strategy)
             self._phase.strategy_changes += 1
         for hint in misspelt({**_OF_TEAMS, **values}, _KEYWORDS):
             self._ctx.logger.warning(f"Agents of team {shown(team)}: {hint} It is kept as an attribute.")

@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent.agent import Agent, Attribute, BaseAgent
-from gamms.arguments import as_array, as_bool, as_function_of, as_ids, as_key, as_mapping, as_name, as_range, misspelt
+from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_name, as_range, misspelt
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import AgentBlock
@@ -19,7 +19,7 @@ from gamms.ir.sensed import Sensed
 from gamms.kernels.draws import BitArray
 from gamms.text import printable_line, shown
 from gamms.typing import IContext
-from gamms.typing.actions import as_heading
+from gamms.typing.actions import as_heading, as_strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor
 
 Column = np.ndarray[Any, Any]
@@ -37,7 +37,7 @@ _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
     "prev_node_id": lambda agent, node: agent._known(node),
     "orientation": lambda _, heading: heading is None or as_heading(heading),
     "team": lambda _, team: as_key(team, "A team"),
-    "strategy": lambda _, strategy: strategy is None or as_function_of(strategy, "A strategy", "the state"),
+    "strategy": lambda agent, strategy: strategy is None or as_strategy(agent._ctx, strategy),
 }
 """Other attributes that members check -> the same check, for all before one is set."""
 

@@ -1,4 +1,4 @@
-"""Checks of what callers pass for nodes, headings, positions and quaternions, before anything is written."""
+"""Checks of what callers pass for nodes, headings, positions, quaternions and strategies before it is written."""
 
 from collections.abc import Iterable
 from math import hypot, isfinite
@@ -7,10 +7,11 @@ from typing import Any, cast
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_float, as_int, as_numbers, as_range
+from gamms.arguments import as_float, as_function_of, as_int, as_numbers, as_range
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import UNTURNED, AgentBlock, Position, Quat
-from gamms.text import shown
+from gamms.text import Called, shown
+from gamms.typing.context import IContext
 from gamms.typing.graph_engine import IGraph
 
 
@@ -144,3 +145,17 @@ def _ahead(block: AgentBlock, row: int, direction: object, distance: object) -> 
     if far > speed:
         raise BadValue(f"A distance of {far:g} is more than agent {block.names[row]!r} flies at once: {speed:g}.")
     return one_step(position_of(block, row), direction, far)
+
+
+def as_strategy(ctx: IContext, value: object) -> Any:
+    """Check that a value is a function of the state, which was not made for another context.
+
+    Raises:
+        BadType, BadValue: it is not.
+    """
+    as_function_of(value, "A strategy", "the state")
+    if isinstance(value, Called) and any(isinstance(one, IContext) and one is not ctx for one in value.held()):
+        raise BadValue(
+            f"{shown(value)} was made for another context, whose map and agents it asks for. Make it with this one."
+        )
+    return value
