@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.errors import BadFile, GammsError, MissingExtra
+from gamms.errors import BadFile, BadType, GammsError, MissingExtra
 from gamms.game import Result
 
 
@@ -28,6 +28,19 @@ def played(ctx, play):
     ctx.game.collect("node", lambda agent: agent.current_node_id, per="agent")
     ctx.game.collect("late", lambda ctx: {"turn": ctx.game.turn}, every=2)
     return ctx.game.run()
+
+
+@pytest.mark.parametrize("score", ["three", None, float("nan"), np.array([1.0]), 1j])
+def test_scores_that_are_no_numbers_are_refused_and_change_nothing(ctx, score):
+    ctx.game.scores["red"] += np.float64(1.5)
+    for write in (
+        lambda: ctx.game.scores.__setitem__("red", score),
+        lambda: ctx.game.scores.update({"blue": 2, "red": score}),
+        lambda: ctx.game.scores.update(blue=2, red=score),
+    ):
+        with pytest.raises(BadType, match="The score of 'red' must be a number, not"):
+            write()
+    assert ctx.game.scores == {"red": 1.5}
 
 
 def test_a_result_says_what_came_of_the_game(ctx, play):

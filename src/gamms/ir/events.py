@@ -15,7 +15,7 @@ import numpy as np
 from gamms.arguments import as_bool, as_int, as_key, as_name, as_numbers, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.applied_to import State
-from gamms.ir.game_state import BlockedAgents
+from gamms.ir.game_state import BlockedAgents, Scores
 from gamms.ir.graph import IntArray
 from gamms.ir.messages import as_message
 from gamms.plain import Plain
@@ -412,7 +412,8 @@ def set_scores(game: "GameState", scores: Plain) -> None:
         BadValue: these are none.
     """
     try:
-        found = dict(scores)
+        found = Scores()
+        found.update(scores)
     except (TypeError, ValueError) as error:
         raise BadValue(f"its scores are none ({error})") from error
     game.scores.clear()

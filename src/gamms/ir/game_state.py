@@ -1,11 +1,14 @@
 """The state of a game at a moment, apart from the agents and the world."""
 
-from collections.abc import Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, MutableMapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
-from typing import Any
+from numbers import Real
+from typing import Any, cast
 
+from gamms.errors import BadType
 from gamms.ir.graph import IntArray
+from gamms.text import shown
 
 PHASES = ("decide", "resolve", "apply", "rules", "draw")
 LOGS = ("events", "errors", "deeds", "messages")
@@ -13,10 +16,26 @@ LOGS = ("events", "errors", "deeds", "messages")
 
 
 class Scores(dict[Any, float]):
-    """Scores by team, agent or any other key; one that was not set is 0."""
+    """Scores by team, agent or any other key; one that was not set is 0.
+
+    Raises:
+        BadType: one that is set is no number, or NaN.
+    """
 
     def __missing__(self, key: object) -> float:
         return 0
+
+    def __setitem__(self, key: Hashable, score: object) -> None:
+        if type(score) is not int and not (isinstance(score, Real) and score == score):  # noqa: PLR0124 - NaN does not
+            raise BadType(f"The score of {shown(key)} must be a number, not {shown(score)} ({type(score).__name__}).")
+        super().__setitem__(key, cast("float", score))
+
+    def update(self, *scores: Any, **named: float) -> None:
+        """Set scores as a dict takes them: all, or none where one cannot be."""
+        checked = Scores()
+        for key, score in dict(*scores, **named).items():
+            checked[key] = score
+        super().update(checked)
 
 
 class LogPoint:
