@@ -72,10 +72,11 @@ def rash(state):
 
 
 # What games leave arrays for: an agent that is asked comes, or one whose sensor draws for several or reports late;
-# one asks why a rule in arrays has refused its move, or gives its way where it decides at arrivals.
+# one asks why a rule in arrays has refused its move, or gives its way where it decides at arrivals; or something keeps
+# what it would have known of the turns before the batch.
 LEAVE = re.compile(
-    "comes with (the s|a s|a team that is asked|the plan of)|why a rule has refused a move|gives the nodes of its way|"
-    "it is not known what is kept under 'toll'"
+    "comes with (the s|a s|a team that is asked|the plan of|sweep.*at arrivals)|why a rule has refused a move|"
+    r"gives the nodes of its way|it is not known what is kept under ('toll'|\('memory', 'follow_path )"
 )
 ONE_BY_ONE = re.compile(
     "turns with its agent|draws for several|draws at a fixed place for several|a game that is over|'before'"

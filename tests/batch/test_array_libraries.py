@@ -231,6 +231,24 @@ def test_streets_take_and_refuse_the_same_in_any_library(place, verb, given):
         assert found == outcome(lambda: getattr(here, verb)(*given), np.asarray)
 
 
+ROUTES = [
+    (np.array([0, 24]), np.array([7, 3])),
+    (np.array([[0], [24]]), np.array([7, 3, 24])),
+    (np.array([0, 1]), np.array([3, -1])),
+    (np.array([0, 25]), np.array([3, 1])),
+    (np.array([0, 1]), np.array([3.0, 1.0])),
+]
+
+
+@pytest.mark.parametrize("verb", ["distances", "actions"])
+@pytest.mark.parametrize(("sources", "targets"), ROUTES)
+def test_routes_take_and_refuse_the_same_in_any_library(place, verb, sources, targets):
+    with scene().batch(1, **place.options) as games, scene().batch(1) as plain_games:
+        there, here = games.observe("red").routes(), plain_games.observe("red").routes()
+        found = outcome(lambda: getattr(there, verb)(place.put(sources), place.put(targets)), place.read)
+        assert found == outcome(lambda: getattr(here, verb)(sources, targets), np.asarray)
+
+
 def test_streets_read_one_number_to_check_what_a_strategy_passes(place):
     with scene().batch(2, **place.options) as games:
         view = games.observe("red")

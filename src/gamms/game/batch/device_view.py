@@ -391,7 +391,7 @@ class DeviceRoutes:
     """
 
     def __init__(self, streets: DeviceStreets, weight: str | None) -> None:
-        self._library, self._host = streets.library, RouteTable(streets.host, weight)
+        self._library, self._streets, self._host = streets.library, streets, RouteTable(streets.host, weight)
         self._nodes = len(streets.columns.node_ids)
         self._is_dense = self._nodes <= _ALL_AT_FIRST or not self._library.on_host
         self._slot_of, self._used = np.full(self._nodes, -1, np.int64), 0
@@ -424,8 +424,14 @@ class DeviceRoutes:
     def distances(
         self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
     ) -> Tensor:
-        """Return what `RouteTable.distances` does; without `among`, targets that are new are read."""
-        if not self._is_dense:
+        """Return what `RouteTable.distances` does.
+
+        Without `among`, targets that are new are read; without both, one number is read to check what is passed.
+
+        Raises:
+            BadType, BadValue: they are no rows of nodes.
+        """
+        if not self._is_dense or not self._are_right(sources, targets, among, asked):
             return self._of_host(self._host.distances, sources, targets, asked)
         slots = self._learned(targets, among, asked)
         return self._library.xp.reshape(self._far, (-1,))[slots * self._nodes + sources]
@@ -434,17 +440,26 @@ class DeviceRoutes:
         self, sources: Tensor, targets: Tensor, *, among: IntArray | None = None, asked: Tensor | None = None
     ) -> Tensor:
         """Return the actions that lead to targets, as strategies go a step, -1: there is no path; see `distances`."""
-        if not self._is_dense:
+        if not self._is_dense or not self._are_right(sources, targets, among, asked):
             return self._of_host(self._host.actions, sources, targets, asked)
         slots, xp = self._learned(targets, among, asked), self._library.xp
         return xp.astype(xp.reshape(self._action, (-1,))[slots * self._nodes + sources], xp.int64)
+
+    def _are_right(self, sources: Tensor, targets: Tensor, among: IntArray | None, asked: Tensor | None) -> bool:
+        """Whether these are rows of nodes on the device, of callers that do not say which of them count."""
+        if among is not None or asked is not None:
+            return True
+        streets, every = self._streets, self._library.xp.all
+        if not (streets._are_integers(sources) and streets._are_integers(targets)):
+            return False
+        return streets._holds(every(streets._are_rows(sources)) & every(streets._are_rows(targets)))
 
     def _of_host(
         self, ask: Callable[[IntArray, IntArray], Any], sources: Tensor, targets: Tensor, asked: Tensor | None
     ) -> Tensor:
         """Return what the tables of the host say."""
         get, put = self._library.get, self._library.put
-        starts, ends = get(sources), get(targets)
+        starts, ends = (get(one) if self._library.is_own(one) else one for one in (sources, targets))
         return put(ask(starts, ends) if asked is None else of_asked(ask, starts, ends, get(asked)))
 
     def _learned(self, targets: Tensor, among: IntArray | None, asked: Tensor | None) -> Tensor:
