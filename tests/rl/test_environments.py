@@ -280,6 +280,27 @@ def test_an_action_that_is_not_legal_stays_and_is_reported():
     assert after["observation"][:2].tolist() == before["observation"][:2].tolist()
 
 
+def test_an_action_that_is_missing_stays_and_is_reported():
+    env = rl.parallel_env(scene(), team="red")
+    env.reset(seed=3)
+    before = env.learners.games.observe("red").node.tolist()
+    *_, infos = env.step({"red_0": 0})
+    assert (infos["red_0"]["is_legal"], infos["red_1"]["is_legal"]) == (True, False)
+    assert env.learners.games.observe("red").node.tolist() == before
+
+
+@pytest.mark.parametrize("wrong", [np.nan, np.inf])
+def test_a_reward_that_is_no_finite_number_is_refused_unless_it_is_that_of_the_dead(wrong):
+    games = rl.vector_env(scene(), num_games=2, team="red", reward=lambda _: np.array([[1.0, 2.0], [3.0, wrong]]))
+    games.reset(seed=1)
+    with pytest.raises(BadValue, match=rf"reward must give finite numbers, not {wrong} for agent 'red_1' in game 1"):
+        games.step(np.zeros(4, int))
+    deadly = scene([{**TAG, "with": {**TAG["with"], "metres": 1000}}])
+    dead = rl.vector_env(deadly, num_games=1, team="blue", reward=lambda turn: np.where(turn.before.mask, 1.0, wrong))
+    dead.reset(seed=1)
+    assert [dead.step(np.zeros(2, int))[1].tolist() for _ in range(2)] == [[1.0, 1.0], [0.0, 0.0]]
+
+
 def test_rewards_and_observations_can_be_functions():
     def near_centre(turn):
         return -np.hypot(*np.moveaxis(turn.after["xy"], -1, 0)) * turn.after.mask

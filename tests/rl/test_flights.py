@@ -60,7 +60,7 @@ def test_an_agent_flies_as_far_as_its_action_says():
     assert np.linalg.norm(flown([1, 1, 1])) == pytest.approx(9)
     assert flown([np.nan, 1, 0]).tolist() == [0, 0, 0]
     before = np.array(place["red_drone_1"].position)
-    *_, infos = env.step({"red_drone_1": np.full(3, 2.0)})
+    *_, infos = env.step({"red_drone_0": np.zeros(3), "red_drone_1": np.full(3, 2.0)})
     assert infos["red_drone_1"]["is_legal"] is False
     assert infos["red_drone_0"]["is_legal"] is True
     assert np.linalg.norm(np.array(place["red_drone_1"].position) - before) == pytest.approx(9)

@@ -265,11 +265,14 @@ class Learners:
                 given = self._checked(self._reward(turn), turn.after, "reward")
             earned.append(column + given)
         plays = was_alive & ~was_over[:, None]
+        rewards = self._xp.where(plays, joined(self._xp, earned), 0.0)
+        if self._reward is not None:
+            self._refuse_no_numbers(rewards)
         counts = plays | ~was_over[:, None] if self.may_return else plays
         is_out = ~self.alive & ~self.is_over[:, None] & (not self.may_return)
         truncated = self.games.truncated
         return Played(
-            self._xp.where(plays, joined(self._xp, earned), 0.0),
+            rewards,
             counts & ((self.is_over & ~truncated)[:, None] | is_out),
             counts & truncated[:, None],
         )
@@ -429,6 +432,16 @@ class Learners:
                 f"{'' if what == 'reward' else ', …'}), not {found.dtype} of the shape {shape}."
             )
         return found
+
+    def _refuse_no_numbers(self, rewards: Array) -> None:
+        """Refuse rewards of agents that play that are not finite; on a device one number is read."""
+        wrong = ~self._xp.isfinite(rewards)
+        if bool(self._xp.any(wrong)):
+            found, (game, agent) = self._on_host(rewards), np.argwhere(self._on_host(wrong))[0].tolist()
+            raise BadValue(
+                f"reward must give finite numbers, not {found[game, agent]} for agent {self.names[agent]!r} in game "
+                f"{game}."
+            )
 
 
 def joined(xp: Namespace, columns: Sequence[Any], axis: int = 1) -> Any:

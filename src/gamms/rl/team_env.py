@@ -76,14 +76,17 @@ class TeamEnv(ParallelEnv[str, dict[str, Any], Any]):  # type: ignore[misc] # Pe
 
         Returns:
             Observations, rewards, terminations, truncations and infos by agent; `infos[agent]["is_legal"]` is whether
-            its action was.
+            its action was. It is False for an agent that is alive and has none.
         """
         for name in as_mapping(actions, "actions"):
             self._known(name)
         given = [actions.get(name, self._idle[name]) for name in self.possible_agents]
         heads = heads_of(self.learners, [(agents, [given[number] for number in agents]) for agents in self._parts])
-        legal = are_legal(self.learners, heads)[0].tolist()
-        was_legal = dict(zip(self.possible_agents, legal, strict=True))
+        is_legal, alive = are_legal(self.learners, heads)[0].tolist(), self.learners.alive[0].tolist()
+        was_legal = {
+            name: legal and (name in actions or not lives)
+            for name, legal, lives in zip(self.possible_agents, is_legal, alive, strict=True)
+        }
         played = self.learners.step(*heads)
         is_over = bool(self.learners.is_over[0])
         come = [] if is_over else [name for name in self._those_in() if name not in self.agents]
