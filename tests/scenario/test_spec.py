@@ -44,6 +44,9 @@ WRONG = [
     ({"teams.red.from": {"team": "blue", "at_least": 5}}, "teams.red.from.team", "before this team"),
     ({"teams.blue.from": [{"team": "rd", "at_least": 5}]}, "teams.blue.from.0.team", "Did you mean 'red'?"),
     ({"teams.red.type": "aerial"}, "teams.red.speed", "aerial agent needs it"),
+    ({"teams.red.type": "AERIAL"}, "teams.red.speed", "aerial agent needs it"),
+    ({"teams.red.type": "arial"}, "teams.red.type", "unknown agent type 'arial'. Did you mean 'AERIAL'?"),
+    ({"teams.blue.agents.0.type": "boat"}, "teams.blue.agents.0.type", "Use one of BASIC, AERIAL."),
     ({"teams.red.altitude": 5}, "teams.red.altitude", "aerial"),
     ({"teams.blue.agents.0.type": "aerial"}, "teams.blue.agents.0.speed", "aerial agent needs it"),
     ({"teams.blue.agents.1.name": "anna"}, "teams.blue.agents.1.name", "already an agent named 'anna'"),
@@ -213,6 +216,15 @@ def test_what_is_given_is_copied(made, little):
     one.to_dict()["teams"]["red"]["count"] = 99
     little["teams"]["red"]["count"] = 99
     assert one.spec.teams["red"].count == 3
+
+
+@pytest.mark.parametrize("write", [str.lower, str.upper, str.title])
+def test_types_of_agents_and_sensors_are_named_in_any_case(made, write):
+    flyer = {"type": write("aerial"), "speed": 5.0, "altitude": 9.0}
+    changes = {f"teams.blue.agents.1.{key}": value for key, value in flyer.items()}
+    with made({**changes, "sensors.eyes.type": write("agent_range")}).build(seed=1) as ctx:
+        assert ctx.agent.get_agent("bert").position[2] == 9.0
+        assert ctx.agent.get_agent("anna").sensors["eyes"].type is SensorType.AGENT_RANGE
 
 
 def test_values_of_python_are_taken_as_a_file_would_say_them(made):

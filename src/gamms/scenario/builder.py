@@ -36,7 +36,7 @@ from gamms.scenario.code import (
 from gamms.scenario.documents import ScenarioError, at, copied, joined
 from gamms.scenario.placement import Member, Placing, members, node_at
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full, to_plain
-from gamms.scenario.validation import NamedCode, call_in, code_in, sensor_type
+from gamms.scenario.validation import NamedCode, call_in, code_in, flies, sensor_type
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
 from gamms.typing.game import IConflicts, Rule
@@ -271,7 +271,7 @@ class Builder:
         return getattr(self.spec.teams[member.team], key) if own is None else own
 
     def _start(self, member: Member, node: int) -> _Start:
-        if self._of(member, "type") != "aerial":
+        if not flies(self._of(member, "type")):
             return node
         _, x, y = self.ctx.graph.graph.get_node(node)[:3]
         return (x, y, self._of(member, "altitude") or 0.0)
@@ -281,7 +281,7 @@ class Builder:
         meta = {**self.spec.teams[member.team].meta, **(member.listed.meta if member.listed else {})}
         return {
             "team": member.team,
-            "type": self._of(member, "type") or "basic",
+            "type": "aerial" if flies(self._of(member, "type")) else "basic",
             "sensors": list(self._of(member, "sensors") or ()),
             "meta": {"team": member.team, **self._parameters(meta, joined(member.path, "meta"))},
         }

@@ -159,7 +159,7 @@ class From(_Mapping, frozen=True, kw_only=True):
 class Equipment(_Mapping, frozen=True, kw_only=True):
     """The keys that a team sets for all its agents, and an agent for itself."""
 
-    type: Literal["basic", "aerial"] | None = None
+    type: str | None = None
     speed: Annotated[float, Meta(gt=0.0)] | None = None
     altitude: float | None = None
     sensors: list[Name] | None = None

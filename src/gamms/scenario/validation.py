@@ -31,6 +31,7 @@ from gamms.scenario.placement import members
 from gamms.scenario.spec import Code, Spec, Values, checked, given_values, in_full
 from gamms.sensor.catalog import KINDS
 from gamms.text import shown
+from gamms.typing.agent_engine import AgentType
 from gamms.typing.game import OWNERS, team_parameters
 from gamms.typing.sensor_engine import SensorType
 
@@ -93,6 +94,16 @@ def sensor_type(given: str) -> SensorType | None:
     return kind if kind in KINDS else None
 
 
+def flies(given: str | None) -> bool:
+    """Return whether that is the name of the type of aerial agents, in upper or lower case."""
+    return as_member(AgentType, given) is AgentType.AERIAL
+
+
+def _unknown_type(path: str, kind: str, given: str, names: list[str]) -> ScenarioError:
+    hint = nearest(given.upper(), names) or f" Use one of {', '.join(names)}."
+    return ScenarioError(f"{path}.type", f"unknown {kind} type {given!r}.{hint}")
+
+
 def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
     given = given_values(sensor)
     if (sensor.type is None) == (sensor.function is None):
@@ -102,9 +113,7 @@ def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
     else:
         kind = sensor_type(sensor.type or "")
         if kind is None:
-            names = [one.name for one in KINDS]
-            hint = nearest((sensor.type or "").upper(), names) or f" Use one of {', '.join(names)}."
-            raise ScenarioError(f"{path}.type", f"unknown sensor type {sensor.type!r}.{hint}")
+            raise _unknown_type(path, "sensor", sensor.type or "", [one.name for one in KINDS])
         known = ["type", *sorted(KINDS[kind].names())]
     for key in (key.rstrip("_") for key in given):
         if key not in known:
@@ -158,10 +167,12 @@ def _check_equipment(where: str, one: schema.Equipment, team: schema.Team, spec:
             raise ScenarioError(f"{where}.sensors.{number}", f"there is no sensor {sensor!r} in sensors.{hint}")
     if team.plan is not None and one.strategy is not None:
         raise ScenarioError(f"{where}.strategy", "is never asked, because the team has a plan. Give one of them.")
-    is_aerial = (one.type or team.type) == "aerial"
+    if one.type is not None and as_member(AgentType, one.type) is None:
+        raise _unknown_type(where, "agent", one.type, list(AgentType.__members__))
+    is_aerial = flies(one.type or team.type)
     if is_aerial and one.speed is None and team.speed is None and (one is not team or team.count):
         raise ScenarioError(f"{where}.speed", "is missing: an aerial agent needs it, in map units per turn.")
-    if one.altitude is not None and not is_aerial and (one is not team or team.type != "aerial"):
+    if one.altitude is not None and not is_aerial and (one is not team or not flies(team.type)):
         raise ScenarioError(f"{where}.altitude", "is for agents of type aerial.")
 
 
