@@ -111,9 +111,10 @@ class PastTurns:
 
     def __init__(self, ctx: IContext) -> None:
         self._ctx = ctx
-        self.entries: deque[_Turn | Moves] = deque(maxlen=MOST_TURNS)
+        self.entries: deque[_Turn | Moves] = deque()
         self.latest: _Turn | None = None
         self.count = 0
+        self._names: Sequence[str] | None = None  # of the agents for which the number of entries is bounded
         self._events = 0  # how many there were when turns were forgotten
 
     def end_turn(self) -> None:
@@ -127,8 +128,9 @@ class PastTurns:
         names, places = ctx.agent.positions.noted()
         if last is None or number < last[2]:  # or the game was reset
             last = self._begin(names, is_reset=last is not None)
-        if names is not last[0]:
-            self._keep_at_most(_MOST_PLACES // max(len(names), 1))
+        if names is not self._names:
+            self._names = names
+            self.entries = deque(self.entries, min(max(_MOST_PLACES // max(len(names), 1), 1), MOST_TURNS))
         self.latest = now = names, places, number, events, last[0], last[1], last[3]
         self.entries.append(now)
         self.count += 1
@@ -149,12 +151,8 @@ class PastTurns:
         """Return how things were before the first turn that is noted."""
         if is_reset:
             self.forget()
-        self._keep_at_most(_MOST_PLACES // max(len(names), 1))
         before = self._ctx.agent.positions.previous_places
         return names, before, 0, self._events, names, before, self._events
-
-    def _keep_at_most(self, turns: int) -> None:
-        self.entries = deque(self.entries, max(min(turns, MOST_TURNS), 1))
 
 
 class Motion:
