@@ -325,7 +325,6 @@ class Context(Guarded, typing.IContext):
             return None
 
     def __repr__(self) -> str:
-        """Show the seed, how many nodes and agents there are, and the turn of the game."""
         if self.is_terminated():
             return f"Context(seed={self._seed}, terminated)"
         turn = 0 if self._game is None else self._game.turn

@@ -101,7 +101,6 @@ class Drive:
         self.drawer.__dict__.update(artist=f"robot {agent}", layer=Layer.FLAGS, legend=legend)
 
     def __repr__(self) -> str:
-        """Show the call that made it."""
         return f"drive({self.agent!r}, …)"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Self:

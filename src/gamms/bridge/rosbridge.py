@@ -58,7 +58,6 @@ class _Pose(msgspec.Struct):
     orientation: _Quaternion = msgspec.field(default_factory=_Quaternion)
 
     def fix(self, header: _Header, origin: Sequence[float]) -> Fix:
-        """Return it as a fix."""
         q, heading = self.orientation, None
         if q.w or q.z:
             yaw = atan2(2.0 * (q.w * q.z + q.x * q.y), 1.0 - 2.0 * (q.y**2 + q.z**2))
@@ -71,7 +70,6 @@ class _PoseStamped(msgspec.Struct):
     header: _Header = msgspec.field(default_factory=_Header)
 
     def fix(self, origin: Sequence[float]) -> Fix:
-        """Return it as a fix."""
         return self.pose.fix(self.header, origin)
 
 
@@ -80,7 +78,6 @@ class _Odometry(msgspec.Struct):
     header: _Header = msgspec.field(default_factory=_Header)
 
     def fix(self, origin: Sequence[float]) -> Fix:
-        """Return it as a fix."""
         return self.pose.pose.fix(self.header, origin)
 
 

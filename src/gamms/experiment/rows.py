@@ -59,7 +59,6 @@ class Rows(Sequence[Row]):
         return self._rows[number]
 
     def __repr__(self) -> str:
-        """Show how many games there are, and how many have raised."""
         errors = len(self.errors())
         varied = f", varied: {', '.join(self.keys)}" if self.keys else ""
         return f"Rows({len(self)} games{varied}{f', {errors} with errors' if errors else ''})"

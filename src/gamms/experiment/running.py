@@ -53,7 +53,6 @@ class _Plan(NamedTuple):
         ]
 
     def keys(self) -> list[str]:
-        """Return the varied keys."""
         return list(self.variants[0].settings)
 
     def on_disk(self, ids: list[str]) -> dict[str, Any]:

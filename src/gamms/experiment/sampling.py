@@ -36,7 +36,6 @@ class Sample(Sequence[dict[str, Plain]]):
         return self._points[number]
 
     def __repr__(self) -> str:
-        """Show how many points there are, and of which space."""
         return f"Sample({len(self)} points of {', '.join(self.keys)}, method={self.method!r})"
 
 

@@ -189,7 +189,6 @@ def _indices(blocks: FloatArray, drawn: IntArray) -> FloatArray:
 
 
 def _stats() -> Any:
-    """Return `scipy.stats`."""
     with needing("An interval or a sample", "accel"):
         import scipy.stats
     return scipy.stats

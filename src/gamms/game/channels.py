@@ -55,7 +55,6 @@ class Channel(NamedTuple):
     eavesdroppers: tuple[Any, ...] = ()
 
     def __repr__(self) -> str:
-        """Show the name, and what was declared."""
         given = [f"{key}={shown(value)}" for key, value in self.options().items()]
         return f"Channel({', '.join([shown(self.name), *given])})"
 

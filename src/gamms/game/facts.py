@@ -124,5 +124,4 @@ class PrivateForks:
     __hash__ = None  # type: ignore[assignment] # what is equal in all games has no hash
 
     def __repr__(self) -> str:
-        """Show how it is called."""
         return "fork(seed)"

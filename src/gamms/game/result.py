@@ -203,7 +203,6 @@ class Result:
             yield [("", "score"), *others]
 
     def __repr__(self) -> str:
-        """Show how it ended."""
         scores, end = shown(dict(self.scores)), f"winner={shown(self.winner)}, reason={shown(self.reason)}"
         return f"Result(turns={self.turns}, {end}, scores={scores}, seed={self.seed})"
 

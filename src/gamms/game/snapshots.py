@@ -49,7 +49,6 @@ class Snapshot:
         self._of, self._values, self._parts = of, values, parts
 
     def __repr__(self) -> str:
-        """Show the turn and the seed."""
         return f"Snapshot(turn={self.turn}, seed={self.seed})"
 
     def place_of(self, agent: IAgent) -> int | Position:

@@ -86,7 +86,6 @@ class GraphEngine(ContextPart, IGraphEngine):
         return self._graph
 
     def __repr__(self) -> str:
-        """Show the size of the graph."""
         return "GraphEngine(terminated)" if self._graph is None else f"GraphEngine({self._graph!r})"
 
     @property

@@ -97,11 +97,9 @@ class Graph(Guarded, IGraph):
         self._store.revision += 1
 
     def __len__(self) -> int:
-        """Return how many nodes there are."""
         return len(self._store.nodes)
 
     def __repr__(self) -> str:
-        """Show its size."""
         return f"{type(self).__name__}({len(self._store.nodes)} nodes, {len(self._store.edges)} edges)"
 
     def __bool__(self) -> bool:

@@ -196,7 +196,6 @@ class PackedGraph(IPackedGraph):
         self.packed = packed
 
     def __repr__(self) -> str:
-        """Show how large it is."""
         columns = self.columns()
         return f"{type(self).__name__}({len(columns.node_ids)} nodes, {len(columns.edge_ids)} edges)"
 

@@ -34,7 +34,6 @@ class Sensed:
         return self._edges  # type: ignore[return-value] # it is called by now
 
     def __len__(self) -> int:
-        """How many looks there were."""
         return len(self.offsets) - 1
 
     def __getitem__(self, look: int) -> "np.ndarray[Any, Any]":

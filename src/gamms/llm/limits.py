@@ -173,7 +173,6 @@ class Account:
         self._gate: tuple[asyncio.AbstractEventLoop, asyncio.Semaphore] | None = None
 
     def __repr__(self) -> str:
-        """Name the rule."""
         return self.__name__
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Account":

@@ -63,7 +63,6 @@ class Recorder(Guarded, IRecorder):
         return session is not None and not (session.is_paused or session.has_failed or self.ctx.is_terminated())
 
     def __repr__(self) -> str:
-        """Show what it does."""
         if self.is_replaying:
             return "Recorder(replaying)"
         doing = "recording" if self.record() else "paused"

@@ -108,7 +108,6 @@ class Recording(Opened):
         self._map_turns: list[int] | None = None
 
     def __repr__(self) -> str:
-        """Show how long it is."""
         return f"{type(self).__name__}({self.turns} turns)"
 
     def _repr_html_(self) -> str | None:

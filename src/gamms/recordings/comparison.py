@@ -227,7 +227,6 @@ class _Whole(io.BytesIO):
     """A buffer that is read only when the recording is finished, so that turns need not be written one by one."""
 
     def seekable(self) -> bool:
-        """Return False."""
         return False
 
 

@@ -363,7 +363,6 @@ def _refuse_other(file: Path, described: Description, ctx: HostContext) -> None:
 
 
 def _loaded(file: Path, trusted: bool) -> _Loaded:
-    """Read a policy."""
     if file.suffix not in _BY_SUFFIX:
         raise BadFile(
             f"{file} is no policy: they are {', '.join(_BY_SUFFIX[:2])}, and what you trust {', '.join(_PICKLES)}."

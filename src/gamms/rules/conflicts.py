@@ -98,7 +98,6 @@ class Conflicts:
         self._way_of = attrgetter("start", "end", "team") if per_team else attrgetter("start", "end")
 
     def __repr__(self) -> str:
-        """Show the arguments."""
         return f"Conflicts({', '.join(f'{name}={value}' for name, value in self._given.items())})"
 
     def resolve(self, moves: Mapping[str, Move], ctx: Context) -> set[str]:

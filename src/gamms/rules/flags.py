@@ -169,7 +169,6 @@ class _Flags(NamedTuple):
         return state
 
     def play(self, ctx: Context) -> None:
-        """Play one turn."""
         data = self._state(ctx)
         carriers: dict[Hashable, str | None] = data["carriers"]
         self._drop(ctx, carriers, _stopped(ctx.game.events[data["seen"] :]))
@@ -296,7 +295,6 @@ class _FlagsInArrays:
         self.going = np.ones(len(turn.games), np.bool_)
 
     def play(self) -> None:
-        """Play the turn."""
         turn, (at, which) = self.turn, np.nonzero(self.carriers >= 0)
         if len(at):
             self._drop(at, which)

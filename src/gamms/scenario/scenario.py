@@ -343,7 +343,6 @@ class Scenario:
     __hash__ = None  # type: ignore[assignment] # what holds dicts has no hash
 
     def __repr__(self) -> str:
-        """Name it and its teams."""
         teams = ", ".join(f"{name}: {team.count + len(team.agents)}" for name, team in self.spec.teams.items())
         return f"Scenario({self.spec.name!r}, {teams})"
 

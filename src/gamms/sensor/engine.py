@@ -69,7 +69,6 @@ class SensorEngine(ContextPart, ISensorEngine):
         return self._sensors if is_open else ReadOnlyMapping(self._sensors)  # type: ignore[return-value] # it reads like it
 
     def __repr__(self) -> str:
-        """Show how many sensors of each type there are."""
         kinds = Counter(sensor.type.name for sensor in self._sensors.values())
         return f"SensorEngine({', '.join(f'{number} {kind}' for kind, number in kinds.items())})"
 

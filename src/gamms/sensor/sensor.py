@@ -83,7 +83,6 @@ class Sensor(ContextPart, ISensor):
         cls.sees_world_only = cls._is_ours and cls.sees_world_only
 
     def __repr__(self) -> str:
-        """Name the sensor, its kind and its owner."""
         return f"{type(self).__name__}({self.sensor_id!r}, {self.type}, owner={self._owner!r})"
 
     def __setattr__(self, name: str, value: object) -> None:
@@ -140,7 +139,6 @@ class Sensor(ContextPart, ISensor):
         return tuple(self._last)
 
     def _restore(self, before: tuple[Any, ...]) -> None:
-        """Restore what was sensed."""
         self._last[:] = before
 
     @refused_while_deciding

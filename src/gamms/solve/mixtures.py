@@ -99,7 +99,6 @@ class DoubleOracle:
         return self.gaps[-1]
 
     def __repr__(self) -> str:
-        """Show the value, and by how much it may be off."""
         rows, columns = self.payoffs.shape
         return f"DoubleOracle(value={self.value:.6g}, gap={self.gap:.3g}, {rows} x {columns} strategies)"
 

@@ -62,7 +62,6 @@ class TableStrategy(ABC):
         self.team = table.setup.teams[side]
 
     def __repr__(self) -> str:
-        """Name the team."""
         return f"{type(self).__name__}({shown(self.team)})"
 
     def __call__(self, ctx: Context) -> Strategy:
@@ -210,7 +209,6 @@ class Solution:
         self.value = self._sign * float(stages.values[-1][0]) + 0.0
 
     def __repr__(self) -> str:
-        """Show the value of the start."""
         return f"Solution(value={self.value:.6g}, team={self.team!r}, {len(self.table)} states)"
 
     @cached_property

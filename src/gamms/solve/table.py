@@ -250,7 +250,6 @@ class _Explorer:
         self._again: list[tuple[int, States, int]] = []  # states that were reached in other ways, too, at another turn
 
     def explore(self) -> _Parts:
-        """Return what was found."""
         start = self._world.start()
         self._number(start, np.full(1, GOES_ON), 0, np.full((1, 2), -1))
         turn = 0

@@ -80,7 +80,6 @@ class PictureEngine(Guarded, IVisualizationEngine):
     calls_drawers = True
 
     def __repr__(self) -> str:
-        """Name the artists."""
         return f"{type(self).__name__}(artists=[{', '.join(map(shown, self.artists.declared))}])"
 
     after_turn: Protected[list[Callable[[], None]]] = Protected(list)

@@ -404,7 +404,6 @@ class Film:
             self._open.remove(self)
 
     def __repr__(self) -> str:
-        """Show how long it is."""
         made = "" if self._writer is None else ", being made"
         return f"Film({str(self.plan.path)!r}, {self.frames / self.plan.fps:.1f} s{made})"
 

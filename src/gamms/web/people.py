@@ -80,7 +80,6 @@ class People:
         ] = []  # called in some thread when a question comes, goes or is answered
 
     def __repr__(self) -> str:
-        """Name the rule."""
         return self.__name__
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "People":
@@ -302,7 +301,6 @@ class Human:
         self._played: Counter[tuple[int, str]] = Counter()  # choices of a recording
 
     def __repr__(self) -> str:
-        """Name the person."""
         return f"human({'' if self.name is None else repr(self.name)})"
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Human":

@@ -114,7 +114,6 @@ class Batch:
         return len(self.seeds)
 
     def __repr__(self) -> str:
-        """Show how many games there are, and how many are over."""
         how = "in arrays" if self.is_in_arrays else f"one by one, because of {self.slow}"
         if self.library is not None:
             how += f" of {self.library}"

@@ -19,7 +19,6 @@ _SPREAD = (0, 85, 170, 255)
 
 
 def _image_module() -> Any:
-    """Return Pillow's `Image`."""
     with needing("Writing a PNG or GIF file", "viz"):
         from PIL import Image
     return Image
