@@ -6,7 +6,6 @@ items of sets are scalars, and tuples and frozen sets of such. Subclasses count 
 scalars of NumPy: `to_plain` gives Python's own.
 """
 
-import re
 from base64 import b64encode
 from collections.abc import Callable, Iterable, Mapping
 from copy import deepcopy
@@ -15,7 +14,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from gamms.text import as_text, shown, written
+from gamms.text import as_text, shown, without_address, written
 
 Plain: TypeAlias = Any
 """A plain value; type checkers know no type of lists and dicts, which are invariant, that holds all of them."""
@@ -30,7 +29,6 @@ _BUILT_IN = (str, int, float, bool, bytes, type(None))
 _SCALARS = frozenset(_BUILT_IN)
 _SEQUENCES = (list, tuple, set, frozenset, np.ndarray)
 _AS_BUILT_IN: dict[type, str] = {int: "__int__", float: "__float__", str: "__str__", bytes: "__bytes__"}
-_ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
 def is_plain(value: Plain) -> bool:
@@ -203,7 +201,7 @@ def _is_exact_key(key: Plain) -> bool:
 
 def _described(value: Plain) -> str:
     """Return what an object looks like, without where it lies in memory."""
-    return _ADDRESS.sub("", repr(value))
+    return without_address(repr(value))
 
 
 # -- copy it -----------------------------------------------------------------------------------------------------

@@ -19,6 +19,7 @@ _CONTROLS = re.compile(  # C0 but the line feed, C1, marks of direction, breaks 
     "[\x00-\x09\x0b-\x1f\x7f-\x9f\u00ad\u061c\u180e\u200b\u200e\u200f\u2028-\u202e\u2060-\u206f\ufeff\ufff9-\ufffb"
     "\ud800-\udfff\U000e0000-\U000e0fff]"
 )
+_NOT_IN_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"  # takes a while to compile
 _ADDRESS = re.compile(r" at 0x[0-9a-fA-F]+")
 
 
@@ -130,6 +131,13 @@ def printable(text: str) -> str:
 def without_address(text: str) -> str:
     """Return a text without where objects lie in memory, the same in every process."""
     return _ADDRESS.sub("", text)
+
+
+def as_xml(text: str, *, quote: bool = True) -> str:
+    """Return a text as XML has it, with a mark in the place of what XML cannot hold."""
+    from html import escape  # which few programs need
+
+    return escape(re.sub(_NOT_IN_XML, "\ufffd", text), quote=quote)
 
 
 def printable_line(text: str) -> str:

@@ -30,9 +30,10 @@ from gamms.errors import BadType, BadValue, MissingKey, NotOffered, UnknownName
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Coverage
 from gamms.text import shown
-from gamms.typing import AgentType, IAgent, SensorType
+from gamms.typing import AgentType, IAgent
 from gamms.typing.game import AerialState, NodeId, State
 from gamms.typing.on_edges import PassedNode
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 Memory = dict[Any, Any]
 Key = tuple[str, int, str]
@@ -44,8 +45,6 @@ _REPORTS = "belief reports"  # likewise, of what was reported of earlier turns
 _ALL = ""  # the observer of what a team has observed together; no agent has this name
 _MAP = "belief map"  # the key of the digest of the map that was seen last
 _EVENTS = "belief events"  # the key of how many events of the game were read
-_ON_GROUND = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
-_IN_AIR = {SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT}
 _NO_COVERAGE = Coverage(np.zeros(0, np.int64), np.zeros(0), ())
 _NEAR = 1e-6  # map units: an agent that is seen so near a node is on it
 _ALMOST = 0.999999  # the highest probability that is written of those below 1
@@ -233,7 +232,7 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
     found: dict[str, Any] = dict(_respawned(ctx, state, share=share))
     looks = []
     for name, (kind, data) in state["sensor"].items():
-        if kind not in _ON_GROUND | _IN_AIR:
+        if kind not in ON_GROUND | IN_AIR:
             continue
         try:
             sensor = agent.sensors[name]
@@ -245,7 +244,7 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
             covered = _NO_COVERAGE
         not_shown = set(covered.not_shown)
         if covered.is_exact:
-            places = data if kind in _ON_GROUND else _nodes_under(ctx, data)
+            places = data if kind in ON_GROUND else _nodes_under(ctx, data)
             found |= {one: _as_found(ctx, state, node) for one, node in places.items() if _is_other(ctx, state, one)}
             not_shown |= data.keys() - places.keys()
         else:  # nothing sharp follows from where agents are reported

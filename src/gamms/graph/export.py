@@ -11,7 +11,6 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import ExitStack, closing
 from functools import cached_property
-from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
@@ -25,7 +24,7 @@ from gamms.graph import positions
 from gamms.ir.graph import FloatArray, GraphColumns
 from gamms.ir.tables import frame_of, table_of
 from gamms.plain import as_json, to_plain
-from gamms.text import written
+from gamms.text import as_xml, written
 
 if TYPE_CHECKING:
     import igraph
@@ -34,7 +33,6 @@ if TYPE_CHECKING:
 
 Scalar = str | int | float | bool | None
 Table = dict[str, list[Scalar]]
-_NOT_IN_XML = "[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]"  # takes a while to compile
 _ESCAPED = "backslashreplace"  # of halves of surrogate pairs
 _MOST_COLUMNS = 1_900  # SQLite allows 2,000
 _DECIMALS = 9  # of degrees: a tenth of a millimetre
@@ -233,11 +231,11 @@ def _data(kind: str, row: Mapping[str, Scalar]) -> str:
 
 
 def _xml(value: Scalar) -> str:
-    return escape(re.sub(_NOT_IN_XML, "\ufffd", value if isinstance(value, str) else repr(value)), quote=False)
+    return as_xml(value if isinstance(value, str) else repr(value), quote=False)
 
 
 def _xml_name(name: str) -> str:
-    return re.sub(r"[\t\n\r]", lambda blank: f"&#{ord(blank[0])};", escape(re.sub(_NOT_IN_XML, "\ufffd", name)))
+    return re.sub(r"[\t\n\r]", lambda blank: f"&#{ord(blank[0])};", as_xml(name))
 
 
 def _graphml_type(values: Iterable[Scalar]) -> str:

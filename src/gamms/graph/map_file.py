@@ -35,6 +35,7 @@ from gamms.limits import Allowance
 from gamms.plain import Plain, is_plain, why_not_plain
 from gamms.text import shown
 from gamms.typing.graph_engine import ObsFace
+from gamms.typing.map_storage import LeftOut
 from gamms.typing.memory_engine import IPathLike, Row, Schema
 
 MAGIC = b"GAMMSMAP"
@@ -55,9 +56,6 @@ class SavedMap(NamedTuple):
     attribution: str | None
     scenery: str | Scenery | None
     closed: ClosedEdges
-
-
-LeftOut = dict[tuple[str, str], list[int]]  # "node" or "edge", and the name of an attribute -> whose was left out
 
 
 def savable(contents: SavedMap) -> tuple[SavedMap, LeftOut]:

@@ -37,6 +37,7 @@ KEPT_TAGS = (
 )
 ATTRIBUTION = "© OpenStreetMap contributors, ODbL 1.0"
 _ONE_WAY = ("yes", "true", "1", "-1", "reverse", "T", "F")
+UPRIGHT = ("steps", "escalator", "elevator")  # whose speed takes the climb into account
 _AGAINST = ("-1", "reverse", "T")
 
 

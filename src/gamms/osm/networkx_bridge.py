@@ -19,7 +19,7 @@ from gamms.errors import BadType, BadValue
 from gamms.ir.geometry import line_strings, polylines_of
 from gamms.ir.graph import CodedValues, FloatArray, GraphColumns, IntArray, Polylines
 from gamms.ir.obstacles import BoolArray
-from gamms.osm.network import RoadNetwork, network_of_lines, reversed_points
+from gamms.osm.network import UPRIGHT, RoadNetwork, network_of_lines, reversed_points
 from gamms.text import shown
 from gamms.typing.map_storage import IGraphSource, IPackedGraph
 
@@ -128,7 +128,7 @@ def _slopes(network: RoadNetwork, roads: IntArray, is_back: BoolArray) -> tuple[
         return None
     grade = grades(network.z, np.column_stack((network.sources, network.targets)), network.lengths)[roads]
     grade = np.where(is_back, -grade, grade)
-    is_upright = np.array([of_way.get("highway") in _UPRIGHT for of_way in network.tags], np.bool_)[network.ways][roads]
+    is_upright = np.array([of_way.get("highway") in UPRIGHT for of_way in network.tags], np.bool_)[network.ways][roads]
     return grade, np.where(is_upright | (not network.is_walked), 1.0, walking_factor(grade))
 
 
@@ -156,7 +156,6 @@ _SIMPLE = frozenset((str, int, float, bool, type(None)))  # kinds of values that
 _TEXTS = frozenset((str, type(None)))
 _NO_VALUES = CodedValues(np.zeros(0, np.int64), np.zeros(0, np.int64), ())
 _STEEPEST = 1.0  # steeper is a fault of the data
-_UPRIGHT = ("steps", "escalator", "elevator")  # whose speed takes the climb into account
 _RESERVED = frozenset(("id", "linestring", "geometry", "length"))  # names that a graph gives to what is no tag
 _OWN = frozenset(("id", "linestring", "geometry", "length", "reversed"))  # not tags: we write or replace them
 

@@ -14,6 +14,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.projection import WGS84, project
 from gamms.limits import refuse_above
 from gamms.osm.network import (
+    UPRIGHT,
     RoadNetwork,
     along,
     chosen_roads,
@@ -27,7 +28,6 @@ from gamms.osm.network import (
 _NO_TUNNELS = ("no", "building_passage", "avalanche_protector")  # open to the side, or above the ground
 _BELOW = re.compile(r"-[0-9]{1,3}")  # layers
 _REACH = 2.0  # tolerances: two circles of this radius around two nodes touch, which is how OSMnx says it
-_VERTICAL = ("steps", "escalator", "elevator")
 _MOST_FLOORS = 62  # pairs of layer and level that are distinguished on one map
 _FURTHER = 5e-6  # degrees, half a metre: by which a road that cuts a building on the map may cut it further
 _ACROSS = 3.0  # tolerances: wide enough for the four corners where two dual carriageways cross, and no wider
@@ -280,7 +280,7 @@ def degrees(network: RoadNetwork) -> IntArray:
 def _leads_elsewhere(network: RoadNetwork) -> BoolArray:
     """Return which roads are stairs, elevators, bridges or tunnels, passages through buildings among them."""
     ways = [
-        tags.get("highway") in _VERTICAL or any(tags.get(name, "no") != "no" for name in ("bridge", "tunnel"))
+        tags.get("highway") in UPRIGHT or any(tags.get(name, "no") != "no" for name in ("bridge", "tunnel"))
         for tags in network.tags
     ]
     return np.array(ways, np.bool_)[network.ways]
@@ -294,7 +294,7 @@ def _floors(network: RoadNetwork) -> IntArray:
     """
     ways_on: dict[tuple[str, ...], list[int]] = {}
     for way, tags in enumerate(network.tags):
-        if tags.get("highway") not in _VERTICAL:
+        if tags.get("highway") not in UPRIGHT:
             for floor in product(*(str(tags.get(name, 0)).split(";") for name in ("layer", "level"))):
                 ways_on.setdefault(floor, []).append(way)
     once, twice = np.zeros(len(network.xy), np.int64), np.zeros(len(network.xy), np.int64)

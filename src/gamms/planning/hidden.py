@@ -8,11 +8,10 @@ import numpy as np
 from gamms import belief, kernels
 from gamms.context import Context
 from gamms.ir.graph import FloatArray
-from gamms.typing import AgentType, IAgent, SensorType
+from gamms.typing import AgentType, IAgent
 from gamms.typing.game import State
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
-IN_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
-ON_GROUND = (SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT)
 _MOST_STEPS = 50  # of a teammate that was not seen for long; more change little
 
 

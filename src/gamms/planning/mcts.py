@@ -15,13 +15,13 @@ from gamms.planning.pace import Pace, Timer
 from gamms.scenario.code import first_of, offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown, shown_as_called
-from gamms.typing import IAgent, SensorType
+from gamms.typing import IAgent
 from gamms.typing.game import Action, Draws, State, Strategy
+from gamms.typing.sensor_engine import ON_GROUND
 
 Value = Callable[[Model], float]
 Key = tuple[Any, ...]
 
-_SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
 _ITERATIONS = 200
 _EXPLORATION = 0.7  # how much UCT is for actions that it does not know yet; gains are from 0 to 1
 _TRIED = 2  # how often an agent does something else than its policy, in each world
@@ -431,7 +431,7 @@ def _policy_first(actions: Sequence[Action], first: Action | None) -> list[Actio
 
 def _seen(state: State) -> Key:
     """Return what an agent sees of others, and where it is itself."""
-    seen = [sorted(data.items()) for kind, data in state["sensor"].values() if kind in _SHOWING_AGENTS]
+    seen = [sorted(data.items()) for kind, data in state["sensor"].values() if kind in ON_GROUND]
     return (state["curr_pos"], *(pair for pairs in seen for pair in pairs))
 
 

@@ -12,13 +12,13 @@ from gamms.errors import BadType, BadValue, MissingKey
 from gamms.game import Game
 from gamms.game.facts import INFORMATION
 from gamms.plain import copied
-from gamms.planning.hidden import IN_AIR, ON_GROUND, Hidden
+from gamms.planning.hidden import Hidden
 from gamms.scenario.code import first_of, offered_function
 from gamms.strategies import random_walk
 from gamms.text import shown
 from gamms.typing.game import Action, State, Strategy
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
-_SHOW_AGENTS = {*IN_AIR, *ON_GROUND}
 Policy = str | Callable[..., Any]
 """What agents do in a model: a strategy, what makes one from the context, or the name of one, such as
 "gamms.strategies:chase"."""
@@ -249,7 +249,7 @@ def closeness(model: Model) -> float:
     living = [one for one in agents.create_iter() if one.alive]
     own = [one for one in living if one.team == model.team]
     others = [one for one in living if one.team != model.team]
-    sensors = [sensor for one in own for sensor in one.sensors.values() if sensor.type in _SHOW_AGENTS]
+    sensors = [sensor for one in own for sensor in one.sensors.values() if sensor.type in IN_AIR | ON_GROUND]
     seen = {name for sensor in sensors for name in sensor.data} if sensors else {one.name for one in others}
     xy = graph.columns().xy
     diagonal = max(hypot(*(xy.max(axis=0) - xy.min(axis=0))), 1e-9)

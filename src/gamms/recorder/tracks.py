@@ -2,10 +2,8 @@
 
 import csv
 import json
-import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import UTC, datetime, timedelta
-from html import escape
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,10 +17,10 @@ from gamms.folders import whole_file
 from gamms.ir import projection
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
 from gamms.limits import refuse_above
+from gamms.text import as_xml
 from gamms.typing.on_edges import point_along
 
 _BYTES = 200  # of memory for one place
-_NOT_IN_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _DECIMALS = 8  # of degrees: a millimetre
 _LONGEST_S = 1e9  # of a game: 30 years
 
@@ -184,8 +182,8 @@ def _write_gpx(file: Path, tracks: Tracks) -> None:
         stream.write('<?xml version="1.0" encoding="UTF-8"?>\n')
         stream.write('<gpx version="1.1" creator="GAMMS" xmlns="http://www.topografix.com/GPX/1/1">\n')
         for name, team, rows in _agents(tracks):
-            kind = "" if team is None else f"<type>{_xml(team)}</type>"
-            stream.write(f"<trk><name>{_xml(name)}</name>{kind}<trkseg>\n")
+            kind = "" if team is None else f"<type>{as_xml(str(team), quote=False)}</type>"
+            stream.write(f"<trk><name>{as_xml(name, quote=False)}</name>{kind}<trkseg>\n")
             for (lat, lon), z, time in _places(tracks, rows):
                 height = "" if z is None else f"<ele>{z:.3f}</ele>"
                 stream.write(f'<trkpt lat="{lat:.8f}" lon="{lon:.8f}">{height}<time>{time}</time></trkpt>\n')
@@ -213,10 +211,6 @@ def _places(tracks: Tracks, rows: slice) -> Iterator[tuple[list[float], float | 
     latlon = np.zeros((0, 2)) if tracks.latlon is None else tracks.latlon
     heights = [float(z) if np.isfinite(z) else None for z in tracks.xyz[rows, 2]]
     return zip(latlon[rows].tolist(), heights, tracks.time[rows], strict=True)
-
-
-def _xml(text: object) -> str:
-    return escape(_NOT_IN_XML.sub("\ufffd", str(text)), quote=False)
 
 
 _FORMATS: dict[str, Callable[[Path, Tracks], None]] = {

@@ -33,6 +33,13 @@ class SensorType(Enum):
     OCCLUDED_AERIAL_AGENT = 13
 
 
+ON_GROUND = frozenset((SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT))
+"""The built-in types that show other agents by the nodes that they are on."""
+
+IN_AIR = frozenset((SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT))
+"""Those that show other agents by their places in space."""
+
+
 class ISensor(ABC):
     """Looks at the world from a node and keeps what it saw.
 

@@ -15,6 +15,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import AgentType, IAgent, IArtist, IContext, SensorType
+from gamms.typing.sensor_engine import IN_AIR
 from gamms.typing.visualization_engine import Drawer
 from gamms.visual.appearance import AgentData, color_group
 from gamms.visual.artist import Artist, data_of
@@ -33,7 +34,6 @@ from gamms.visual.shown_turn import Sight
 
 _OPEN = (render_base_map, render_obstacles, render_input_overlay, legend_only)  # drawers of what every team knows
 _STREET, _SLIM, _DOT, _LINE_PX = 2.0, 0.2, 0.08, 1.5  # as broad as in other pictures
-_FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 _DIGITS = 6  # of the coordinates by which agents and nodes are found again
 
 
@@ -115,7 +115,7 @@ class Fog:
         own = [agent.current_node_id for agent in living]
         is_seen = np.isin(columns.node_ids, own)
         for sight, view in zip(sights, views, strict=True):
-            if sight.sensor.type in _FROM_THE_AIR:  # the outline is a shadow, and none past walls
+            if sight.sensor.type in IN_AIR:  # the outline is a shadow, and none past walls
                 is_seen |= np.isin(columns.node_ids, sight.sensor.coverage(None, sight.carrier).node_ids)
             else:
                 is_seen |= _at(columns.xy, view.nodes) if len(view.nodes) else _inside(columns.xy, view.outline)

@@ -7,23 +7,19 @@ map, which recordings name, is put in. So the file needs nothing else, and no se
 import base64
 import json
 import re
-import zlib
 from collections.abc import Collection, Mapping
 from functools import lru_cache
 from html import escape
 from io import BytesIO
-from struct import Struct
 from typing import Any, Unpack
 
 import numpy as np
 
 from gamms.arguments import as_int
 from gamms.errors import BadValue
-from gamms.graph.map_file import base_map_of, scenery_called
+from gamms.graph.map_file import MAGIC, VERSION, base_map_of, framed, scenery_called, unframed
 from gamms.ir import events as kinds
-from gamms.ir import packing
 from gamms.ir.events import Log
-from gamms.limits import Allowance
 from gamms.plain import Plain
 from gamms.recorder import Recording, Writer
 from gamms.recorder import open as opened
@@ -52,7 +48,6 @@ _HEADER = ("format", "package", "seed", "created", "visuals", "drawings", "audie
 _ATTRIBUTES = {"highway", "name", "tunnel", "z", "underground"}
 _STEPS = 1 << 21  # in which coordinates are rounded, of the larger side of the map: a city to millimetres
 _LAT_LON_STEP = 2.0**-23  # degrees: a centimetre
-_HEAD = Struct("<8sIII")
 
 
 @pages.register("gamms")
@@ -236,7 +231,7 @@ def drawn_map(
         attributes: those that it keeps; None: all.
         lat_lon: (nodes, 2) degrees, which it then has, too; rounded to a centimetre.
     """
-    state = _opened(world)
+    state = unframed(world, MAGIC, VERSION)
     base = state["base_map"] if "base_map" in state else base_map_of(scenery_called(state.pop("scenery", None)))
     if len(state["face_ids"]):  # which are drawn instead
         base = base | {name: base[name][:0] for name in ("face_types", "face_corners")}
@@ -251,16 +246,7 @@ def drawn_map(
         state |= {kind: _chosen(state[kind], attributes) for kind in ("node_attributes", "edge_attributes")}
     if lat_lon is not None:
         state["lat_lon"] = _rounded(lat_lon, _LAT_LON_STEP)
-    body = packing.pack(state, "A map")
-    magic, version, *_ = _HEAD.unpack_from(world)
-    return _HEAD.pack(magic, version, len(body), zlib.crc32(body)) + body
-
-
-def _opened(world: bytes) -> dict[str, Any]:
-    decoder = packing.Decoder(Allowance(len(world), "The map"))
-    state: Any = packing.unpack(world[_HEAD.size :], decoder)
-    found: dict[str, Any] = state
-    return found
+    return framed(state, MAGIC, VERSION)
 
 
 def _chosen(attributes: dict[str, Any], names: Collection[str]) -> dict[str, Any]:

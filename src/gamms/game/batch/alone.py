@@ -17,7 +17,7 @@ from gamms.game.batch.deeds import ArrayDeeds, DeclaredDeeds
 from gamms.game.batch.forms import F, form_declared
 from gamms.game.batch.given import as_flights, flown
 from gamms.game.batch.movement import Anywhere, Movement, Noted, Paths, Places
-from gamms.game.batch.sight import FROM_THE_AIR, SHOWING_AGENTS, Seen
+from gamms.game.batch.sight import Seen
 from gamms.game.batch.state import STOPPED, Arrays, Emitted, GameArrays
 from gamms.game.batch.surroundings import SHOWING_NODES, SeenNodes
 from gamms.game.batch.travel import movement_of
@@ -33,6 +33,7 @@ from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.context import HostContext
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND
 
 _KEPT = "array strategies"  # the key of `state["memory"]` that has what views keep
 _LAST = "array strategies, last turn"  # that of the turn in which it was asked last, where it looks at others
@@ -276,9 +277,9 @@ class _ViewOfOne(ArrayView):
         """Return what `state["sensor"]` shows."""
         found: dict[str, int] = {}
         for name, (kind, data) in self._sensed.items():
-            if kind in SHOWING_AGENTS and (not names or name in names):
+            if kind in ON_GROUND and (not names or name in names):
                 found.update(data)
-            if kind in FROM_THE_AIR and (not names or name in names):
+            if kind in IN_AIR and (not names or name in names):
                 nearest = self._host.graph.graph.nearest_node
                 found = {other: nearest(*place[:2]) for other, (_, place) in data.items()} | found
         own = self.roster.names[self.agents[0]]

@@ -21,11 +21,9 @@ from gamms.ir.sensed import AgentLook, NodeLook
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.agent_engine import IAgent
-from gamms.typing.sensor_engine import ISensor, SensorType
+from gamms.typing.sensor_engine import IN_AIR, ON_GROUND, ISensor
 
 DELAYS = "delayed looks"  # the key under which a batch shares what sensors are still to report
-SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
-FROM_THE_AIR = (SensorType.AERIAL_AGENT, SensorType.OCCLUDED_AERIAL_AGENT)
 _AT_ONCE = 1 << 16  # pairs of agents that are compared at once, which stay in the cache of the processor
 _FEW = 128  # agents that are compared with each other; among more, those that are near are found by cells
 _MOST_HIDDEN = 1 << 22  # pairs of nodes of which it is known whether something is between them
@@ -129,7 +127,7 @@ def looks_of(
     """Return how the sensors of an agent show agents: those of these names, or all that show agents."""
     carried, found = getattr(agent, "sensors", {}), []
     for name in names or carried:
-        if name in carried and carried[name].type in SHOWING_AGENTS and name not in left_out:
+        if name in carried and carried[name].type in ON_GROUND and name not in left_out:
             why = why_not_seen(agent, name)
             if why is not None:
                 if may_lack_forms:
@@ -141,7 +139,7 @@ def looks_of(
 
 def look_of(sensor: ISensor, agent: IAgent) -> AgentLook | None:
     """Return how a sensor shows other agents to one, to be computed for many games; None: that has no array form."""
-    look = sensor.in_arrays(agent.name) if sensor.type in SHOWING_AGENTS and hasattr(sensor, "in_arrays") else None
+    look = sensor.in_arrays(agent.name) if sensor.type in ON_GROUND and hasattr(sensor, "in_arrays") else None
     return look if isinstance(look, AgentLook) else None
 
 
@@ -170,7 +168,7 @@ def turns_with_its_agent(agent: IAgent) -> bool:
 def why_not_seen(agent: IAgent, name: str) -> str | None:
     """Return in words why a sensor that shows agents has no array form; None: it has one, or shows no agents."""
     sensor = agent.sensors[name]
-    if sensor.type not in SHOWING_AGENTS:
+    if sensor.type not in ON_GROUND:
         return None
     form = getattr(sensor, "in_arrays", None)
     look = "is of a class of its own" if form is None else form(agent.name)
@@ -181,14 +179,14 @@ def sees_from_edges(sensor: ISensor, agent: IAgent) -> bool:
     """Whether what a sensor shows has an array form where agents are on edges, too."""
     look = look_of(sensor, agent)
     if look is None:
-        return sensor.type not in SHOWING_AGENTS
+        return sensor.type not in ON_GROUND
     return not (look.false_alarms or look.hides is not None or (look.cone and look.turns))
 
 
 def names_of(agents: Sequence[IAgent], numbers: IntArray) -> list[str]:
     """Return the names of the sensors of agents of a roster that show agents."""
     carried = [getattr(agents[number], "sensors", {}) for number in numbers.tolist()]
-    return sorted({name for one in carried for name, sensor in one.items() if sensor.type in SHOWING_AGENTS})
+    return sorted({name for one in carried for name, sensor in one.items() if sensor.type in ON_GROUND})
 
 
 def noted_sensors(agent: IAgent) -> list[str]:
@@ -200,7 +198,7 @@ def noted_sensors(agent: IAgent) -> list[str]:
     for name, sensor in getattr(agent, "sensors", {}).items():
         look = look_of(sensor, agent)
         is_odd = look is None or look.turns or look.delay
-        if sensor.type in FROM_THE_AIR or (sensor.type in SHOWING_AGENTS and is_odd):
+        if sensor.type in IN_AIR or (sensor.type in ON_GROUND and is_odd):
             found.append(name)
     return found
 

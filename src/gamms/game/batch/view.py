@@ -17,7 +17,7 @@ from gamms.game.batch.flows import Flows
 from gamms.game.batch.libraries import Tensor
 from gamms.game.batch.movement import STOP, Places
 from gamms.game.batch.routes import RouteTable
-from gamms.game.batch.sight import SHOWING_AGENTS, Seen, in_turned_cone, lookouts, names_of, seen
+from gamms.game.batch.sight import Seen, in_turned_cone, lookouts, names_of, seen
 from gamms.game.batch.state import Arrays, GameArrays
 from gamms.game.batch.surroundings import SeenNodes, node_lookouts, node_sensors_of, seen_nodes
 from gamms.game.batch.vectors import Encoder, Vectors
@@ -27,6 +27,7 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
+from gamms.typing.sensor_engine import ON_GROUND
 
 ArrayStrategy = Callable[["ArrayView"], Any]
 """Returns the numbers of legal nodes, (games, agents), which NumPy makes an array of; see docs/batches.md."""
@@ -389,7 +390,7 @@ class ArrayView(Mapping[str, Any]):
         found = np.zeros((*self.node.shape, len(self.streets.counts)), np.bool_)
         for column, agent in enumerate(self.roster.agents[number] for number in self.agents.tolist()):
             name = self.roster.names[self.agents[column]]
-            for sensor in [one for one in agent.sensors.values() if one.type in SHOWING_AGENTS]:
+            for sensor in [one for one in agent.sensors.values() if one.type in ON_GROUND]:
                 known = self._state.shared.setdefault(("covered by", name, sensor.sensor_id), {})
                 games = np.flatnonzero(self.mask[:, column])
                 for node in np.unique(self.node[games, column]).tolist():

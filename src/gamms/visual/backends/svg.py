@@ -8,12 +8,12 @@ from base64 import b64encode
 from collections import defaultdict
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
-from html import escape
 from itertools import pairwise
 from pathlib import Path
 
 from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands, DrawKind
+from gamms.text import as_xml
 from gamms.visual.appearance import Rgba
 from gamms.visual.backends.vectors import SMALLEST_RADIUS_PX, Sheet, sheet_of
 from gamms.visual.camera import CSS_DPI, Camera
@@ -22,7 +22,6 @@ from gamms.visual.lettering import ASCENT, FAMILIES
 _HALO = ' stroke="#{:02x}{:02x}{:02x}" stroke-width="3" paint-order="stroke"'
 _NEEDLESS = re.compile(r" (?=[-a-z])|(?<=[a-z]) |(?<!\d)(?<!\.)0(?=\.)")  # in a path
 _Point = tuple[int, ...]  # x, y
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _IMAGE_TYPES = {
     ".png": "png",
     ".jpg": "jpeg",
@@ -38,7 +37,7 @@ def svg(commands: DrawCommands, camera: Camera, *, title: str, background: Rgba,
     sheet = sheet_of(commands, camera, background)
     lines = [
         _opening(camera, dpi),
-        f"<title>{_escaped(title or 'GAMMS')}</title>",
+        f"<title>{as_xml(title or 'GAMMS')}</title>",
         f'<rect width="100%" height="100%"{_paint("fill", background)}/>',
         '<g stroke-linecap="round" stroke-linejoin="round">',
         *(_group(sheet, begin, end) for begin, end in sheet.runs()),
@@ -169,7 +168,7 @@ def _text(sheet: Sheet, row: int) -> str:
     ((x, y),), size = sheet.points_of(row), int(sheet.size[row])
     baseline = _number(y + round(ASCENT * size))
     place = f'x="{_number(x)}" y="{baseline}" font-size="{_number(size)}"{_turned(sheet, row)}{_halo(sheet, row)}'
-    return f"<text {place}>{_escaped(sheet.text[row])}</text>"
+    return f"<text {place}>{as_xml(sheet.text[row])}</text>"
 
 
 def _turned(sheet: Sheet, row: int) -> str:
@@ -196,10 +195,6 @@ def _embedded(path: Path) -> str:
     if path.suffix.lower() not in _IMAGE_TYPES:
         raise BadValue(f"Cannot put {path.name!r} into a picture; use one of {', '.join(_IMAGE_TYPES)}.")
     return f"data:image/{_IMAGE_TYPES[path.suffix.lower()]};base64,{b64encode(path.read_bytes()).decode()}"
-
-
-def _escaped(text: str) -> str:
-    return escape(_NO_XML.sub("\ufffd", text))
 
 
 _ELEMENTS: dict[DrawKind, Callable[[Sheet, int], str]] = {
