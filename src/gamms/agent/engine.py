@@ -354,17 +354,18 @@ class AgentEngine(ContextPart, IAgentEngine):
             agent._clear_owner(sensor)
         self._deleted.add(agent)
         if block.has_arrays:
-            self._left[agent.name] = agent, block.rows_version
+            self._left.pop(agent.name, None)  # for their order
+            self._left[agent.name] = agent, block.rows.version
         block.remove(row)
-        if block.removed > len(self._agents):  # so that deleting costs each agent its share only once
+        if len(block.removed) > len(self._agents):  # so that deleting costs each agent its share only once
             self._close_up()
 
     def _close_up(self) -> None:
         """Drop the rows of agents that were removed."""
-        self._block.keep(list(map(self._block.row_of, self._agents)))
-        for row, agent in enumerate(self._stored().values()):
-            if type(agent) is not Members and agent._row != row:
-                object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
+        made = self._agents.made() if isinstance(self._agents, AgentsByName) else self._agents
+        self._block.close_up()
+        for agent, row in zip(made.values(), self._block.rows.of_each(made), strict=True):
+            object.__setattr__(agent, "_row", row)  # NOTE: a third of the time (benchmarks: deletion)
 
     def _found_sensors(self, name: str, given: Any, *, skips_unknown: bool = True) -> dict[str, ISensor]:
         """Return the sensors that an agent is to carry, by their names in its state; 1.0.0 skips unknown ids."""
@@ -433,7 +434,7 @@ class AgentStorage(Guarded):
 
     @property
     def left(self) -> dict[str, tuple[BaseAgent, int]]:
-        """Name -> the agent that was deleted last, and the `rows_version` of the block then, where there are teams."""
+        """Name -> the agent that was deleted last, and the `rows.version` of the block then, where there are teams."""
         return self._engine._left
 
     def renew_strategies(self, own: Callable[[Any], Any]) -> None:
@@ -595,6 +596,5 @@ class AgentIterator(Iterator[BaseAgent]):
                 yield agent
 
     def __next__(self) -> BaseAgent:
-        if self._loop is None:
-            self._loop = iter(self)
+        self._loop = self._loop or iter(self)
         return next(self._loop)

@@ -115,6 +115,10 @@ class AgentsByName(dict[str, BaseAgent]):
         """Return names, each with the agent, or the `Members` that it is one of."""
         return super().items()
 
+    def made(self) -> dict[str, BaseAgent]:
+        """Return name -> the agent, of those that were made, in no order."""
+        return {one.name: one for one in self.stored_once() if type(one) is not Members}
+
     def stored_once(self) -> set[Any]:
         """Return the agents that were made, and the `Members` that stand in for others, each once."""
         return set(super().values())
@@ -174,12 +178,12 @@ class Team:
     def _selection(self) -> Selection | None:
         """Return the rows of the members; None where one was deleted."""
         block = self._block_of()
-        if self._rows[0] != (block, block.rows_version):
+        if self._rows[0] != (block, block.rows.version):
             agents, made = self._ctx.agent.agents, self._members.made
             is_whole = all(name in agents for name in self.names)
             is_whole = is_whole and all(agents[name] is one for name, one in made.items())
-            rows = Selection(list(map(block.row_of, self.names))) if is_whole else None
-            self._rows = (block, block.rows_version), rows
+            rows = Selection(block.rows.of_each(self.names)) if is_whole else None
+            self._rows = (block, block.rows.version), rows
         return self._rows[1]
 
     @property

@@ -1,6 +1,5 @@
 """The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
 
-from bisect import bisect_left
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
@@ -139,12 +138,13 @@ class Part:
 
         The slots of those that plans of arrays decide for are not made.
         """
-        of_team: dict[Any, Sequence[int]] = {team: [] for team in dict.fromkeys(slots.teams)}
-        if len(of_team) == 1:
-            of_team = dict.fromkeys(of_team, self.members)
+        teams = slots.teams
+        if teams and teams.count(teams[0]) == len(teams):  # NOTE: a tenth of the time of a set (benchmarks: deletion).
+            of_team: dict[Any, Sequence[int]] = {teams[0]: self.members}
         else:
+            of_team = {team: [] for team in dict.fromkeys(teams)}
             for i in self.members:
-                cast("list[int]", of_team[slots.teams[i]]).append(i)
+                cast("list[int]", of_team[teams[i]]).append(i)
         blind = {team for team in of_team if team in plans and plans[team].arrays}
         self.observing = [i for i in self.members if slots.teams[i] not in blind] if blind < of_team.keys() else []
         chosen = slots.those(self.observing)
@@ -212,7 +212,7 @@ class TurnOrder:
         change: Succession | None,
     ) -> None:
         self.slots, self.block, self.structure_version = slots, block, block.structure.version
-        self.progress, self.rows_version = block.progress, block.rows_version
+        self.progress, self.rows_version = block.progress, block.rows.version
         self.groups = order
         self.has_channels, self.has_deeds = bool(settings.channels), bool(settings.deeds)
         self.whole = Part(slots, None, block.progress, settings)
@@ -361,12 +361,6 @@ def note_lost(error: BaseException, ctx: HostContext) -> None:
                 "delete it."
             )
             return
-
-
-def is_among(name: str, names: Sequence[str]) -> bool:
-    """Whether a name is one of several, which are in their order."""
-    i = bisect_left(names, name)
-    return i < len(names) and names[i] == name
 
 
 def _commanded(members: Sequence[tuple[int, AgentSlot]], team: Hashable, plan: Plan) -> Commanded:

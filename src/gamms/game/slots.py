@@ -1,9 +1,10 @@
 """What the turn engine holds of each living agent: slots, which are made when they are needed where there are many."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache, cached_property
+from itertools import takewhile
 from typing import Any
 
 from gamms import kernels
@@ -184,6 +185,7 @@ class LazySlots(Sequence[AgentSlot]):
         settings: of the game.
         make: makes the slot of the agent of a name.
         counts: of the game, by name.
+        left: `AgentStorage.left`.
         before: the same slots at an earlier moment; None: those of no agents.
         change: which agents have come, gone or changed since.
 
@@ -200,6 +202,7 @@ class LazySlots(Sequence[AgentSlot]):
         settings: Settings,
         make: Callable[[str], AgentSlot],
         counts: dict[str, dict[str, int]],
+        left: dict[str, tuple[Any, int]],
         before: "LazySlots | None",
         change: Succession,
     ) -> None:
@@ -207,12 +210,8 @@ class LazySlots(Sequence[AgentSlot]):
         selection, names, teams = Selection([]), list[str](), list[Any]()
         if before is not None:
             selection, names, teams = before.selection, before.names, before.teams
-        self._rows_version = block.rows_version
         self.names: list[str] = change.of(names, [block.names[row] for row in change.rows])
-        has_moved = before is not None and before._rows_version != block.rows_version
-        self.selection: Selection = (
-            Selection(list(map(block.row_of, self.names))) if has_moved else selection.after(change)
-        )
+        self.selection: Selection = selection.after(change)
         self.teams: list[Any] = change.of(teams, [block.teams[row] for row in change.rows])
         rows = self.selection.rows
         self.flying = [i for i, row in enumerate(rows) if kind[row]] if block.flyers else []
@@ -225,13 +224,13 @@ class LazySlots(Sequence[AgentSlot]):
         ]
         has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
-        self._make, self._counts = make, counts
+        self._make, self._counts, self._left = make, counts, left
         self._made: dict[str, AgentSlot] = {}
         if before is not None:
             self._made = before._made.copy()
             for i in change.gone:
                 self._made.pop(before.names[i], None)
-            if has_moved:
+            if change.closed:
                 number(self._made.values(), block)
             if "keys" in before.__dict__:
                 self.keys = change.of_array(before.keys, kernels.name_keys(self.names[i] for i in change.places))
@@ -273,6 +272,12 @@ class LazySlots(Sequence[AgentSlot]):
     def make(self, names: Iterable[str]) -> None:
         """Make those of some agents."""
         self._made |= {name: self._make(name) for name in names}
+
+    def left_since(self, version: int) -> dict[int, IAgent]:
+        """Return index -> the agent of that name that was deleted last, if since a version of the rows."""
+        left = takewhile(lambda one: one[1][1] >= version, reversed(self._left.items()))
+        places = [(bisect_left(self.names, name), name, agent) for name, (agent, _) in left]
+        return {i: agent for i, name, agent in places if self.names[i : i + 1] == [name]}
 
     def made(self) -> list[AgentSlot]:
         """Return those that were asked for."""
@@ -320,7 +325,6 @@ class SlotMaker:
     ) -> None:
         self._ctx, self._state, self._facts, self._settings, self._fork = ctx, state, facts, settings, fork
         self._table: DrawTable | None = None  # of those that were made last
-        self._rows_version = -1  # of the block when they were made
 
     def of_living(
         self, before: Sequence[AgentSlot], names: Sequence[str], version: int | None
@@ -335,24 +339,24 @@ class SlotMaker:
             version: the `structure_version` at that moment; None: at the first one.
         """
         agents, seed, block, table = self._ctx.agent, self._ctx.seed, self._ctx.agent.block, self._table
-        are_lazy, made, rows = isinstance(before, LazySlots), made_slots(before), None
+        are_lazy, made, since = isinstance(before, LazySlots), made_slots(before), None
         if table is None or version is None or table.seed != seed or len(table) > 2 * len(made) + _FEW_GONE:
             table, made = DrawTable(seed, self._state), ()
         elif are_lazy == block.has_arrays:
-            rows = block.structure.since(version)
-        rows_version, self._rows_version = self._rows_version, block.rows_version
+            since = block.structure.since(version)
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
         all_agents, access_of, left, born = (
             agents.agents,
             agents.storage.turn_access,
             agents.storage.left,
-            block.rows_version,
+            block.rows.version,
         )
-        if rows is None:
+        if since is None:
             change = Succession((), range(len(block)), block.names, block.inactive)
             known = {slot.name: slot for slot in made}
         else:
-            change = Succession(names, rows, block.names, block.inactive)
+            rows, closed = since
+            change = Succession(names, rows, block.names, block.inactive, closed)
             known = {names[i]: before[i] for i in change.gone if not isinstance(before, LazySlots) or before.is_made(i)}
 
         def make(name: str) -> AgentSlot:
@@ -367,22 +371,22 @@ class SlotMaker:
 
         now = [block.names[row] for row in change.rows]
         if block.has_arrays:
-            past = before if rows is not None and isinstance(before, LazySlots) else None
-            slots = LazySlots(block, self._settings, make, self._state.counts, past, change)
+            past = before if since is not None and isinstance(before, LazySlots) else None
+            slots = LazySlots(block, self._settings, make, self._state.counts, left, past, change)
             slots.make([name for name in now if name in known])
-            return slots, None if rows is None else change
-        if rows is None:
+            return slots, None if since is None else change
+        if since is None:
             return list(map(make, now)), None
         living = change.of(before, list(map(make, now)))
-        if rows_version != block.rows_version:
+        if change.closed:
             number(living, block)
         return living, change
 
 
-def number(slots: Iterable[AgentSlot], block: AgentBlock) -> None:
+def number(slots: Collection[AgentSlot], block: AgentBlock) -> None:
     """Let slots say in which rows their agents are, which others have left."""
-    for slot in slots:
-        slot.row = block.row_of(slot.name)
+    for slot, row in zip(slots, block.rows.of_each([slot.name for slot in slots]), strict=True):
+        slot.row = row
 
 
 def restart_draws(slots: Iterable[AgentSlot]) -> None:

@@ -16,7 +16,7 @@ from gamms.game.decisions import Decisions, memory_copy
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
-from gamms.game.order import Legality, Part, ResolvedAction, TurnOrder, action_of, is_among, note_lost
+from gamms.game.order import Legality, Part, ResolvedAction, TurnOrder, action_of, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.agents import AgentBlock
@@ -94,7 +94,7 @@ class TurnEngine:
                 slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
             if change is None:
                 self.update_counts()
-            elif before is not None and before.rows_version != block.rows_version:
+            elif before is not None and change.closed:
                 self._note_left(before)
             groups = self._groups if self.is_moving else settings.order
             order = self._order = TurnOrder(slots, block, settings, groups, before, change)
@@ -134,17 +134,15 @@ class TurnEngine:
 
     def update_counts(self) -> None:
         """Add the moves of the last turns to the counts of the agents, and note who has left."""
-        if self._order is None:
-            return
-        self._order.update_counts()
-        self._note_left(self._order)
+        if self._order is not None:
+            self._order.update_counts()
+            self._note_left(self._order)
 
     def _note_left(self, order: TurnOrder) -> None:
         """Enter the members of teams that were deleted since an order was made."""
         if isinstance(order.slots, LazySlots):
-            names, agents, left = order.names, self._ctx.agent.agents, self._ctx.agent.storage.left
-            gone = [name for name in left if name not in agents and is_among(name, names)]
-            self._state.players |= {name: left[name][0] for name in gone}
+            agents, left = self._ctx.agent.agents, order.slots.left_since(order.rows_version)
+            self._state.players |= {one.name: one for one in left.values() if one.name not in agents}
 
     def list_counts(self) -> None:
         """Enter all agents that have been asked into the counts, also those of teams that have not been made."""
@@ -161,6 +159,8 @@ class TurnEngine:
 
     def restore(self, drawn: dict[str, tuple[Any, Any]]) -> None:
         """Continue from a state that was restored."""
+        if self._order is not None:
+            self._order.rows_version = self._ctx.agent.block.rows.version  # those who left since are no players of it
         order = self.order() if drawn else self._order
         if order is not None:
             order.restart_counts()

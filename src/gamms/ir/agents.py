@@ -1,5 +1,6 @@
 """Agents as rows of columns: `AgentBlock`, which owns every change of them, and the change logs that others read."""
 
+from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
@@ -10,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, Selection, StructureLog
+from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, drop
 from gamms.ir.events import COLUMN_EVENTS
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import CLOSED, PLAIN, Journal
@@ -108,18 +109,18 @@ class AgentBlock:
         flyers: the rows of flyers, ascending.
         travellers: the rows of agents whose progress has a motion.
         inactive: the rows of agents that are not alive.
-        removed: how many rows are those of agents that were removed; `keep` closes them up.
+        removed: the rows of agents that were removed; `close_up` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
-        rows_version: changes whenever agents have other rows, or their rows are those of agents that were removed.
+        rows: of the agents, by their names.
         structure: which rows came, went, died, returned, or got another team, speed, sensor or strategy.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
         under_way: where agents are within a turn, where some of them decide while others go on.
     """
 
     __slots__ = (
-        *(*BY_ROW, "_buffers", "_changed", "_have_all_changed", "_logs", "_row_of", "_located_revision", "_unlocated"),
-        *("_version", "flyers", "graph", "inactive", "journal", "removed", "rows_version", "structure"),
-        *("travellers", "trusts_nodes", "under_way"),
+        *(*BY_ROW, "_buffers", "_changed", "_have_all_changed", "_logs", "_located_revision", "_unlocated"),
+        *("_version", "flyers", "graph", "inactive", "journal", "removed", "rows", "structure", "travellers"),
+        *("trusts_nodes", "under_way"),
     )
 
     def __init__(self, graph: NodeFinder | None = None, journal: Journal = PLAIN) -> None:
@@ -140,12 +141,13 @@ class AgentBlock:
         self.flyers: list[int] = []
         self.inactive: set[int] = set()
         self.travellers: set[int] = set()
-        self.removed = self.rows_version = self._version = 0
+        self.removed: list[int] = []
+        self._version = 0
         self.journal = journal
         self.structure = StructureLog()
         self.trusts_nodes = False
         self.graph = graph
-        self._row_of: dict[str, int] = {}
+        self.rows = RowsByName()
         self._buffers: dict[str, IntArray] = {}  # of columns that are views of arrays, which may be longer
         self._changed: set[int] = set()  # rows; not published yet
         self._have_all_changed = False
@@ -205,8 +207,7 @@ class AgentBlock:
         self, name: str, node: int, team: Hashable = None, position: Position | None = None, speed: float | None = None
     ) -> int:
         """Add an agent that stands on `node`, or one that flies at `position`; returns its row."""
-        row = len(self.names)
-        flies = position is not None
+        row, flies = len(self.names), position is not None
         self.names.append(name)
         self.teams.append(team)
         self.kind.append(int(flies))
@@ -220,7 +221,7 @@ class AgentBlock:
         self.progress.append(None)
         for column, (_, value) in NUMBERS.items():
             getattr(self, column).append(value)
-        self._row_of[name] = row
+        self.rows.enter(name)
         self.structure.note((row,))
         self._changed.add(row)
         if flies:
@@ -238,7 +239,7 @@ class AgentBlock:
         for column, value in {**nothing, **numbers, "teams": team, "kind": 0, "alive": True}.items():
             getattr(self, column).extend([value] * count)
         rows = range(first, first + count)
-        self._row_of.update(zip(names, rows, strict=True))
+        self.rows.enter_all(names)
         self.structure.note(rows)
         self._changed.update(rows)
         return first
@@ -264,35 +265,36 @@ class AgentBlock:
         self._unlocated = set(self.flyers)
 
     def remove(self, row: int) -> None:
-        """Remove an agent; its row stays until `keep` closes up those that were removed."""
-        del self._row_of[self.names[row]]
-        self.removed += 1
-        self.rows_version += 1
+        """Remove an agent; its row stays until `close_up`."""
+        self.rows.leave(self.names[row])
+        self.removed.append(row)
         self.structure.note((row,))
 
-    def keep(self, rows: list[int]) -> None:
-        """Forget every row but `rows`, which become rows 0, 1, … in the order given."""
-        self.removed, some = 0, Selection(rows)
-        self.structure.keep(rows, self.names)
-        for name in BY_ROW:
-            column = getattr(self, name)
-            if isinstance(column, list):
-                setattr(self, name, some.of(column))
-            else:
-                self._show(name, np.asarray(column).take(some.array), len(rows))
-        self.journal.keep_rows(rows)
-        self._unlocated = {*compress(count(), map(self._unlocated.__contains__, rows))}
-        self._derive()
+    def close_up(self) -> None:
+        """Close up the rows of agents that were removed."""
+        gone, self.removed = sorted(self.removed), []
+        self.structure.close_up(gone, self.names)
+        self.progress = self.progress.copy()  # orders of earlier turns have that of theirs
+        for column in (getattr(self, name) for name in BY_ROW if name not in self._buffers):
+            drop(column, gone)
+        for name, buffer in self._buffers.items():
+            self._show(name, np.delete(buffer, gone), len(self.names))
+        self.rows.close_up(gone)
+        self.journal.close_up(gone)
+        for which in ("_unlocated", "inactive", "travellers"):
+            setattr(self, which, {row - bisect_left(gone, row) for row in getattr(self, which).difference(gone)})
+        self.flyers = [*compress(count(), self.kind)] if self.flyers else []
+        self._have_all_changed = True
 
     def succeed(self, block: "AgentBlock") -> None:
         """Take the place of another block: write as it does, with other versions than it had."""
         self.graph, self.journal = block.graph, block.journal
-        self._version = block.version + 1
+        self._version, self.rows.version = block.version + 1, block.rows.version + 1
         self.structure.note_all(block.structure.version)
 
     def row_of(self, name: str) -> int:
         """Return the row of an agent (KeyError)."""
-        return self._row_of[name]
+        return self.rows.of(name)
 
     # -- verbs --------------------------------------------------------------------------------------------------
 
@@ -549,12 +551,10 @@ class AgentBlock:
 
     def _derive(self) -> None:
         """Derive again what follows from the columns, the rows of names among it."""
-        self._row_of = {name: row for row, name in enumerate(self.names)}
-        self.rows_version += 1
+        self.rows.reset(self.names)
         self.flyers = [*compress(count(), self.kind)]
         self.inactive = {*compress(count(), map(not_, self.alive))}
         self._find_travellers()
-        self._version += 1
         self._have_all_changed = True
 
 

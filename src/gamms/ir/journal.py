@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+from gamms.ir.columns import drop
 from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Log, Movers, Moves
 from gamms.ir.graph import IntArray
 from gamms.plain import Plain
@@ -72,9 +73,10 @@ class Journal:
         self._last_movers = None
         self.ids[row], self.names[number] = number, name
 
-    def keep_rows(self, rows: list[int]) -> None:
-        """Keep only the numbers of these rows, in this order."""
-        self.ids, self._last_movers = [self.ids[row] for row in rows], None
+    def close_up(self, gone: list[int]) -> None:
+        """Forget the numbers of these rows, ascending, which are closed up."""
+        self._last_movers = None
+        drop(self.ids, [row for row in gone if row < len(self.ids)])  # no numbers of agents whose creation failed
 
 
 class Muted(Journal):
@@ -93,9 +95,9 @@ class Muted(Journal):
         """Number an agent that has come, in the last row."""
         self._journal.entered(row, name)
 
-    def keep_rows(self, rows: list[int]) -> None:
-        """Keep only the numbers of these rows, in this order."""
-        self._journal.keep_rows(rows)
+    def close_up(self, gone: list[int]) -> None:
+        """Forget the numbers of these rows, ascending, which are closed up."""
+        self._journal.close_up(gone)
 
 
 class _Silent(Journal):
@@ -114,7 +116,7 @@ class _Silent(Journal):
     def entered(self, row: int, name: str) -> None:
         pass
 
-    def keep_rows(self, rows: list[int]) -> None:
+    def close_up(self, gone: list[int]) -> None:
         pass
 
 
