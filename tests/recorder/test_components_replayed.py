@@ -5,9 +5,11 @@ import json
 from pathlib import Path
 
 import pytest
+from games import empty_context, recorded
 from gamms.typing.opcodes import OpCodes
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from recordings import opened
 
 from gamms.recorder.components import Components
 from gamms.recorder.errors import RecordingError
@@ -252,3 +254,27 @@ def test_a_replay_equals_the_game_and_reports_the_same(programme):
     for copy in (again, played(registry.since((set(), {})))):
         assert state(copy) == state(registry)
         assert list(copy._component_registry) == list(registry._component_registry)
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_class_that_the_program_and_the_replay_declare_is_recorded_once(version):
+    def play(names, act):
+        ctx = empty_context(seed=2)
+        classes = [type(name, (), {"__module__": "m", "__qualname__": name}) for name in names]
+        made = [ctx.record.component({"n": int})(one) for one in classes]
+        return recorded(lambda ctx: act(ctx, made), ctx, version=version)
+
+    def replay(ctx, _):
+        list(ctx.record.replay(io.BytesIO(data)))
+
+    data = play(["Door"], lambda _, classes: classes[0]("front"))
+    for names in (["Door"], ["Door", "Gate"]):
+        assert declared(play(names, replay), version) == names
+
+
+def declared(data, version):
+    """The names of the classes of components that a recording declares."""
+    if version == 2:
+        records = version2.read(io.BytesIO(data))
+        return [one["data"]["key"][1] for one in records if one["opCode"] == OpCodes.COMPONENT_REGISTER.value]
+    return [data["key"][1] for _, _, kind, data in opened(data).events() if kind == OpCodes.COMPONENT_REGISTER.value]
