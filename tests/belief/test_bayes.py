@@ -259,6 +259,14 @@ def test_errors_name_what_is_wrong(call, error, words):
         call(belief.Filter(ctx, belief.random_walk(), ["a"]))
 
 
+def test_a_walker_that_always_stays_is_where_it_was():
+    with context(2, [(0, 1)]) as ctx:
+        filter = belief.Filter(ctx, belief.random_walk(stay=1.0), ["a"])
+        filter.update(found={"a": 0})
+        filter.predict()
+        assert filter.probability("a") == {0: 1.0}
+
+
 def test_a_goal_of_weight_0_is_never_gone_to():
     with context(3, [(1, 0), (1, 2)]) as ctx:
         filter = belief.Filter(ctx, belief.to_goals({0: 0, 6: 2}, wander=0.0), ["a"])

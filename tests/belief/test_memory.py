@@ -276,6 +276,15 @@ def test_beliefs_are_the_same_with_any_hash_seed(capsys):
     assert run.stdout == capsys.readouterr().out
 
 
+def test_what_a_program_keeps_in_the_same_memory_is_no_observation(make_ctx, add):
+    ctx = make_ctx(3)
+    state = add(ctx, "a", 0, "red", sight=10.0).get_state() | {"name": "a", "team": "red", "turn": 0, "memory": {}}
+    belief.observe(ctx, state)
+    known = belief.believed(ctx, state).last_seen
+    state["memory"] |= {"now": 1, 7: 2, ("place", 3): 4, ("a", "b", "c"): 5, ("a", "b", "c", "d"): 6}
+    assert belief.believed(ctx, state).last_seen == known
+
+
 def test_errors_name_what_is_missing(make_ctx, add):
     ctx = make_ctx(3)
     agent = add(ctx, "a", 0, "red", sight=10.0)

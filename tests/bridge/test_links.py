@@ -105,6 +105,7 @@ def test_what_cannot_be_sent_by_udp_is_counted():
         ({}, BadValue, "needs listen="),
         ({"listen": "127.0.0.1:9000"}, BadType, r"listen must be \(host, port\)"),
         ({"to": ("127.0.0.1", 70_000)}, BadValue, "A port must be less than 65536"),
+        ({"to": ("127.0.0.1", 65_536)}, BadValue, "A port must be less than 65536"),
         ({"to": ("127.0.0.1", 0)}, BadValue, "A port must be at least 1"),
     ],
 )

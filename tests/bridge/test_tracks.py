@@ -162,6 +162,14 @@ def test_the_command_line_makes_recordings_of_tracks(town, tmp_path, capsys, mon
     assert "give --map FILE.gamms" in capsys.readouterr().err
 
 
+def test_a_fix_without_a_place_is_none_and_the_track_goes_on(town, tmp_path):
+    walk = fixes((0, 0), (100, 0), (200, 0))
+    walk.insert(1, {"t": 5.0})
+    (report,) = recording_from_tracks({"anna": walk}, town, tmp_path / "game.ggr", turn_seconds=10.0)
+    assert report.points == 3
+    assert places_of(tmp_path / "game.ggr")[:, 0] == pytest.approx([0, 100, 200])
+
+
 BAD = {
     "bomb.gpx": '<?xml version="1.0"?><!DOCTYPE gpx [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><gpx>&b;</gpx>',
     "deep.gpx": "<gpx>" + "<a>" * 100_000,
@@ -218,6 +226,11 @@ def test_wrong_arguments_say_what_is_right(town, tmp_path):
         (lambda: recording_from_tracks(["a.csv"], town, "x"), MissingFile, "a.csv"),
         (lambda: recording_from_tracks({"a": fixes((0, 0))}, 3, "x"), BadType, "graph must be a context"),
         (lambda: recording_from_tracks({"a": fixes((0, 0))}, town, "x", turn_seconds=0), BadValue, "more than 0"),
+        (
+            lambda: recording_from_tracks({"a": fixes((0, 0), (9, 0), every=2e6)}, town, "x", turn_seconds=0.5),
+            BadValue,
+            "The tracks last 2,000,000 s, which are 4,000,000 turns of 0.5 s, and 1,000,000 are allowed",
+        ),
     ]
     for call, kind, words in cases:
         with pytest.raises(kind, match=words):

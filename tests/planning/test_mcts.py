@@ -152,6 +152,29 @@ def test_exp3_chooses_as_auer_cesa_bianchi_freund_and_schapire_have_it():
     assert node.chances() == pytest.approx([0.8 * share / sum(shares) + 0.2 / 3 for share in shares])
 
 
+@pytest.mark.parametrize(
+    ("counts", "chance", "action"),
+    [
+        ((20, 20, 60), 0.1, 0),
+        ((20, 20, 60), 0.3, 1),
+        ((20, 20, 60), 0.5, 2),
+        ((1, 1, 98), 0.01, 2),
+        ((5, 5, 5), 0.9, 2),
+    ],
+)
+def test_what_exp3_has_tried_most_is_done_most(counts, chance, action):
+    node = _Node()
+    node.offer(["a", "b", "c"])
+    node.counts = list(counts)
+    assert node.mixed(chance) == action
+
+
+def test_what_was_never_tried_is_done_as_often():
+    node = _Node()
+    node.offer(["a", "b", "c"])
+    assert [node.mixed(chance) for chance in (0.1, 0.5, 0.9)] == [0, 1, 2]
+
+
 def test_agents_try_their_actions_one_after_another(tag):
     """Whatever ann and amy do at once is worse than to stay, but one may go: they do not both."""
 

@@ -102,3 +102,12 @@ def test_what_was_sensed_at_the_map_can_be_pickled():
     copy = pickle.loads(pickle.dumps(sensed))
     assert copy[1].tolist() == [1, 3, 4, 5, 7]
     assert copy.edges[0].tolist() == sensed.edges[0].tolist() == [0, 6]
+
+
+def test_a_sensor_whose_owner_is_no_agent_shows_all_agents():
+    with world(1) as ctx:
+        eye = ctx.sensor.create_sensor("eye", SensorType.AGENT_RANGE, sensor_range=100.0)
+        eye.set_owner("nobody")
+        found = eye.sense_many(IDS * 20)
+        assert set(found.names) == set(ctx.agent.agents)
+        assert len(found.values) == len(IDS) * 20 * len(found.names)

@@ -642,6 +642,20 @@ def test_random_walkers_go_on_and_those_who_stay_stop_where_they_are():
     assert x_of(walker) == at
 
 
+@pytest.mark.parametrize(("way_back", "ahead"), [(12.0, True), (10.5, False)])
+def test_a_pursuer_on_an_edge_goes_on_or_turns_by_which_way_is_shorter(way_back, ahead):
+    """From 1 m behind node 0, 9 m before node 1, to an agent 1 m behind node 2: 9 + 3 + 1 m ahead, 1 + … + 1 m back."""
+    ctx = road(0, 10, 13, 33)
+    ctx.graph.add_edges([10, 11], [0, 2], [2, 0], [way_back] * 2)
+    ctx.sensor.create_sensor("eyes", SensorType.AGENT)
+    hunt = gamms.strategies.chase(ctx)
+    cat = ctx.agent.create_agent("cat", start_node_id=0, team="cats", speed=1.0, sensors=["eyes"])
+    cat.strategy = lambda state: hunt(state) if state["turn"] else state.update(action=1)
+    agent(ctx, "mouse", 2, 3, team="mice", speed=1.0)
+    ctx.game.run(2)
+    assert cat.offset_m == pytest.approx(2.0 if ahead else 0.0)
+
+
 def test_pursuers_catch_on_edges():
     ctx = road(0, 90, 180, 270, 360)
     for name, team, node, speed in (("cat", "cats", 0, 30.0), ("mouse", "mice", 2, 10.0)):
