@@ -75,6 +75,14 @@ def check_nearness(faces, d, x, y):
     assert list(obstacles.near(d, x, y)) == [id for id, face in enumerate(faces) if d < 0 or meets(face)]
 
 
+@pytest.mark.parametrize("corner", ["tr", "tl", "br", "bl"])
+@pytest.mark.parametrize("numbers", [(1.0, 2.0), (1.0, 2.0, 3.0, 4.0)])
+def test_each_corner_has_three_numbers(any_ctx, corner, numbers):
+    wall = {key: tuple(map(float, value)) for key, value in WALL.items() if key != "type"}
+    with pytest.raises(BadValue, match=f"{corner} of .* must be"):
+        any_ctx.graph.add_obstacle_face(2, **wall | {corner: numbers}, type=0)
+
+
 @pytest.mark.parametrize(
     ("change", "error"),
     [

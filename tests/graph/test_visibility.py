@@ -304,7 +304,15 @@ def test_progress_is_shown_on_a_terminal_if_asked_for(town, monkeypatch, capsys)
 
 # -- how long a table holds -------------------------------------------------------------------------------------
 
+
+def move_a_node_and_put_up_a_face_for_a_while(ctx):
+    ctx.graph.graph.update_node({"id": 10, "x": 42.0})
+    ctx.graph.add_obstacle_face(2, (5, -1, 3), (5, 1, 3), (5, -1, 0), (5, 1, 0), 0)
+    ctx.graph.remove_obstacle_face(2)
+
+
 CHANGES = {
+    "a node elsewhere, and a face for a while": move_a_node_and_put_up_a_face_for_a_while,
     "a node more": lambda ctx: ctx.graph.graph.add_node({"id": 60, "x": 5.0, "y": 5.0}),
     "a node elsewhere": lambda ctx: ctx.graph.graph.update_node({"id": 10, "x": 41.0}),
     "a node less": lambda ctx: ctx.graph.graph.remove_node(10),

@@ -62,6 +62,12 @@ def test_what_is_in_sight_of_an_open_field_is_the_sector_of_the_view(fov):
     assert ahead.max() == pytest.approx(5.0, abs=0.01)
 
 
+def test_what_is_in_sight_ends_at_a_wall_and_goes_on_beside_it():
+    outline = fov_geometry.area_in_sight(lambda points: points[:, 0] <= 3.0, 1.0, 2.0, 5.0, (0.0, 0.0), 1.0)
+    assert outline[:, 0].max() == pytest.approx(3.0, abs=0.01)
+    assert outline[:, 0].min() == pytest.approx(-4.0, abs=0.01)
+
+
 def test_an_endless_view_has_no_outline():
     assert fov_geometry.disc(0.0, 0.0, inf).shape == (0, 2)
     assert fov_geometry.sector(0.0, 0.0, inf, (1.0, 0.0), 1.0).shape == (0, 2)

@@ -15,7 +15,7 @@ def is_empty(view):
     return not any(len(part) for part in (view.nodes, view.lines, view.agents, view.outline))
 
 
-@pytest.mark.parametrize("kind", DRAWN, ids=lambda kind: kind.name)
+@pytest.mark.parametrize("kind", [*DRAWN, SensorType.AERIAL, SensorType.AERIAL_AGENT], ids=lambda kind: kind.name)
 def test_before_the_first_look_nothing_was_seen(ctx, kind):
     assert is_empty(ctx.sensor.create_sensor("eye", kind).last_view())
 

@@ -642,6 +642,18 @@ def test_random_walkers_go_on_and_those_who_stay_stop_where_they_are():
     assert x_of(walker) == at
 
 
+def test_an_agent_whose_edge_is_gone_is_seen_on_its_node():
+    ctx = road(0, 10, 20)
+    agent(ctx, "bert", 0, 1, speed=4.0)
+    eyes = ctx.sensor.create_sensor("eyes", SensorType.AGENT_RANGE, sensor_range=100.0)
+    ctx.game.step()
+    eyes.sense(2)
+    assert (eyes.data["bert"], eyes.data["bert"].edge) == (0, (0, 1, 0))
+    ctx.graph.graph.remove_edge(0)
+    eyes.sense(2)
+    assert (eyes.data["bert"], type(eyes.data["bert"])) == (0, int)
+
+
 @pytest.mark.parametrize(("way_back", "ahead"), [(12.0, True), (10.5, False)])
 def test_a_pursuer_on_an_edge_goes_on_or_turns_by_which_way_is_shorter(way_back, ahead):
     """From 1 m behind node 0, 9 m before node 1, to an agent 1 m behind node 2: 9 + 3 + 1 m ahead, 1 + … + 1 m back."""
