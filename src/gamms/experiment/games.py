@@ -95,14 +95,13 @@ def play(task: Task) -> Played:
 
 @lru_cache(maxsize=16)
 def _player(settings: bytes, variant: bytes) -> Player:
-    return Player(_loaded(settings), pickle.loads(variant))  # noqa: S301 - our own
+    return Player(loaded(settings), pickle.loads(variant))  # noqa: S301 - our own
 
 
 @lru_cache(maxsize=2)
-def _loaded(settings: bytes) -> Settings:
-    """Return the settings; the map of their scenario is loaded once in a process."""
-    loaded: Settings = pickle.loads(settings)  # noqa: S301 - our own
-    return loaded
+def loaded(settings: bytes) -> Any:
+    """Return pickled settings of many games; the map of their scenario is loaded once in a process."""
+    return pickle.loads(settings)  # noqa: S301 - our own
 
 
 def pickled(value: object, name: str) -> bytes:

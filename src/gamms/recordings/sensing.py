@@ -2,14 +2,12 @@
 
 from io import BytesIO
 
-from gamms.context import create_context
 from gamms.ir import events as kinds
 from gamms.recorder import Reader, Recording, RecordingError, Writer
 from gamms.recorder import open as opened
 from gamms.recorder.replaying import Replayer
 from gamms.recorder.sensed import packed
-
-_QUIET = {"level": "CRITICAL"}
+from gamms.recordings.conversion import with_map
 
 
 def with_sensed(recording: Recording) -> Recording:
@@ -29,7 +27,7 @@ def with_sensed(recording: Recording) -> Recording:
         raise RecordingError("This recording does not say how it begins.")
     writer = Writer(stream, reader.header, seconds=None)
     writer.keyframe(first[1])
-    with create_context(seed=0, logger_config=_QUIET) as ctx:
+    with with_map(None) as ctx:
         ctx.graph.storage.unpack(recording.graph.packed)
         replayer = Replayer(ctx)
         replayer.begin(reader)

@@ -56,10 +56,9 @@ def parallel_env(
     with needing("An environment of PettingZoo", "rl"):
         from gamms.rl.team_env import TeamEnv
     window = engine_of(render_mode)
-    teams = (team,) if isinstance(team, str) else team
     learners = Learners(
         scenario,
-        teams=teams,
+        teams=team,
         observation=observation,
         reward=reward,
         seed=seed,
@@ -156,14 +155,13 @@ def vector_env(  # noqa: PLR0913 - what a game is, who learns in it, and what th
     with needing("An environment of Gymnasium", "rl"):
         from gamms.rl.gym_envs import GamesEnv
         from gamms.rl.processes import ProcessesEnv
-    teams = (team,) if isinstance(team, str) else team
     options: dict[str, Any] = {"agent": agent, "others": others, "observation": observation, "reward": reward}
     several = as_count(workers, "workers", least=1) > 1
     if several:
         refuse_in_worker()
         if workers > as_count(num_games, "num_games"):
             raise BadValue(f"workers is {workers}, and there are {num_games} games: at most one process for each.")
-    made = Learners(scenario, 1 if several else num_games, teams=teams, seed=seed, most_agents=most_agents, **options)
+    made = Learners(scenario, 1 if several else num_games, teams=team, seed=seed, most_agents=most_agents, **options)
     if not several:
         return GamesEnv(made, scenario.spec.name)
     make = partial(vector_env, scenario, team=team, most_agents=most_agents, **options)
@@ -223,12 +221,11 @@ def torchrl_env(
         import torch
 
         from gamms.rl.tensor_env import TensorEnv
-    teams = (team,) if isinstance(team, str) else team
     return TensorEnv(
         Learners(
             scenario,
             num_games,
-            teams=teams,
+            teams=team,
             observation=observation,
             reward=reward,
             seed=seed,

@@ -79,7 +79,7 @@ class Learners:
     Args:
         scenario: that is played.
         num_games: how many games.
-        teams: that learn; None: all. The others play their own strategies.
+        teams: that learn, one or several; None: all. The others play their own strategies.
         agent: the only one that learns, instead of teams; the others of its team play their strategies.
         others: strategies by team or agent, in place of those of the scenario.
         observation: gives what the agents observe; None: `default_observation`.
@@ -118,7 +118,7 @@ class Learners:
         scenario: Scenario,
         num_games: int = 1,
         *,
-        teams: Sequence[Hashable] | None = None,
+        teams: str | Sequence[Hashable] | None = None,
         agent: str | None = None,
         others: Mapping[str, Any] | None = None,
         observation: Observation | None = None,
@@ -154,7 +154,7 @@ class Learners:
         )
         self._first, self._episodes, self.stride = first, np.zeros(number, np.int64), number
         try:
-            self._look_at(teams, agent)
+            self._look_at((teams,) if isinstance(teams, str) else teams, agent)
         except BaseException:
             self.games.close()
             raise

@@ -126,8 +126,7 @@ def save_policy(
     if file.suffix not in _BY_SUFFIX[:2]:
         raise BadValue(f"A policy is saved as .safetensors or .onnx, not as {shown(file.name)}.")
     if isinstance(env, Scenario):
-        teams = None if team is None else (team,)
-        with Learners(env, teams=teams, agent=agent, observation=observation, reward=_no_reward) as learners:
+        with Learners(env, teams=team, agent=agent, observation=observation, reward=_no_reward) as learners:
             found = _described(learners)
     elif team is not None or agent is not None or observation is not None:
         raise BadValue("team=, agent= and observation= are for a scenario: an environment knows its own.")

@@ -417,15 +417,11 @@ def _visits_of_goal(turn: ArrayTurn, team: Hashable, goal: frozenset[int] | str,
         visits = turn.visits(turn.alive & are_members, passing=passing)
         visits = visits.those(_are_starts(turn, visits, goal))
     else:
-        visits = turn.visits(_are_nodes(turn, goal), passing=passing)
+        at_goal = turn.shared(("nodes", goal), lambda: np.isin(turn.streets.columns.node_ids, sorted(goal)))
+        visits = turn.visits(at_goal, passing=passing)
         visits = visits.those(are_members[visits.agents])
     _, first_visit = np.unique(visits.at * len(are_members) + visits.agents, return_index=True)
     return visits.those(first_visit)
-
-
-def _are_nodes(turn: ArrayTurn, ids: frozenset[int]) -> BoolArray:
-    """Return which nodes are among those of these ids, (nodes,)."""
-    return turn.shared(("nodes", ids), lambda: np.isin(turn.streets.columns.node_ids, sorted(ids)))
 
 
 def _are_starts(turn: ArrayTurn, visits: Visits, team: str) -> BoolArray:

@@ -2,6 +2,7 @@
 
 import json
 import os
+import pickle
 import shutil
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import BrokenExecutor, Executor, Future
@@ -24,7 +25,7 @@ from gamms.tournament.games import MOST_TURNS, Fixture, Row
 from gamms.tournament.page import write_page
 from gamms.tournament.players import Allowed
 from gamms.tournament.table import Table
-from gamms.tournament.workers import Settings, Task, close_launchers, not_enforced, pickled, play
+from gamms.tournament.workers import Settings, Task, close_launchers, not_enforced, play
 from gamms.versions import versions
 from gamms.workers import WorkerPool, cores, first_done
 
@@ -161,7 +162,12 @@ class _Runner:
         journal: Journal,
         game: Mapping[str, Any],
     ) -> None:
-        self._settings, self._executor, self._journal, self._game = pickled(settings), executor, journal, dict(game)
+        self._settings, self._executor, self._journal, self._game = (
+            pickle.dumps(settings),
+            executor,
+            journal,
+            dict(game),
+        )
         self._slots = 1 if isinstance(executor, Here) else 2 * (workers or cores())
         self._spare: WorkerPool | None = None
         self._workers = workers or cores()

@@ -2,11 +2,11 @@
 
 import pickle
 from collections import OrderedDict
-from functools import lru_cache
 from multiprocessing import parent_process
 from pathlib import Path
 from typing import NamedTuple
 
+from gamms.experiment.games import loaded
 from gamms.limits import allowing
 from gamms.scenario import Scenario
 from gamms.scenario.spec import to_plain
@@ -59,21 +59,9 @@ class Task(NamedTuple):
 _launchers: OrderedDict[tuple[bytes, Entry], Launcher] = OrderedDict()
 
 
-def pickled(settings: Settings) -> bytes:
-    """Return settings for other processes."""
-    return pickle.dumps(settings)
-
-
-@lru_cache(maxsize=2)
-def _loaded(settings: bytes) -> Settings:
-    """Return the settings; the map of their scenario is loaded once in a process."""
-    loaded: Settings = pickle.loads(settings)  # noqa: S301 - our own
-    return loaded
-
-
 def play(task: Task) -> list[Row]:
     """Play the games of a task, write their recordings and logs, and return their rows."""
-    settings, rows = _loaded(task.settings), []
+    settings, rows = loaded(task.settings), []
     with allowing(settings.memory):
         launchers = {entry.name: _launcher(task.settings, entry) for entry in task.entries}
         for fixture in task.fixtures:
@@ -104,7 +92,7 @@ def _launcher(settings: bytes, entry: Entry) -> Launcher:
     if key not in _launchers:
         if len(_launchers) == _MOST_LAUNCHERS:
             _launchers.popitem(last=False)[1].close()
-        known = _loaded(settings)
+        known: Settings = loaded(settings)
         game = to_plain(known.scenario.spec.settings)
         _launchers[key] = Launcher(entry, known.allowed, known.map, game, known.scratch)
     _launchers.move_to_end(key)
@@ -119,4 +107,4 @@ def close_launchers() -> None:
 
 def not_enforced(entry: Entry, settings: Settings) -> list[str]:
     """Return what of the limits this system cannot enforce, in words."""
-    return _launcher(pickled(settings), entry).missing()
+    return _launcher(pickle.dumps(settings), entry).missing()
