@@ -19,7 +19,7 @@ from gamms.errors import BadValue
 from gamms.graph import records
 from gamms.graph.indexes import Indexes
 from gamms.graph.tables import Closed, EdgeTable, NodeTable, joined, kept
-from gamms.ir.graph import FloatArray, GraphColumns
+from gamms.ir.graph import FloatArray, GraphColumns, read_only
 from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
@@ -313,8 +313,6 @@ class GraphStore:
         """Return the tables, which have no dead rows, as columns."""
         nodes, edges = self.nodes, self.edges
         offsets, out_edges = kernels.group_rows(edges.array("sources"), nodes.count)
-        offsets.setflags(write=False)
-        out_edges.setflags(write=False)
         return GraphColumns(
             node_ids=nodes.frozen("ids"),
             xy=nodes.frozen("xy"),
@@ -322,8 +320,8 @@ class GraphStore:
             sources=edges.frozen("sources"),
             targets=edges.frozen("targets"),
             lengths=edges.frozen("lengths"),
-            offsets=offsets,
-            out_edges=out_edges,
+            offsets=read_only(offsets),
+            out_edges=read_only(out_edges),
             polylines=kept(edges.polylines),
             node_attributes={name: kept(values) for name, values in nodes.attributes.items() if values},
             edge_attributes={name: kept(values) for name, values in edges.attributes.items() if values},

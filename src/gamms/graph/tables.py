@@ -9,7 +9,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.errors import BadValue, ContextTerminated, DuplicateId, UnknownName
-from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines, RowArray
+from gamms.ir.graph import ByRow, FloatArray, IntArray, Polylines, RowArray, read_only
 
 T = TypeVar("T")
 
@@ -173,9 +173,7 @@ class Table:
     def frozen(self, name: str) -> np.ndarray[Any, Any]:
         """Return a column as a read-only array that stays as it is now."""
         self._is_shared = True
-        array = self.array(name)
-        array.setflags(write=False)
-        return array
+        return read_only(self.array(name))
 
     def own(self) -> None:
         """Call before writing to a row that exists: what was given out keeps the old values."""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, read_only
 from gamms.text import shown
 
 if TYPE_CHECKING:
@@ -91,8 +91,7 @@ def points_of(shape: object, name: str) -> FloatArray:
         raise BadValue(f"{name} needs at least two (x, y) points, not {shown(shape)}.")
     if not np.isfinite(points).all():
         raise BadValue(f"{name} has a coordinate that is not finite: {shown(shape)}.")
-    points.setflags(write=False)
-    return points
+    return read_only(points)
 
 
 def _line_of_text(text: str) -> "LineString":

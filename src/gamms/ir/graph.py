@@ -12,6 +12,14 @@ FloatArray = np.ndarray[Any, np.dtype[np.float64]]
 RowArray = np.ndarray[Any, np.dtype[np.integer[Any]]]  # row numbers of any width
 V = TypeVar("V")
 
+A = TypeVar("A", bound=np.ndarray[Any, Any])
+
+
+def read_only(array: A) -> A:
+    """Return the array, which can be written to no longer."""
+    array.setflags(write=False)
+    return array
+
 
 class ByRow(Mapping[int, V]):
     """What some rows of a table have, in arrays: never changed, and cheap to make of a million rows.

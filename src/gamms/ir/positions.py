@@ -8,16 +8,14 @@ import numpy as np
 
 from gamms.ir.agents import AgentBlock, Progress
 from gamms.ir.columns import ChangeLog, copied_column
-from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.graph import FloatArray, IntArray, read_only
 
 _FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
 
 
 def _frozen(values: object, kind: type) -> Any:
     """Return a read-only array of what a column holds."""
-    array: np.ndarray[Any, Any] = np.array(values, kind)
-    array.setflags(write=False)
-    return array
+    return read_only(np.array(values, kind))
 
 
 _NO_ROWS: IntArray = _frozen([], np.int64)
@@ -287,5 +285,4 @@ def _changed(array: np.ndarray[Any, Any], rows: Iterable[int], values: list[Any]
     array = array.copy()
     for row, value in zip(rows, values, strict=True):
         array[row] = value
-    array.setflags(write=False)
-    return array
+    return read_only(array)

@@ -18,13 +18,14 @@ from gamms.errors import BadValue
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
+from gamms.ir.graph import read_only
 from gamms.ir.tables import frame_of, table_of, with_latlon
 from gamms.recorder import tables
 from gamms.recorder.detached import DetachedAgents, DetachedState
 from gamms.recorder.errors import Damaged, RecordingError, refusing
 from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
-from gamms.recorder.states import State, frozen, state_of
+from gamms.recorder.states import State, state_of
 from gamms.recorder.streams import Opened, format_of, readable, written
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
@@ -165,7 +166,7 @@ class Recording(Opened):
         version = state.agents, state.agents.version
         if self._named[0] != version:
             named = table_of({name: state.agents.columns[key] for name, key in _LISTS.items()})
-            self._named = version, {name: frozen(column) for name, column in named.items()}
+            self._named = version, {name: read_only(column) for name, column in named.items()}
         return state_of(state, turn, self._named[1], lambda: self.map_at(turn))
 
     @overload

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from gamms.ir.agents import NUMBERS
-from gamms.ir.graph import FloatArray
+from gamms.ir.graph import FloatArray, read_only
 from gamms.recorder.detached import DetachedState
 from gamms.typing.map_storage import IPackedGraph
 
@@ -64,23 +64,17 @@ def state_of(
     """Return a state for the caller to keep."""
     columns = state.agents.columns
     agents = {name: named[name] for name in ("name", "team")}
-    agents["kind"] = frozen(_KINDS[(columns["kind"] != 0).astype(np.int64)])
-    agents["alive"] = frozen(columns["alive"] != 0)
-    agents |= {name: frozen(columns[name].copy()) for name in ("node", "previous")}
+    agents["kind"] = read_only(_KINDS[(columns["kind"] != 0).astype(np.int64)])
+    agents["alive"] = read_only(columns["alive"] != 0)
+    agents |= {name: read_only(columns[name].copy()) for name in ("node", "previous")}
     agents |= {name: named[name] for name in ("speed", "strategy")}
-    agents |= {name: frozen(columns[name].copy()) for name in NUMBERS}
+    agents |= {name: read_only(columns[name].copy()) for name in NUMBERS}
     for key, names in _PARTS.items():
-        agents.update(zip(names, frozen(columns[key].T.copy()), strict=True))
+        agents.update(zip(names, read_only(columns[key].T.copy()), strict=True))
     is_on_edge = columns["edge_motion"] != 0
     if is_on_edge.any():
         for name, key in {"edge_source": "edge_source", "edge_target": "edge_target", "edge": "edge_id"}.items():
-            agents[name] = frozen(np.where(is_on_edge, columns[key], -1))
-        agents["edge_share"] = frozen(np.where(is_on_edge, columns["edge_share"], np.nan))
+            agents[name] = read_only(np.where(is_on_edge, columns[key], -1))
+        agents["edge_share"] = read_only(np.where(is_on_edge, columns["edge_share"], np.nan))
     game = deepcopy((state.game.data, state.game.over))
     return State(turn, agents, dict(state.game.scores), *game, deepcopy(state.components), map_then)
-
-
-def frozen(column: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Return a column that can only be read."""
-    column.setflags(write=False)
-    return column

@@ -13,7 +13,7 @@ import numpy as np
 from gamms.arguments import as_float, as_range
 from gamms.errors import BadType, BadValue
 from gamms.ir.draw import FARTHEST, DrawCommands, DrawKind, DrawSpace
-from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.graph import FloatArray, GraphColumns, IntArray, read_only
 from gamms.text import shown
 from gamms.typing import IAgent, IContext
 from gamms.visual.appearance import AnyColor, Color, Rgb, in_order, rgba, team_colors
@@ -215,12 +215,12 @@ class Commands:
 
     def freeze(self) -> DrawCommands:
         """Return everything added so far, as read-only columns."""
-        columns = {name: _read_only(np.array(column)) for name, column in self._columns.items()}
+        columns = {name: read_only(np.array(column)) for name, column in self._columns.items()}
         return DrawCommands(
             **columns,
-            color=_read_only(np.array(self._color, np.uint8).reshape(-1, 4)),
-            offsets=_read_only(np.concatenate(([0], np.cumsum(np.array(self._counts, np.int64))))),
-            points=_read_only(np.concatenate([np.empty((0, 2)), *self._points])),
+            color=read_only(np.array(self._color, np.uint8).reshape(-1, 4)),
+            offsets=read_only(np.concatenate(([0], np.cumsum(np.array(self._counts, np.int64))))),
+            points=read_only(np.concatenate([np.empty((0, 2)), *self._points])),
             text=tuple(self._text),
         )
 
@@ -282,11 +282,6 @@ def _as_extent(value: object, name: str) -> float:
     if number > FARTHEST:
         raise BadValue(f"{name} must be at most {FARTHEST:g}, not {number}.")
     return number
-
-
-def _read_only(array: "np.ndarray[Any, Any]") -> "np.ndarray[Any, Any]":
-    array.setflags(write=False)
-    return array
 
 
 Measured = TypeVar("Measured")
