@@ -268,6 +268,53 @@ def flyers(agents=10, side=100):
     return make
 
 
+def by_metres(agents=100, side=30, speed=7.0):
+    """Agents that go to legal nodes by metres, against bare Python that moves them and builds states of ten keys."""
+
+    def make():
+        ctx, rng, turns = lattice(side), random.Random(7), 5000 // agents
+        ctx.game.speed_unit = "metres"
+        starts, seed = [rng.randrange(side * side) for _ in range(agents)], 1
+
+        def strategy(state):
+            nonlocal seed
+            seed = (seed * 1103515245 + 12345) & 0x7FFFFFFF
+            legal = state["legal"]
+            state["action"] = legal[(seed >> 8) % len(legal)]
+
+        for i, start in enumerate(starts):
+            ctx.agent.create_agent(f"a_{i}", start_node_id=start, speed=speed, strategy=strategy)
+        near, places = ctx.graph.graph.neighborhoods, [(node, node, 0.0) for node in starts]
+
+        def ours():
+            ctx.game.run(turns)
+            return turns * agents
+
+        def floor():
+            for turn in range(turns):
+                for i, (here, ahead, offset) in enumerate(places):
+                    legal = tuple(dict.fromkeys([here, ahead, *near[ahead], *near[here]]))
+                    state = {"curr_pos": here, "edge": (here, ahead), "offset_m": offset, "xy": (0.0, 0.0)}
+                    state |= {"sensor": {}, "name": "a", "team": None, "turn": turn, "memory": {}, "legal": legal}
+                    strategy(state)
+                    places[i] = _advanced(near, state["action"], here, ahead, offset, speed)
+            return turns * agents
+
+        return ours, floor
+
+    return make
+
+
+def _advanced(near, target, here, ahead, offset, speed):
+    """Where an agent on an edge of 10 metres is after a turn on its way to a node that is next to one of its ends."""
+    is_back = target == here or (target != ahead and target in near[here])
+    left = offset - speed if is_back else 10.0 - offset - speed
+    end = here if is_back else ahead
+    if left > 0.0:
+        return here, ahead, offset - speed if is_back else offset + speed
+    return (end, end, 0.0) if target == end or left == 0.0 else (end, target, -left)
+
+
 CITY_SENSORS = {"near": ST.NEIGHBOR, "around": ST.RANGE, "others": ST.AGENT_RANGE}
 
 

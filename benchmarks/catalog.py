@@ -89,6 +89,7 @@ CASES = [
     Case("scenario: turns of 1,000 agents, ten keys", "agent-step", cases.turns_of(1000, 100), KEYS, 1.8),
     Case("scenario: turns of 100,000 agents, ten keys", "agent-step", cases.turns_of(100_000, 316), KEYS, 1.8),
     Case("scenario: turns of 10 flyers", "agent-step", cases.flyers(), "bare Python that finds the nodes below"),
+    Case("scenario: turns of 100 agents by metres", "agent-step", cases.by_metres(), KEYS),
     Case("scenario: messages of 100 agents to all", "delivery", cases.messages(100), "dicts that are put into lists"),
     Case("scenario: a game of 5 against 5 after a reset", "game", lambda: batches.one_by_one(is_fresh=False), KEYS),
     Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True), KEYS),
