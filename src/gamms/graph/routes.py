@@ -104,9 +104,9 @@ class CachedRoutes(Routes):
         """Return the distances (roots, others) from rows to others, or to them where reversed."""
         check_weight(weight)
         search, most, wanted = self.search(weight, reverse=reverse), len(self.ids()) // _SHARE, others.tolist()
-        found = np.empty((len(roots), len(others)))
+        found, goals = np.empty((len(roots), len(others))), set(wanted)
         for at, root in enumerate(roots.tolist()):
-            near = search.distances(root, set(wanted), most)
+            near = None if len(goals) > most else search.distances(root, goals, most)
             if near is None:  # nor will the rest be near
                 found[at:] = super().matrix_lines(roots[at:], others, weight, reverse=reverse)
                 break
