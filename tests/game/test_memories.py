@@ -4,8 +4,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.game.decisions import memory_copy
-from gamms.game.decisions import merged_memory as merged
+from gamms.game.team_memory import memory_copy
+from gamms.game.team_memory import merged_memory as merged
 
 
 def test_a_memory_is_an_agents_own_and_lasts(ctx):

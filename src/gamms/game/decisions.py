@@ -1,7 +1,6 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
 from collections.abc import Awaitable, Callable, Mapping, MutableSequence, Sequence
-from copy import deepcopy
 from functools import cached_property, partial
 from operator import itemgetter
 from time import perf_counter
@@ -18,6 +17,7 @@ from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
+from gamms.game.team_memory import Writes, differs, memory_copy, merged_memory
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
@@ -27,10 +27,7 @@ if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
 
 State = dict[str, Any]  # of an agent
-Writes = list[tuple[str, dict[str, Any]]]  # (agent, what it made of its copy), in the order of the names
 
-_PLAIN = frozenset({str, bytes, int, float, bool, type(None)})
-_NOTHING: Any = object()  # stands for a key that is not there
 _REASONS = {"error": "its strategy or plan raised an error", "overrun": "its strategy or plan took too long"}
 COUNT_OF = {"error": "errors", "overrun": "overruns"}  # kind of error -> the count that it is in
 
@@ -542,57 +539,5 @@ class Decisions:
             writes.setdefault(slot.team, []).append((slot.name, copy if isinstance(copy, dict) else {}))
         for team, copies in writes.items():
             before = shared.get(team, {})
-            if any(_differs(copy, before) for _, copy in copies):
+            if any(differs(copy, before) for _, copy in copies):
                 shared[team] = memory_copy(merged_memory(before, copies))
-
-
-def memory_copy(shared: dict[Any, Any]) -> dict[Any, Any]:
-    """Return a copy of a team's memory, which may be written to."""
-    if all(type(value) in _PLAIN for value in shared.values()):
-        return shared.copy()
-    # NOTE: `deepcopy` takes ten times as long for sets of plain values, such as `sweep` has.
-    inner = [value for one in shared.values() if type(one) is dict for value in one.values()]
-    sets = [one for one in (*shared.values(), *inner) if type(one) is set and _PLAIN.issuperset(map(type, one))]
-    return deepcopy(shared, {id(one): one.copy() for one in sets})
-
-
-def merged_memory(before: dict[Any, Any], writes: Writes) -> dict[Any, Any]:
-    """Return what a team remembers after all its agents have written.
-
-    A key that one agent changed has its value. Where several changed it: sets are united; dicts are merged by these
-    rules; lists that begin as the old one did get what each agent appended, in the order of the names; of anything
-    else the value of the last name counts. A key is gone if all who changed it removed it.
-    """
-    after = {}
-    keys = dict.fromkeys([*before, *(key for _, copy in writes for key in copy)])
-    for key in keys:
-        old = before.get(key, _NOTHING)
-        new = [copy.get(key, _NOTHING) for _, copy in writes]
-        changed = [value for value in new if _differs(value, old)]
-        value = _one_of(old, [value for value in changed if value is not _NOTHING]) if changed else old
-        if value is not _NOTHING:
-            after[key] = value
-    return after
-
-
-def _differs(value: object, other: object) -> bool:
-    """Return whether two values differ; what cannot be compared does."""
-    if value is other:
-        return False
-    try:
-        return bool(value != other)
-    except (TypeError, ValueError):  # arrays, for example
-        return True
-
-
-def _one_of(old: object, values: list[Any]) -> Any:
-    if len(values) < 2:
-        return values[0] if values else _NOTHING
-    if all(isinstance(value, (set, frozenset)) for value in values):
-        return set().union(*values)
-    if all(isinstance(value, dict) for value in values):
-        return merged_memory(old if isinstance(old, dict) else {}, [("", value) for value in values])
-    start = old if isinstance(old, list) else []
-    if all(isinstance(value, list) and value[: len(start)] == start for value in values):
-        return [*start, *(one for value in values for one in value[len(start) :])]
-    return values[-1]

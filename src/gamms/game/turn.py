@@ -12,13 +12,14 @@ import numpy as np
 from gamms.deciding import DecidePhase
 from gamms.errors import BadValue, UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
-from gamms.game.decisions import Decisions, memory_copy
+from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
 from gamms.game.order import Legality, Part, ResolvedAction, TurnOrder, action_of, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
+from gamms.game.team_memory import memory_copy
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray

@@ -1,6 +1,9 @@
 """The strategy of a team that shares out the enemies that it sees: who goes to whom."""
 
+from collections.abc import Hashable
 from math import inf
+from typing import Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -15,7 +18,6 @@ from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
     as_otherwise,
     enemies_in_sight,
-    is_living,
     move_to_agent,
     moves_to_agents,
     nearest_seen,
@@ -52,7 +54,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
         here, seen = node_of(state, "assign"), enemies_in_sight(ctx, state, "assign")
         mates, enemies = _reported(ctx, state, turns)
         _report(state, here, seen)
-        mine = _matched(ctx, mates, enemies).get(state["name"]) if enemies and mates else None
+        mine = _matched(ctx, state["team"], mates, enemies).get(state["name"]) if enemies and mates else None
         if mine is None:
             target = ctx.graph.routes.nearest(here, seen.values())
         else:
@@ -163,16 +165,28 @@ def _report(state: State, here: int, seen: dict[str, int]) -> None:
 
 def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int], dict[str, int]]:
     """Return where living teammates were in the last turn, and where living enemies were seen last, by name."""
-    board, now = shared_memory(state, "assign"), required(state, "turn", "assign")
+    board, now, agents = shared_memory(state, "assign"), required(state, "turn", "assign"), ctx.agent.agents
     found = []
     for part, oldest in (("mates", now - 1), ("enemies", now - 1 - patience)):
-        known = sorted(board.get(part, {}).items())
-        found.append({name: node for name, (turn, node) in known if turn >= oldest and is_living(ctx, name)})
+        known = sorted((name, node) for name, (turn, node) in board.get(part, {}).items() if turn >= oldest)
+        found.append({name: node for name, node in known if name in agents and agents[name].alive})
     return found[0], found[1]
 
 
-def _matched(ctx: Context, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
+_matchings: WeakKeyDictionary[Context, dict[Any, tuple[Any, dict[str, str]]]] = WeakKeyDictionary()  # of each team
+
+
+def _matched(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
     """Return the enemy of each agent by the matching of least total distance, if it can be reached."""
+    # NOTE: kept, because all agents of a team ask for the same one in a turn.
+    key, known = (ctx.graph.graph.revision, mates, enemies), _matchings.setdefault(ctx, {})
+    if team not in known or known[team][0] != key:
+        known[team] = key, _least_matching(ctx, mates, enemies)
+    return known[team][1]
+
+
+def _least_matching(ctx: Context, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
+    """Work that out."""
     graph, rounds = ctx.graph.graph, -(-len(mates) // len(enemies))
     costs = tuple(tuple(graph.distance(at, to) for to in enemies.values()) * rounds for at in mates.values())
     names = list(enemies) * rounds

@@ -20,8 +20,8 @@ import numpy as np
 
 from gamms.context import Context, create_context
 from gamms.errors import BadType
-from gamms.game.decisions import memory_copy, merged_memory
 from gamms.game.random_streams import Draws, DrawTable, TurnGenerator
+from gamms.game.team_memory import memory_copy, merged_memory
 from gamms.ir.game_state import GameState
 from gamms.plain import as_json, to_plain
 from gamms.readonly import frozen
