@@ -129,6 +129,14 @@ def test_a_deleted_member_stays_in_its_team(ctx):
     assert [agent.speed for agent in ctx.agent.agents.values()] == [2, 4]
 
 
+def test_members_beside_a_deleted_one_are_read_and_moved_without_being_made(ctx):
+    team = ctx.agent.create_team("red", [0, 12, 1])
+    ctx.agent.delete_agent("red_1")
+    team.move([near := ctx.graph.graph.neighborhoods[0][1], 12, 1])
+    assert (team.node_ids.tolist(), team.alive.tolist()) == ([near, 12, 1], [True, True, True])
+    assert ctx.agent.storage.made() == []
+
+
 def test_another_agent_of_the_name_of_a_deleted_member_is_no_member(ctx):
     team = ctx.agent.create_team("red", [3, 4, 5])
     ctx.agent.delete_agent("red_1")

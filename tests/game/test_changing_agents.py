@@ -154,7 +154,7 @@ REPLACEMENTS = st.lists(
     st.tuples(st.sampled_from(["go", "come", "go and come", "die", "return", "all go"]), st.integers(0, 7)), max_size=4
 )
 REPLACED = [("snapshot", []), (None, [("go and come", 3)]), ("restore", [("go and come", 3)]), (None, [])]
-BETWEEN = st.sampled_from([None, None, None, "snapshot", "restore", "reset", "fork"])
+BETWEEN = st.sampled_from([None, None, "look", "look", "snapshot", "restore", "reset", "fork"])
 
 
 def replace(ctx, kind, number):
@@ -200,16 +200,16 @@ def with_replacements(grid, turns, *, is_team, has_plan, phase):
             waiting[:] = changes
             ctx.game.step()
             recordings[-1][1].append(where(ctx))
-            if team is not None:
+            if between == "look" and team is not None:
                 assert team.node_ids.tolist() == [one.current_node_id for one in team]
                 assert team.alive.tolist() == [one.alive for one in team]
-            if between == "snapshot":
+            elif between == "snapshot":
                 before = ctx.game.snapshot()
             elif between == "fork":
                 fork = ctx.game.fork(3)
                 fork.step()
                 looks.append(where(fork.ctx))
-            elif between is not None:
+            elif between in ("restore", "reset"):
                 ctx.record.stop()
                 ctx.game.restore(before) if between == "restore" else ctx.game.reset()
                 recordings.append((io.BytesIO(), []))

@@ -12,7 +12,7 @@ from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_na
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import AgentBlock
-from gamms.ir.columns import Selection
+from gamms.ir.columns import Selection, without
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
@@ -152,7 +152,7 @@ class Team:
     def __init__(self, ctx: IContext, name: str, members: Members, block_of: Callable[[], AgentBlock]) -> None:
         self._ctx, self.name, self.names = ctx, name, members.names
         self._members, self._block_of = members, block_of
-        self._rows: tuple[Any, Selection | None] = None, None
+        self._rows: tuple[Any, Any] = None, None  # of which block, and what `_selection` has found there
         self._draws = 0
         self._keys: BitArray | None = None  # of the names, for draws
 
@@ -175,30 +175,36 @@ class Team:
         found: Any = self._members.made.get(name) or self._ctx.agent.agents[name]
         return cast("Agent", found)
 
-    def _selection(self) -> Selection | None:
-        """Return the rows of the members; None where one was deleted."""
-        block = self._block_of()
+    def _selection(self) -> tuple[Selection, dict[int, Agent]]:
+        """Return the rows of the members, and by their numbers, ascending, those that were deleted and have none."""
+        block, made = self._block_of(), self._members.made
         if self._rows[0] != (block, block.rows.version):
-            agents, made = self._ctx.agent.agents, self._members.made
-            is_whole = all(name in agents for name in self.names)
-            is_whole = is_whole and all(agents[name] is one for name, one in made.items())
-            rows = Selection(block.rows.of_each(self.names)) if is_whole else None
-            self._rows = (block, block.rows.version), rows
-        return self._rows[1]
+            gone = [self._members.numbers[name] for name, one in made.items() if one._block is not block]
+            deleted = {number: made[self.names[number]] for number in sorted(gone)}
+            rows = Selection(block.rows.of_each(without(self.names, deleted)))
+            self._rows = (block, block.rows.version), (rows, deleted)
+        found: tuple[Selection, dict[int, Agent]] = self._rows[1]
+        return found
+
+    def _of_block(self, column: str) -> Any:
+        """Return what the members have in a column of their block, (agents,); each that was deleted has its own."""
+        rows, deleted = self._selection()
+        values = rows.of(getattr(self._block_of(), column))
+        if deleted:
+            values = list(values)
+        for number, agent in deleted.items():
+            values.insert(number, getattr(agent._block, column)[agent._row])
+        return values
 
     @property
     def node_ids(self) -> IntArray:
         """Where the members are, (agents,) ids of nodes; the array is read-only, `move` lets them go."""
-        rows = self._selection()
-        nodes = [agent.current_node_id for agent in self] if rows is None else rows.of(self._block_of().node)
-        return _read_only(np.array(nodes, np.int64))
+        return _read_only(np.array(self._of_block("node"), np.int64))
 
     @property
     def alive(self) -> BoolArray:
         """Which members take part, (agents,); the array is read-only, `set` writes."""
-        rows = self._selection()
-        alive = [agent.alive for agent in self] if rows is None else rows.of(self._block_of().alive)
-        return _read_only(np.array(alive, np.bool_))
+        return _read_only(np.array(self._of_block("alive"), np.bool_))
 
     def __getitem__(self, column: str) -> Column:
         """Return the values of an attribute of all members, (agents,); the array is read-only, `set` writes.
@@ -211,10 +217,10 @@ class Team:
             raise BadType(
                 f"A team is asked for an attribute by its name, not {shown(column)}: team.agents has members."
             )
-        members, rows = self._members, self._selection()
+        members = self._members
         try:
-            if column in _OF_BLOCK and rows is not None:
-                values = np.array(rows.of(getattr(self._block_of(), column)))
+            if column in _OF_BLOCK:
+                values = np.array(self._of_block(column))
             elif column in members.columns:
                 own = {members.numbers[name]: getattr(agent, column) for name, agent in members.made.items()}
                 values = _as_array(_changed(members.columns[column], own).tolist())
@@ -245,11 +251,12 @@ class Team:
         if chosen.shape != (len(self),):
             raise BadType(f"where= of a team is an array ({len(self)},) of booleans, not {shown(where)}.")
         phase_of(self._ctx).refuse(f"set {column!r} of team {self.name!r}")
-        listed, rows, places = each_of(values, len(self), column), self._selection(), np.flatnonzero(chosen).tolist()
+        listed, places = each_of(values, len(self), column), np.flatnonzero(chosen).tolist()
         members, block = self._members, self._block_of()
         if column in _OF_BLOCK:
             checked = [_OF_BLOCK[column](listed[i], f"{column} of agent {self.names[i]!r}") for i in places]
-            if rows is not None:
+            rows, deleted = self._selection()
+            if not deleted:
                 for i, value in zip(places, checked, strict=True):
                     block.set(rows.rows[i], column, value)
                 return
@@ -320,13 +327,13 @@ class Team:
                 raise BadValue(
                     f"Agent {self.names[i]!r} cannot go to node {node}: no edge leads there from node {here}."
                 )
-        living, rows = [i for i, lives in enumerate(alive) if lives], self._selection()
-        if rows is None:
-            for i in living:
-                agent = self._agent(self.names[i])
+        rows, deleted = self._selection()
+        present = zip(rows.rows, without(wanted, deleted), without(alive, deleted), strict=True)
+        moves = [(row, node) for row, node, lives in present if lives]
+        self._block_of().move_all(Selection([row for row, _ in moves]), [node for _, node in moves])
+        for i, agent in deleted.items():
+            if alive[i]:
                 agent._block.move(agent._row, wanted[i])
-        else:
-            self._block_of().move_all(Selection([rows.rows[i] for i in living]), [wanted[i] for i in living])
 
 
 def make_member(ctx: IContext, block: AgentBlock, name: str, members: Members) -> Agent:
