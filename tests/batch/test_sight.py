@@ -50,6 +50,7 @@ def agents_seen(games, number, viewer, sensor):
         ("AGENT_ARC", {"sensor_range": 30.0, "at": 12, **FIELD}),
         ("AGENT_ARC", {"sensor_range": 30.0, **FIELD}),
         ("AGENT_ARC", {"sensor_range": 30.0, "false_alarm_rate": 1.5, **FIELD}),
+        ("AGENT_ARC", {"sensor_range": 30.0, "at": 12, "false_alarm_rate": 3.5, **FIELD}),
         ("AGENT_ARC", {"sensor_range": 30.0, "delay_turns": 1, **FIELD}),
         ("OCCLUDED_AGENT", {"sensor_range": 35.0, "false_alarm_rate": 1.5, **FIELD}),
         ("OCCLUDED_AGENT", {"sensor_range": 35.0}),

@@ -90,6 +90,13 @@ def test_sobol_indices_are_those_of_scipy():
     assert [one.value for _, one in ours] == pytest.approx(theirs.total_order.ravel().tolist())
 
 
+@pytest.mark.parametrize("ends", [(1, 2.5), (1.5, 3), (1.0, 3.0)])
+def test_a_range_with_an_end_that_is_no_integer_is_one_of_numbers(ends):
+    values = [point["x"] for point in experiment.sample({"x": ends, "y": (1, 3)}, 8)]
+    assert all(type(value) is float and ends[0] <= value <= ends[1] for value in values)
+    assert len(set(values)) > 3
+
+
 def test_a_sample_is_in_its_ranges_and_follows_its_seed():
     space = {"teams.red.count": (1, 3), "max_turns": [2, 4], "rules.tag.with.hops": {"min": 0.5, "max": 1.5}}
     for method, count in (("latin", 12), ("random", 12), ("sobol", 80)):

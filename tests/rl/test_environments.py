@@ -315,6 +315,14 @@ def test_rewards_and_observations_can_be_functions():
         assert reward == pytest.approx(-np.hypot(*observations[name]["observation"]))
 
 
+def test_an_observation_that_compares_games_gets_all_of_them_when_some_begin_again():
+    games = rl.vector_env(
+        scene(), num_games=3, observation=lambda view: np.full((*view.node.shape, 1), len(view.games))
+    )
+    games.reset(seed=1)
+    assert games.learners.observe(np.array([1]))[..., 0].tolist() == [[3] * 4]
+
+
 def test_observations_may_be_yes_and_no():
     env = rl.parallel_env(scene(), team="red", observation=lambda view: view["xy"] > 20.0)
     observed, _ = env.reset(seed=1)

@@ -67,6 +67,14 @@ def test_an_agent_flies_as_far_as_its_action_says():
     env.close()
 
 
+@pytest.mark.parametrize("flights", [np.zeros((1, 2, 2)), np.full((1, 2, 3), "up"), np.zeros((1, 2, 3), bool)])
+def test_flights_are_three_numbers_for_each_agent(flights):
+    with rl.Learners(scene(), teams=["red"]) as learners:
+        moves = np.zeros((1, len(learners.names)), int)
+        with pytest.raises(BadValue, match="Flights are numbers"):
+            learners.step(moves, flights=flights)
+
+
 def test_an_agent_in_the_air_observes_its_height_and_whom_it_sees():
     env = rl.parallel_env(scene(), team="red")
     observed, _ = env.reset(seed=1)

@@ -16,6 +16,7 @@ from safetensors.numpy import save_file
 import gamms
 from gamms import rl
 from gamms.errors import BadFile, BadType, BadValue, MissingFile, MissingFolder, TooLarge
+from gamms.rl.networks import Architecture, Network
 from gamms.scenario import Scenario, ScenarioError, from_recording, load
 
 WALK = "gamms.strategies:random_walk"
@@ -225,6 +226,12 @@ def test_a_network_can_be_asked_for_each_action(tmp_path):
         before = games.observe("red")
         games.step()
         assert (games.observe("red").node == before.streets.legal[before.node].max(axis=2)).all()
+
+
+@pytest.mark.parametrize("entries", [1, 2 + 5 * 3 + 1])
+def test_a_network_that_is_asked_for_each_action_gets_as_many_entries_of_each(entries):
+    with pytest.raises(BadValue, match=f"as many for each of the 5 actions: {entries} entries do not fit"):
+        Network(Architecture(["observation"], ["linear"], shared=2), {}).check(entries, 5)
 
 
 def test_a_policy_plays_against_itself_and_goes_on_from_snapshots(tmp_path):
