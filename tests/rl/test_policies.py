@@ -16,7 +16,7 @@ from safetensors.numpy import save_file
 import gamms
 from gamms import rl
 from gamms.errors import BadFile, BadType, BadValue, MissingFile, MissingFolder, TooLarge
-from gamms.rl.networks import Architecture, Network
+from gamms.rl.networks import Architecture, Network, with_metadata
 from gamms.scenario import Scenario, ScenarioError, from_recording, load
 
 WALK = "gamms.strategies:random_walk"
@@ -345,6 +345,13 @@ def test_models_of_pytorch_are_saved_and_trusted(saved, tmp_path):
     assert results[0] == results[1]
     with pytest.raises(BadType, match="with their defaults"):
         rl.save_policy(nn.Sequential(nn.ELU(2.0)), tmp_path / "m.safetensors", scene(), team="red")
+
+
+@pytest.mark.parametrize(("value", "length"), [("v" * 5, b"\x05"), ("v" * 300, b"\xac\x02")])
+def test_metadata_are_an_entry_of_field_14_with_key_and_value(value, length):
+    entry = b"\x0a\x03key\x12" + length + value.encode()
+    size = bytes([len(entry)]) if len(entry) < 128 else bytes([len(entry) & 127 | 128, len(entry) >> 7])
+    assert with_metadata(b"model", "key", value) == b"model\x72" + size + entry
 
 
 def test_an_onnx_model_is_saved_and_plays(saved, tmp_path):

@@ -6,6 +6,7 @@ import threading
 import numpy as np
 import pytest
 
+from gamms.errors import IllegalMutation
 from gamms.sensor import FunctionSensor, SensorType
 from gamms.testing import check_sensor
 from gamms.typing import ISensor
@@ -83,6 +84,19 @@ def test_an_error_of_the_function_reaches_the_caller_and_the_data_stays(ctx):
     with pytest.raises(StopIteration):
         sensor.sense(0)
     assert sensor.data == 1
+
+
+def test_a_strategy_may_not_call_it(ctx):
+    calls = []
+    sensor = ctx.sensor.from_function("s", lambda: calls.append(1))
+
+    def peek(state):
+        sensor.sense(0)
+
+    ctx.agent.create_agent("a", start_node_id=0, strategy=peek)
+    with pytest.raises(IllegalMutation, match=r"sensor\.sense"):
+        ctx.game.step()
+    assert not calls
 
 
 def test_many_looks_are_one_by_one(ctx):
