@@ -260,7 +260,8 @@ class Decisions:
                     look.sense(here)
                     sensed[key] = look.type, result[0]
             last[0] = state = template.copy()
-            state["curr_pos"], state["sensor"] = here, sensed
+            state["curr_pos"] = here
+            state["sensor"] = sensed
             state["turn"], state["legal"] = turn, legal
             state["team_memory"] = memory_copy(shared.get(template["team"], {})) if shared else {}
             phase.agent = agent

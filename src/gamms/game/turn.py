@@ -376,7 +376,8 @@ class TurnEngine:
         if order.has_channels:
             failed = decisions.failed
             unsent = self.outboxes.take([order.slots[i] for i in part.observing if i not in failed], self._state.turn)
-        if self._state.blocked:
+        blocked = self._state.blocked
+        if blocked.known or blocked.stopped:  # NOTE: no call in each turn (benchmarks: turns)
             self._forget_blocked(order, part)
         for i, why in decisions.close():
             self._block(order.slots[i], why)

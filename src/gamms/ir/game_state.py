@@ -121,8 +121,8 @@ class BlockedAgents(MutableMapping[str, str]):
     """
 
     def __init__(self, known: Mapping[str, str] | None = None) -> None:
-        self._known = dict(known or {})
-        self._stopped: list[tuple[Sequence[str], IntArray, IntArray]] = []
+        self.known = dict(known or {})
+        self.stopped: list[tuple[Sequence[str], IntArray, IntArray]] = []
 
     def __getitem__(self, name: str) -> str:
         return self._written()[name]
@@ -145,7 +145,7 @@ class BlockedAgents(MutableMapping[str, str]):
 
     def __bool__(self) -> bool:
         """Whether there are any, without writing them out."""
-        return bool(self._known or self._stopped)
+        return bool(self.known or self.stopped)
 
     def add(self, name: str, why: str) -> None:
         """Note why an agent was blocked, after what is known already."""
@@ -154,19 +154,19 @@ class BlockedAgents(MutableMapping[str, str]):
 
     def add_conflicts(self, names: Sequence[str], agents: IntArray, nodes: IntArray) -> None:
         """Note which agents, by their numbers among names, conflicts have stopped on the way to nodes."""
-        self._stopped.append((names, agents, nodes))
+        self.stopped.append((names, agents, nodes))
 
     def drop_conflicts(self, names: Sequence[str]) -> None:
         """Forget those conflicts of the agents of these names, this very list, that were not written out."""
-        self._stopped = [stopped for stopped in self._stopped if stopped[0] is not names]
+        self.stopped = [stopped for stopped in self.stopped if stopped[0] is not names]
 
     def _written(self) -> dict[str, str]:
-        if self._stopped:
-            stopped, self._stopped = self._stopped, []
+        if self.stopped:
+            stopped, self.stopped = self.stopped, []
             for names, agents, nodes in stopped:
                 for i, node in zip(agents.tolist(), nodes.tolist(), strict=True):
                     self.add(names[i], in_conflict(node))
-        return self._known
+        return self.known
 
 
 def in_conflict(end: object) -> str:

@@ -115,16 +115,16 @@ class PastTurns:
         self.latest: _Turn | None = None
         self.count = 0
         self._names: Sequence[str] | None = None  # of the agents for which the number of entries is bounded
+        self._state: Any = None  # of the game
         self._events = 0  # how many there were when turns were forgotten
 
     def end_turn(self) -> None:
         """Note how a turn has ended."""
         # NOTE: games without pictures pay for this in every turn (benchmarks: the loop, turns).
-        number = events = 0
         ctx, last = self._ctx, self.latest
-        if (game := ctx.current_game) is not None:
-            state = game.internals.state
-            number, events = state.turn, len(state.events)
+        if self._state is None and ctx.current_game is not None:
+            self._state = ctx.current_game.internals.state
+        number, events = (0, 0) if self._state is None else (self._state.turn, len(self._state.events))
         names, places = ctx.agent.positions.noted()
         if last is None or number < last[2]:  # or the game was reset
             last = self._begin(names, is_reset=last is not None)
