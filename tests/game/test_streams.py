@@ -3,7 +3,10 @@
 import copy
 import pickle
 import random
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -218,3 +221,24 @@ def test_draws_follow_another_seed_from_the_moment_at_which_it_is_given(grid, is
             other.game.step()
     assert [one[:2] for one in drawn[1:3]] == [one[:2] for one in drawn[3:]]
     assert drawn[1][2] == drawn[3][2], "the global generators begin with the seed"
+
+
+def test_games_in_threads_leave_the_global_generators_as_they_were(grid):
+    def play(seed):
+        with grid(seed=seed) as ctx:
+            ctx.agent.create_agent("a", start_node_id=0, strategy=lambda state: state.update(action=0))
+            for _ in range(60):
+                ctx.game.step()
+            return ctx.game.turn
+
+    random.seed(3)
+    before, bits, interval = random.getstate(), np.random.get_bit_generator(), sys.getswitchinterval()
+    sys.setswitchinterval(1e-6)
+    try:
+        with ThreadPoolExecutor(4) as pool:
+            turns = list(pool.map(play, range(16)))
+    finally:
+        sys.setswitchinterval(interval)
+    assert turns == [60] * 16
+    assert random.getstate() == before
+    assert np.random.get_bit_generator() is bits

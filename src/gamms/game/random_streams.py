@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from copy import deepcopy
 from functools import wraps
+from threading import Lock, active_count
 from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeVar
 
@@ -340,19 +341,20 @@ class GlobalRandom:
             return
         # NOTE: the generator of NumPy is exchanged, not copied: `step` does this in every turn (benchmarks, turns).
         # Exchanging it drops the normal number that NumPy may have drawn ahead, so that only then its state is read.
-        state, bits = random.getstate(), get_bit_generator()
-        numpy_state = np.random.get_state(legacy=False) if _has_drawn_ahead() else None  # noqa: NPY002 - as above
+        with _EXCHANGE:
+            numpy_state = np.random.get_state(legacy=False) if _has_drawn_ahead() else None  # noqa: NPY002 - as above
+            found = _Found(random.getstate(), get_bit_generator(), numpy_state)
+            _FOUND.append(found)
         self.is_lent = True
         try:
-            self._begin(ctx)
+            with _EXCHANGE:
+                self._begin(ctx)
             yield
         finally:
             self.is_lent = False
-            self._state = random.getstate()
-            random.setstate(state)
-            set_bit_generator(bits)
-            if numpy_state is not None:
-                np.random.set_state(numpy_state)  # noqa: NPY002 - as above
+            with _EXCHANGE:
+                self._state = random.getstate()
+                found.give_back()
 
     def begin_turn(self) -> None:
         """Drop the normal number that NumPy has drawn ahead, so that turns one by one are as those of a run.
@@ -379,12 +381,38 @@ class GlobalRandom:
         np.random.seed(int(stream.integers(2**32)))  # noqa: NPY002 - what programs for 1.0.0 draw from
 
 
+class _Found:
+    """What a game has found in `random` and `numpy.random` when they were lent to it."""
+
+    def __init__(
+        self, state: tuple[Any, ...], bits: np.random.BitGenerator, numpy_state: dict[str, Any] | None
+    ) -> None:
+        self._streams = state, bits, numpy_state
+
+    def give_back(self) -> None:
+        """Restore it; where a game of another thread has begun later and goes on, that one will."""
+        place = _FOUND.index(self)
+        del _FOUND[place]
+        if place < len(_FOUND):
+            _FOUND[place]._streams = self._streams
+            return
+        state, bits, numpy_state = self._streams
+        random.setstate(state)
+        set_bit_generator(bits)
+        if numpy_state is not None:
+            np.random.set_state(numpy_state)  # noqa: NPY002 - what programs for 1.0.0 draw from
+
+
+_EXCHANGE = Lock()  # held while they are exchanged: games may be played in several threads
+_FOUND: list[_Found] = []  # by the games that they are lent to, in the order in which these have begun
+
+
 def _has_drawn_ahead() -> bool:
     """Return whether `numpy.random` keeps a normal number that it has drawn ahead."""
     # NOTE: NumPy says so only together with the state of its bit generator, whose 624 words take 60 us to copy; here it
     # asks one that has none (decision 0063).
     numpy_random: Any = np.random.get_state.__self__  # type: ignore[attr-defined]
-    if not hasattr(numpy_random, "_bit_generator"):
+    if not hasattr(numpy_random, "_bit_generator") or active_count() > 1:  # other threads may draw from it
         return bool(numpy_random.get_state(legacy=False)["has_gauss"])
     bits = numpy_random._bit_generator
     numpy_random._bit_generator = SimpleNamespace(state={"bit_generator": "none"})
