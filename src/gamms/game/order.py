@@ -109,7 +109,7 @@ class Part:
     ) -> Sequence[AgentSlot]:
         """Take what slots say, those of all that are living; return those of the agents that are asked."""
         members = self.members
-        mine = slots if len(members) == len(slots) else [slots[i] for i in members]
+        mine = slots if isinstance(members, range) else [slots[i] for i in members]
         self.asked = members
         if plans:
             pairs = list(zip(self.members, mine, strict=True))

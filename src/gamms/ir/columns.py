@@ -37,7 +37,7 @@ class ChangeLog:
 
 
 class StructureLog:
-    """The rows of a block that came, went, or changed their life, team, speed or sensors, each under its own version.
+    """The rows of a block that came, went, or changed their life, team, speed, sensors or strategy, each by a version.
 
     It is for one reader, which asks for what has changed since the version at which it has asked last.
 
