@@ -243,7 +243,7 @@ class TurnEngine:
 
     def _play_at_once(self, order: TurnOrder) -> None:
         """Let all agents decide and move, where nothing can change that: of a usual order."""
-        spent, began = self._state.timings, perf_counter()
+        spent, began, self.part = self._state.timings, perf_counter(), 0
         turn = self._state.moves = self._ask(order, order.whole, [])
         now = perf_counter()
         self._apply(turn, order.whole)
