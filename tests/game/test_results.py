@@ -37,10 +37,22 @@ def test_scores_that_are_no_numbers_are_refused_and_change_nothing(ctx, score):
         lambda: ctx.game.scores.__setitem__("red", score),
         lambda: ctx.game.scores.update({"blue": 2, "red": score}),
         lambda: ctx.game.scores.update(blue=2, red=score),
+        lambda: ctx.game.scores.__ior__({"blue": 2, "red": score}),
+        lambda: ctx.game.scores.setdefault("green", score),
+        lambda: type(ctx.game.scores)({"blue": 2}, red=score),
     ):
-        with pytest.raises(BadType, match="The score of 'red' must be a number, not"):
+        with pytest.raises(BadType, match=r"The score of '(red|green)' must be a number, not"):
             write()
     assert ctx.game.scores == {"red": 1.5}
+
+
+def test_scores_are_set_as_those_of_a_dict_are(ctx):
+    scores = ctx.game.scores
+    assert [scores.setdefault("red", 2), scores.setdefault("red", 5), scores.setdefault("blue")] == [2, 2, 0]
+    scores |= {"red": 3}
+    scores |= [("green", 1)]
+    assert scores is ctx.game.scores == {"red": 3, "blue": 0, "green": 1}
+    assert type(scores)({"red": 1}, blue=2) == {"red": 1, "blue": 2}
 
 
 def test_a_result_says_what_came_of_the_game(ctx, play):

@@ -1,10 +1,10 @@
 """The state of a game at a moment, apart from the agents and the world."""
 
-from collections.abc import Hashable, Iterator, Mapping, MutableMapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, MutableMapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Any, cast
+from typing import Any, Self, cast
 
 from gamms.errors import BadType
 from gamms.ir.graph import IntArray
@@ -15,6 +15,9 @@ LOGS = ("events", "errors", "deeds", "messages")
 """The fields of a state to which entries are only appended."""
 
 
+_Given = Mapping[Any, float] | Iterable[tuple[Any, float]]
+
+
 class Scores(dict[Any, float]):
     """Scores by team, agent or any other key; one that was not set is 0.
 
@@ -22,20 +25,38 @@ class Scores(dict[Any, float]):
         BadType: one that is set is no number, or NaN.
     """
 
+    def __init__(self, scores: _Given = (), /, **named: float) -> None:
+        super().__init__()
+        self.update(scores, **named)
+
     def __missing__(self, key: object) -> float:
         return 0
 
     def __setitem__(self, key: Hashable, score: object) -> None:
-        if type(score) is not int and not (isinstance(score, Real) and score == score):  # noqa: PLR0124 - NaN does not
-            raise BadType(f"The score of {shown(key)} must be a number, not {shown(score)} ({type(score).__name__}).")
+        _refuse_no_score(key, score)
         super().__setitem__(key, cast("float", score))
 
-    def update(self, *scores: Any, **named: float) -> None:
+    def update(self, scores: _Given = (), /, **named: float) -> None:  # type: ignore[override] # as that of a dict
         """Set scores as a dict takes them: all, or none where one cannot be."""
-        checked = Scores()
-        for key, score in dict(*scores, **named).items():
-            checked[key] = score
-        super().update(checked)
+        given = {**dict(scores), **named}
+        for key, score in given.items():
+            _refuse_no_score(key, score)
+        super().update(given)
+
+    def __ior__(self, scores: _Given) -> Self:  # type: ignore[override,misc] # as `update`
+        self.update(scores)
+        return self
+
+    def setdefault(self, key: Hashable, score: object = 0) -> float:
+        """Set a score that was not set yet, and return it."""
+        if key not in self:
+            self[key] = score
+        return self[key]
+
+
+def _refuse_no_score(key: Hashable, score: object) -> None:
+    if type(score) is not int and not (isinstance(score, Real) and score == score):  # noqa: PLR0124 - NaN does not
+        raise BadType(f"The score of {shown(key)} must be a number, not {shown(score)} ({type(score).__name__}).")
 
 
 class LogPoint:
