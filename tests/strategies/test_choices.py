@@ -1,11 +1,14 @@
 """Strategies of strategies: the first that decides, one by chance, a person."""
 
+import inspect
+
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 import gamms
+from gamms.errors import BadType
 from gamms.strategies import chase, first, flee, human, mix, patrol, random_walk, stay
 
 
@@ -91,11 +94,14 @@ def test_shared_strategies_do_not_mix_their_agents_up(open_world):
     assert games[0] == games[1]
 
 
-@pytest.mark.parametrize("strategy", [stay, random_walk])
-def test_a_strategy_that_is_called_with_a_context_says_how_it_is_written(strategy):
+SHIPPED = [getattr(gamms.strategies, name) for name in gamms.strategies.__all__]
+PLAIN = [one for one in SHIPPED if list(inspect.signature(one).parameters) == ["state"]]
+
+
+@pytest.mark.parametrize("strategy", PLAIN)
+def test_a_strategy_that_is_called_as_if_it_made_one_says_how_it_is_written(strategy):
     name = strategy.__name__
-    with (
-        gamms.create_context() as ctx,
-        pytest.raises(TypeError, match=rf"{name} is a strategy, .*write strategy={name}"),
-    ):
-        strategy(ctx)
+    with gamms.create_context() as ctx:
+        for given in ((), (ctx,)):
+            with pytest.raises(BadType, match=rf"{name} is a strategy and makes none.* Write strategy={name}, without"):
+                strategy(*given)

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import lru_cache, partial
 from math import cos, inf, pi, sin
-from typing import Any, overload
+from typing import Any, TypeVar, overload
 
 import numpy as np
 
@@ -40,7 +40,18 @@ from gamms.text import shown, shown_as_called
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, AerialStrategy, NodeId, State, Strategy
 
+F = TypeVar("F", bound=Callable[..., None])
 
+
+def _called_with_a_state(strategy: F) -> F:
+    """Let a strategy that is called without a state, like the functions that make one, say so itself."""
+    # NOTE: a default, because a wrapper would be called in every turn of every agent (benchmarks: turns).
+    function: Any = strategy
+    function.__defaults__ = (None,)
+    return strategy
+
+
+@_called_with_a_state
 def stay(state: State | AerialState) -> None:
     """Stay, on an edge too; it always sets an action."""
     try:
@@ -52,6 +63,7 @@ def stay(state: State | AerialState) -> None:
         raise _no_state(state, "stay") from None
 
 
+@_called_with_a_state
 def random_walk(state: State | AerialState) -> None:
     """Go to one of the legal nodes, the agent's own included, each as likely; fly in any horizontal direction.
 
@@ -79,7 +91,10 @@ def random_walk(state: State | AerialState) -> None:
 
 def _no_state(given: object, name: str) -> BadType:
     """Return the error of a strategy that was called where its name alone was meant."""
-    return BadType(f"{name} is a strategy, which is called with a state, not {shown(given)}: write strategy={name}.")
+    return BadType(
+        f"{name} is a strategy and makes none: games call it with a state, not with {shown(given)}. Write "
+        f"strategy={name}, without calling it."
+    )
 
 
 def _stay_in_arrays(view: ArrayView) -> IntArray:
