@@ -182,6 +182,35 @@ def test_many_agents_move_like_one_after_the_other(columns):
     assert (columns.node[:4], columns.previous[:4]) == ([100, 101, 102, 7], [100, 101, 102, 103])
 
 
+@given(data=st.data(), size=st.integers(1, 9))
+def test_any_agents_move_at_once_as_one_after_the_other(data, size):
+    together, apart = AgentBlock(), AgentBlock()
+    for block in (together, apart):
+        block.add_all([f"a{row}" for row in range(size)], list(range(size)), None)
+    log = together.subscribe()
+    log.take()
+    moving = data.draw(st.lists(st.permutations(range(size)).flatmap(some_of).map(Selection), min_size=1, max_size=3))
+    for rows in [*moving, moving[0]]:
+        nodes = data.draw(st.lists(st.integers(0, 9), min_size=len(rows.rows), max_size=len(rows.rows)))
+        together.move_all(rows, nodes)
+        for row, node in zip(rows.rows, nodes, strict=True):
+            apart.move(row, node)
+        assert (together.node, together.previous) == (apart.node, apart.previous)
+        changed = log.take()
+        assert changed is None or changed >= set(rows.rows)
+    if size > 2:  # more rows than those that it was last used for
+        together.add("late", 5)
+        apart.add("late", 5)
+        together.move_all(moving[0], [3] * len(moving[0].rows))
+        for row in moving[0].rows:
+            apart.move(row, 3)
+        assert (together.node, together.previous) == (apart.node, apart.previous)
+
+
+def some_of(rows):
+    return st.integers(0, len(rows)).map(lambda number: list(rows[:number]))
+
+
 def test_flyers_have_positions_and_those_on_the_ground_have_none(columns, positions):
     assert positions.flyers.tolist() == []
     assert positions.flyer_xyz.shape == (0, 3)

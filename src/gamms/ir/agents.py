@@ -321,8 +321,8 @@ class AgentBlock:
             return
         node: Any = self.node
         if isinstance(node, list):
-            if len(node) == len(rows.rows):
-                self.previous, self.node = node, rows.column(nodes)
+            if 2 * len(rows.rows) > len(node):
+                self.node, self.previous = rows.moved(node, self.previous, nodes)
                 self._have_all_changed = True
             else:
                 rows.write(self.previous, rows.of(node))
