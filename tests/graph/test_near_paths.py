@@ -54,6 +54,25 @@ def test_searches_and_tables_give_the_same_paths_and_the_same_bits(places, edges
     assert answers(places, edges, weight, SEARCHED) == answers(places, edges, weight, TABLES)
 
 
+@given(edges=EDGES, weight=WEIGHTS, some=st.lists(ROW, max_size=3), cutoff=st.sampled_from([0, 0.3, 0.6, 1, 2.5]))
+@LAWS
+def test_a_cutoff_gives_the_same_bits_as_the_whole_cut_off(edges, weight, some, cutoff):
+    graph = Graph()
+    graph.add_nodes((np.arange(NODES) * 7 + 3) % NODES, np.arange(NODES), np.zeros(NODES))
+    for id, (source, target, length, toll) in enumerate(edges):
+        graph.add_edge({"id": id, "source": source, "target": target, "length": length, "toll": toll or 0})
+    for ends in ({"source": some}, {"target": some}):
+        known = graph.distances(**ends, weight=weight if edges else None)
+        with mock.patch.object(routes, "_SMALL_SHARE", SEARCHED):
+            near = graph.distances(**ends, weight=weight if edges else None, cutoff=cutoff)
+        assert list(near.items()) == [(node, far) for node, far in known.items() if far <= cutoff]
+
+
+def test_distances_up_to_a_cutoff_cost_what_is_near(city):
+    assert len(city.distances(source=75 * 150 + 75, cutoff=50.0)) > 20
+    assert len(city._routes.search("length", reverse=False)) < 120  # nodes whose neighbours were read, of 22,500
+
+
 @given(places=PLACES, edges=st.lists(st.tuples(ROW, ROW, st.sampled_from([1.0, 1.25, 2.0]), st.none()), max_size=40))
 @LAWS
 def test_paths_are_as_long_as_those_of_networkx(places, edges):

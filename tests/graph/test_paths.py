@@ -347,7 +347,8 @@ def table(size):
 
 
 def test_memory_is_bounded_and_the_oldest_goes_first():
-    kept, made = Cache(100), []
+    each = store._ENTRY_BYTES + 40
+    kept, made = Cache(2 * each + 20), []
 
     def ask(key, revision=1, size=40):
         def make():
@@ -358,14 +359,14 @@ def test_memory_is_bounded_and_the_oldest_goes_first():
 
     for key in ("a", "b", "a", "c", "a", "b"):
         ask(key)
-        assert kept.bytes <= 100
+        assert kept.bytes <= 2 * each + 20
     assert made == ["a", "b", "c", "b"]
-    ask("too large", size=101)
-    ask("too large", size=101)
+    ask("too large", size=each + 61)
+    ask("too large", size=each + 61)
     ask("a", revision=2)
     assert made[4:] == ["too large", "too large", "a"]
-    assert kept.bytes == 40
-    assert store._bytes(table(7)) == 7
+    assert kept.bytes == each
+    assert store._bytes(table(7)) == store._ENTRY_BYTES + 7
 
 
 def test_many_targets_stay_within_the_bound(monkeypatch):

@@ -388,7 +388,7 @@ class _Matcher:
 
     def _distances(self, start: int, ends: set[int]) -> dict[int, float]:
         """Return the distances from the row of a node to others."""
-        found = self._search.distances(start, ends, _MOST_EXPANDED)
+        found = self._search.distances([start], _MOST_EXPANDED, others=ends)
         if found is None:
             ids = self._columns.node_ids
             matrix = self._graph.distance_matrix(ids[[start]], ids[sorted(ends)])

@@ -25,6 +25,7 @@ from gamms.typing.routes import RememberedT, Routes
 
 _FEW = 8  # targets: of so many the nearest is found by asking for the distance to each
 _SHARE = 16  # searches for one goal may expand one node in so many before its table is made
+_SMALL_SHARE = 64  # one node in so many is expanded in Python while SciPy comes to all of them
 _MOST_STEPS = 1 << 18  # on paths that were found, about 200 bytes each
 _PATIENCE_S = 2.0
 _MOST_BYTES = 256 * 2**20  # the tables of one goal take 12 bytes a node
@@ -100,13 +101,26 @@ class CachedRoutes(Routes):
         goal = None if self._has_table((weight, self.ids().item(end))) else self._goal(row, end, weight, within)
         return super().distance_between(row, end, weight) if goal is None else goal.distances.get(row, inf)
 
+    def reached(
+        self, rows: IntArray, weight: str | None, limit: float, *, reverse: bool
+    ) -> tuple[IntArray, FloatArray]:
+        """Return the rows, ascending, that are at most so far from the nearest of some rows, or to it, and how far."""
+        check_weight(weight)
+        near, most = None, len(self.ids()) // _SMALL_SHARE
+        if limit < inf:
+            near = self.search(weight, reverse=reverse).distances(rows.tolist(), most, within=limit)
+        if near is None:
+            return super().reached(rows, weight, limit, reverse=reverse)
+        order = sorted(near)
+        return np.array(order, np.int64), np.array([near[row] for row in order])
+
     def matrix_lines(self, roots: IntArray, others: IntArray, weight: str | None, *, reverse: bool) -> FloatArray:
         """Return the distances (roots, others) from rows to others, or to them where reversed."""
         check_weight(weight)
         search, most, wanted = self.search(weight, reverse=reverse), len(self.ids()) // _SHARE, others.tolist()
         found, goals = np.empty((len(roots), len(others))), set(wanted)
         for at, root in enumerate(roots.tolist()):
-            near = None if len(goals) > most else search.distances(root, goals, most)
+            near = None if len(goals) > most else search.distances([root], most, others=goals)
             if near is None:  # nor will the rest be near
                 found[at:] = super().matrix_lines(roots[at:], others, weight, reverse=reverse)
                 break
@@ -132,7 +146,7 @@ class CachedRoutes(Routes):
     def _reached_first(self, row: int, ends: IntArray, weight: str | None) -> list[int]:
         """Return the places in `ends` of those that are reached first from a row, up to rounding."""
         search, most = self.search(weight, reverse=False), len(self.ids()) // _SHARE
-        near = search.distances(row, set(ends.tolist()), most, is_nearest=True)
+        near = search.distances([row], most, others=set(ends.tolist()), is_nearest=True)
         if near is None:
             far = kernels.shortest_distances(self.arcs(weight, reverse=False), np.array([row]))[ends]
         else:

@@ -24,6 +24,7 @@ from gamms.ir.scenery import Scenery
 
 _MOST_NEIGHBORHOODS = 1 << 18
 _FEW, _MANY = 32, 4096  # neighbourhoods that are asked for before they are read from arrays, and of large graphs
+_ENTRY_BYTES = 512  # about: of a cache, besides what the arrays hold
 _SHARE = 8  # when one node in so many was asked for, the neighbourhoods of all are made
 _GROUND = ("z", "underground")  # attributes of nodes: height of the ground, and number of a tunnel
 
@@ -392,4 +393,4 @@ class Cache:
 
 
 def _bytes(arrays: "tuple[np.ndarray[Any, Any] | memoryview, ...]") -> int:
-    return sum(array.nbytes for array in arrays)
+    return _ENTRY_BYTES + sum(array.nbytes for array in arrays)

@@ -107,19 +107,28 @@ class LocalSearch(dict[int, Neighbours]):
                     successors[end].append(node)
         return Found(distances, successors, expanded)
 
-    def distances(self, root: int, others: set[int], most: int, *, is_nearest: bool = False) -> dict[int, float] | None:
-        """Return row -> distance to the root, of others among them; of no node that is farther away than these.
+    def distances(
+        self,
+        roots: Iterable[int],
+        most: int,
+        *,
+        others: set[int] | None = None,
+        within: float = inf,
+        is_nearest: bool = False,
+    ) -> dict[int, float] | None:
+        """Return row -> distance to the nearest of some roots, of others among them; of no node farther than these.
 
         Dijkstra's algorithm until all others are reached; one that is missing then has no path.
 
         Args:
-            root: row of a node.
-            others: rows.
+            roots: rows of nodes.
             most: how many nodes may be expanded; None is returned when more are needed.
+            others: rows; None: all.
+            within: what is farther away is not reached.
             is_nearest: whether the nearest others are enough, and those that are as near up to rounding.
         """
-        left, distances, heap, bound = set(others), {root: 0.0}, [(0.0, root)], inf
-        known = distances.get
+        left, distances, bound = {-1} if others is None else set(others), dict.fromkeys(roots, 0.0), inf
+        heap, known = [(0.0, root) for root in sorted(distances)], distances.get
         while heap and left and heap[0][0] <= bound:
             far, node = heappop(heap)
             if far > distances[node]:
@@ -132,7 +141,7 @@ class LocalSearch(dict[int, Neighbours]):
             left.discard(node)
             for end, weight, _ in self[node]:
                 reached = far + weight
-                if reached < known(end, inf):
+                if reached < known(end, inf) and reached <= within:
                     distances[end] = reached
                     heappush(heap, (reached, end))
         return distances

@@ -116,9 +116,23 @@ class Routes(ABC):
             )
         rows = self.rows(given[0], "target" if source is None else "source")
         limit = inf if cutoff is None else as_range(cutoff, "cutoff")
-        found = self._distances(rows, weight, limit, reverse=source is None)
+        key = "distances", weight, source is None, limit, np.unique(rows).tobytes()
+        near, far = self.remember(key, lambda: self.reached(rows, weight, limit, reverse=source is None))
+        return dict(zip(self.ids()[near].tolist(), far.tolist(), strict=True))
+
+    def reached(
+        self, rows: IntArray, weight: str | None, limit: float, *, reverse: bool
+    ) -> tuple[IntArray, FloatArray]:
+        """Return the rows, ascending, that are at most so far from the nearest of some rows, or to it, and how far.
+
+        Override for speed.
+        """
+        if reverse and limit == inf and len(rows) == 1:
+            found = np.asarray(self.distances_to(rows.item(), weight))
+        else:
+            found = kernels.shortest_distances(self.arcs(weight, reverse=reverse), rows, limit)
         near = np.flatnonzero(np.isfinite(found))
-        return dict(zip(self.ids()[near].tolist(), found[near].tolist(), strict=True))
+        return near, found[near]
 
     def distance_matrix(self, sources: NodeIds, targets: NodeIds, weight: str | None) -> FloatArray:
         """Return the distances (sources, targets), searched from the side with fewer different nodes."""
@@ -143,15 +157,6 @@ class Routes(ABC):
             return (kernels.shortest_distances(self.arcs(weight, reverse=True), np.array([end])).data,)
 
         return self.remember((weight, self.ids().item(end)), make)[0]
-
-    def _distances(self, rows: IntArray, weight: str | None, cutoff: float, *, reverse: bool) -> FloatArray:
-        if reverse and cutoff == inf and len(rows) == 1:
-            return np.asarray(self.distances_to(rows.item(), weight))
-
-        def make() -> tuple[FloatArray]:
-            return (kernels.shortest_distances(self.arcs(weight, reverse=reverse), rows, cutoff),)
-
-        return self.remember(("distances", weight, reverse, cutoff, np.unique(rows).tobytes()), make)[0]
 
     def arcs(self, weight: str | None, *, reverse: bool) -> kernels.Arcs:
         """Return the edges, or the reversed ones, with their weights."""
