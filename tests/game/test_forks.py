@@ -14,6 +14,7 @@ import gamms
 from gamms import rules
 from gamms.errors import BadType, ContextTerminated, IllegalMutation
 from gamms.game import SnapshotError
+from gamms.game.snapshots import own
 from gamms.sensor import SensorType
 
 
@@ -34,6 +35,21 @@ def game(grid):
     ctx.game.run(3)
     yield ctx.game
     ctx.terminate()
+
+
+def test_a_memo_of_copies_knows_nothing_by_the_place_of_what_is_gone():
+    """Dicts that come later, in the places of those that are gone, were taken for what had been copied."""
+
+    class Plan:
+        def __init__(self):
+            self.seen = [{}]
+
+        def __call__(self, state):
+            state["action"] = state["curr_pos"]
+
+    memo, plan = {}, Plan()
+    assert own(plan, memo).seen is not plan.seen
+    assert not [one for one in [{} for _ in range(100)] if id(one) in memo]
 
 
 def test_a_fork_begins_as_the_game_is(game):

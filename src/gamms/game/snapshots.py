@@ -290,7 +290,9 @@ def own(value: object, memo: Memo) -> Any:
         made = deepcopy(value, trial)
     except Exception:  # noqa: BLE001 - whatever a caller's object raises when it is copied
         return value
+    kept = trial.pop(id(trial), ())  # of what is in it, which must last as long as its id is in a memo
     memo.update(trial)
+    memo.setdefault(id(memo), []).extend(kept)
     return made
 
 
