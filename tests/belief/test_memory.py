@@ -12,6 +12,7 @@ import gamms
 from gamms import belief
 from gamms.agent import AgentType
 from gamms.belief import Sighting
+from gamms.belief.filter import Masses
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.plain import is_plain
 from gamms.sensor import SensorType
@@ -215,6 +216,24 @@ def test_the_last_sighting_is_never_forgotten(make_ctx, add):
     add(ctx, "prey", 0, "blue", strategy=leave)
     ctx.game.run(40)
     assert belief.belief_of(ctx, "a").last_seen == {"prey": Sighting(0, 5, "a")}
+
+
+def test_a_team_predicts_once_a_turn_where_its_targets_go(make_ctx, add, monkeypatch):
+    ctx, predicted = make_ctx(), []
+
+    def hunt(state):
+        before = len(predicted)
+        belief.observe(ctx, state).probability("prey")
+        state["action"] = state["curr_pos"]
+        made.append((state["turn"], len(predicted) - before))
+
+    made, predict = [], Masses.predict
+    monkeypatch.setattr(Masses, "predict", lambda one, turns=1: predicted.append(turns) or predict(one, turns))
+    add(ctx, "prey", 4, "mice")
+    for node, name in enumerate("abc"):
+        add(ctx, name, node, "cats", 10.0, hunt)
+    ctx.game.run(max_turns=3)
+    assert made == [(0, 0), (0, 0), (0, 0), (1, 1), (1, 0), (1, 0), (2, 1), (2, 0), (2, 0)]
 
 
 def test_a_recording_grows_by_less_than_a_hundred_bytes_for_each_agent_and_turn(tmp_path):

@@ -11,6 +11,7 @@ import numpy as np
 
 from gamms.arguments import as_range
 from gamms.belief.evidence import (
+    Look,
     Observation,
     Place,
     Sighting,
@@ -41,7 +42,8 @@ _MARK = 16  # of so many turns, one is kept
 _FAINT = 0.01  # of the highest probability: less is not drawn
 _CAN_BE, _DARK = (150, 110, 190), 384  # a colour, and the sum of a grey in the middle
 
-Step = Callable[[FloatArray, int, list[Observation]], FloatArray]
+Moving = Callable[[FloatArray, int], FloatArray]  # to a turn
+Looking = Callable[[FloatArray, int, list[Observation]], FloatArray]  # in a turn
 
 # By the map, which contexts share with their forks: what planners believe is worked out in a fork of each turn.
 _worked_out: WeakKeyDictionary[Ground, OrderedDict[bytes, FloatArray]] = WeakKeyDictionary()
@@ -155,12 +157,11 @@ class Belief:
             ground, np.array(speeds), in_metres=in_metres, are_on_edges=are_on_edges, is_free=is_free, closed=closed
         )
 
-        def advance(labels: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
-            moved = reach.advance(labels, turn) if turn else labels
-            return reach.observe(moved, turn, seen, targets) if seen else moved
+        def look(labels: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
+            return reach.observe(labels, turn, seen, targets)
 
         key = ("reach", ground.digest, targets, speeds, in_metres, are_on_edges, is_free, closed)
-        labels = self._folded(key, reach.anywhere(0), advance)
+        labels = self._folded(key, reach.anywhere(0), reach.advance, look)
         return reach.advance(labels, self.turn + 1, self._time) if self._time else labels
 
     # -- where they probably are ------------------------------------------------------------------------------------
@@ -185,11 +186,14 @@ class Belief:
         """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
         agents = [agent_on_ground(self._ctx, name) for name in targets]
         model = random_walk() if motion is None else as_motion(motion, "motion")
-        found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size))
         paces = [self._metres_of(agent) for agent in agents]
-        for pace in dict.fromkeys(paces):
-            lines = [line for line, one in enumerate(paces) if one == pace]
-            found[lines] = self._filtered(tuple(targets[line] for line in lines), model, pace)
+        if len(set(paces)) == 1:
+            found = self._filtered(tuple(targets), model, paces[0])
+        else:
+            found = np.zeros((len(agents), ground_of(self._ctx.graph.columns()).size))
+            for pace in dict.fromkeys(paces):
+                lines = [line for line, one in enumerate(paces) if one == pace]
+                found[lines] = self._filtered(tuple(targets[line] for line in lines), model, pace)
         found[[not getattr(agent, "alive", True) for agent in agents]] = 0.0
         return found
 
@@ -205,20 +209,22 @@ class Belief:
         ground = ground_of(self._ctx.graph.columns())
         filter = Filter(self._ctx, model, names, metres=metres)
 
-        def advance(masses: FloatArray, turn: int, seen: list[Observation]) -> FloatArray:
+        def move(masses: FloatArray, _: int) -> FloatArray:
             filter.masses = masses
-            if turn:
-                filter.predict()
-            if seen:
-                filter.weigh_states(likelihoods(ground, filter.chain, names, seen, metres or 0.0))
+            filter.predict()
+            return filter.masses
+
+        def look(masses: FloatArray, _: int, seen: list[Observation]) -> FloatArray:
+            filter.masses = masses
+            filter.weigh_states(likelihoods(ground, filter.chain, names, seen, metres or 0.0))
             return filter.masses
 
         key = ("probable", ground.digest, names, model.name, model.steps, metres)
-        filter.masses = self._folded(key, filter.masses, advance)
+        filter.masses = self._folded(key, filter.masses, move, look)
         return filter.probabilities()
 
-    def _folded(self, key: object, start: FloatArray, advance: Step) -> FloatArray:
-        """Return what turns and observations make of a start, from the last turn of which that is known.
+    def _folded(self, key: object, start: FloatArray, move: Moving, look: Looking) -> FloatArray:
+        """Return what turns and observations make of a start, from the last turn to which that is known.
 
         Each turn has a digest of all that led to it, so that what is kept never has to be forgotten for being wrong.
         """
@@ -229,14 +235,17 @@ class Belief:
         if digests[-1] in self._now:
             return self._now[digests[-1]]
         kept = _worked_out.setdefault(ground_of(self._ctx.graph.columns()), OrderedDict())
-        begin = next((turn for turn in range(self.turn, -1, -1) if digests[turn + 1] in kept), -1)
-        value = kept[digests[begin + 1]] if begin >= 0 else start
-        for turn in range(begin + 1, self.turn + 1):
+        begin = next((turn for turn in range(self.turn, 0, -1) if digests[turn] in kept), 0)
+        value = kept[digests[begin]] if begin else start
+        for turn in range(begin, self.turn + 1):
+            if turn > begin:
+                value = move(value, turn)
+                # What is observed in a turn is left out: teammates know the same before it, and of it they do not.
+                if turn == self.turn or turn % _MARK == 0:
+                    kept[digests[turn]] = value
             seen = self._turns.get(turn)
-            value = advance(value, turn, seen.observations if seen else [])
-            # The present turn is left out, because more will be observed in it.
-            if turn == self.turn - 1 or (turn % _MARK == 0 and turn < self.turn):
-                kept[digests[turn + 1]] = value
+            if seen is not None and seen.observations:
+                value = look(value, turn, seen.observations)
         while len(kept) > max(_MARK, _MOST_BYTES // max(1 << 10, value.nbytes)):
             kept.popitem(last=False)
         self._now[digests[-1]] = value
@@ -251,7 +260,7 @@ def likelihoods(
     A look rules out a part of an edge only where it covers what lies between both ends of it, and the edge is straight.
     `metres` is how far the targets go in a turn: those that were seen within it were not so far when it began.
     """
-    values, columns = np.ones((len(chain.rows), len(targets))), ground.columns
+    columns, missed_by = ground.columns, list[tuple[Look, FloatArray]]()
     between = np.flatnonzero(chain.edges >= 0)
     edges = chain.edges[between]
     is_bent = np.isin(edges, np.fromiter(columns.polylines, np.int64, len(columns.polylines)))
@@ -266,7 +275,13 @@ def likelihoods(
         covered = np.maximum(of_states[between], missed[columns.targets[edges]])
         is_open = is_bent & (look.node_ids is not None)
         of_states[between] = np.where(is_open, 1.0, covered) if look.is_convex else 1.0
-        values *= np.where([name in look.not_shown for name in targets], 1.0, of_states[:, None])
+        missed_by.append((look, of_states))
+    shown = [tuple(name not in look.not_shown for look, _ in missed_by) for name in targets]
+    kinds, values = dict.fromkeys(shown), np.empty((len(chain.rows), len(targets)))
+    for kind in kinds:  # of most targets all looks say something
+        product = np.prod([of_states for (_, of_states), is_shown in zip(missed_by, kind, strict=True) if is_shown], 0)
+        which = slice(None) if len(kinds) == 1 else [one == kind for one in shown]
+        values[:, which] = np.reshape(product, (-1, 1))
     found = {name: (ground.row(node), one.places.get(name)) for one in seen for name, node in one.found.items()}
     for column, name in enumerate(targets):
         row, place = found.get(name, (-1, None))

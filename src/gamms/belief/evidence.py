@@ -133,6 +133,12 @@ class Turn:
         return found
 
     @cached_property
+    def joined(self) -> str:
+        """What all have observed together, as one entry."""
+        entries = ",".join(f"{json.dumps(by)}:{text}" for by, text in self.texts.items())
+        return f"{{{entries}}}"
+
+    @cached_property
     def closed(self) -> tuple[Arc, ...]:
         """Edges that were open until this turn."""
         if not any('"closed"' in text for text in self.texts.values()):  # NOTE: which spares reading them all
@@ -181,14 +187,19 @@ def _with_reports(turn: int, texts: Mapping[str, str], reports: Iterable[tuple[s
 
 def _turn_of(turn: int, joined: Collection[str], alone: Mapping[str, str]) -> Turn:
     parts = [_entries_in(turn, text) for text in sorted(joined)]
-    rest = {by: text for by, text in alone.items() if not any(by in part for part in parts)}
+    rest = alone if not parts else {by: text for by, text in alone.items() if not any(by in one for one in parts)}
     if len(joined) == 1 and not rest:
         return _joined_turn(turn, *joined)  # NOTE: the same for all teammates
     texts: dict[str, str] = {}
     for part in (*parts, rest):
         for by, text in part.items():
             texts[by] = max(text, texts.get(by, ""))
-    return Turn(turn, texts)
+    return _written_turn(turn, tuple(sorted(texts.items())))
+
+
+@lru_cache(maxsize=1 << 6)
+def _written_turn(turn: int, texts: tuple[tuple[str, str], ...]) -> Turn:
+    return Turn(turn, dict(texts))  # NOTE: likewise
 
 
 @lru_cache(maxsize=1 << 10)
@@ -514,8 +525,7 @@ def _join(memory: Memory, turn: int) -> None:
     for then, seen in turns.items():
         for by in seen.texts:
             memory.pop((ENTRY, then, by), None)
-        entries = ",".join(f"{json.dumps(by)}:{text}" for by, text in seen.texts.items())
-        memory[ENTRY, then, _ALL] = f"{{{entries}}}"
+        memory[ENTRY, then, _ALL] = seen.joined
 
 
 def agent_on_ground(ctx: Context, name: str) -> IAgent:

@@ -50,22 +50,26 @@ class Masses:
     def weigh_states(self, likelihoods: FloatArray) -> FloatArray:
         """Take in an observation by how probable it is for each state of the chain, (states, targets)."""
         likelihoods = _likelihoods(likelihoods, self.masses.shape)
-        masses, totals = self.masses.copy(), np.ones(self.masses.shape[1])
+        masses, totals = np.empty_like(self.masses), np.ones(self.masses.shape[1])
         for columns in kernels.column_blocks(masses):
-            changed = columns.start + np.flatnonzero((likelihoods[:, columns] != 1.0).any(axis=0))
-            by_state = likelihoods[:, changed]
-            weighed = masses[:, changed] * by_state
-            sums = _totals(weighed)
-            totals[changed] = sums
+            weighed, by_state = masses[:, columns], likelihoods[:, columns]
+            np.multiply(self.masses[:, columns], by_state, out=weighed)
+            is_changed = (by_state != 1.0).any(axis=0)
+            totals[columns] = sums = np.where(is_changed, _totals(weighed), 1.0)
             for column in np.flatnonzero(sums == 0.0).tolist():
                 shares, possible = self.chain.shares, by_state[:, column]
                 # At first no target is on an edge; and perhaps no state is possible.
                 prior = next(one for one in (shares * possible, possible, shares) if one.any())
                 weighed[:, column] = prior
                 sums[column] = _totals(weighed[:, column : column + 1])[0]
-            masses[:, changed] = weighed / sums
+            weighed /= sums
         self.masses = masses
         return totals
+
+    def _of_nodes(self) -> FloatArray:
+        """Return how probable each node is, (nodes, targets)."""
+        chain = self.chain
+        return self.masses if chain.are_nodes else chain.by_node.sums(self.masses)[: self._ground.size]
 
     def _unseen(self, missed: FloatArray) -> FloatArray:
         """Return how probable it is for each state that a target in it is not seen, by that of the nodes."""
@@ -169,7 +173,7 @@ class Filter(Masses):
 
     def probabilities(self) -> FloatArray:
         """Return how probable each node is, (targets, nodes) with the nodes as in `ctx.graph.columns()`."""
-        return self.chain.by_node.sums(self.masses)[: self._ground.size].T.copy()
+        return self._of_nodes().T.copy()
 
     def probability(self, target: str) -> dict[int, float]:
         """Return node -> how probable it is that a target is there, without those where it cannot be.
@@ -252,8 +256,7 @@ class GamesFilter(Masses):
 
     def probabilities(self) -> FloatArray:
         """Return how probable each node is, (games, targets, nodes) with the nodes as in the columns."""
-        of_nodes = self.chain.by_node.sums(self.masses)[: self._ground.size]
-        return of_nodes.T.reshape(*self._shape, self._ground.size).copy()
+        return self._of_nodes().T.reshape(*self._shape, self._ground.size).copy()
 
 
 def _likelihoods(given: object, shape: tuple[int, ...]) -> FloatArray:

@@ -45,6 +45,7 @@ class Chain:
         edges: (states,) rows of the edges that the targets are on; -1: on the node.
         offsets_m: (states,) how far from the node; 0.0 on it.
         transitions: the sums of what comes to each state.
+        are_nodes: whether each state is a node, in the same row.
         by_node: the sums of the states on each node, in the first rows.
     """
 
@@ -54,6 +55,7 @@ class Chain:
         self.edges: IntArray = on_nodes[0] if parts is None else parts[0]
         self.offsets_m: FloatArray = on_nodes[1] if parts is None else parts[1]
         self.transitions = kernels.Arrivals(found.sources, found.targets, found.chances, states)
+        self.are_nodes = np.array_equal(found.rows, np.arange(states))
         self.by_node = kernels.Arrivals(np.arange(states), found.rows, np.ones(states), states)
 
 

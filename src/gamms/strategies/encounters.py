@@ -21,7 +21,6 @@ from gamms.strategies.knowledge import (
     as_otherwise,
     asked,
     enemies_in_sight,
-    is_living,
     known_nodes,
     legal_on_map,
     mates_in_sight,
@@ -482,12 +481,11 @@ def _out_of_reach(ctx: Context, state: State, enemies: dict[str, int]) -> Sequen
 
 
 def _living_enemies(ctx: Context, state: State) -> list[str]:
-    agents = ((name, ctx.agent.get_agent(name)) for name in sorted(ctx.agent.agents))
     team = state["team"]
     return [
         name
-        for name, one in agents
-        if is_living(ctx, name)
+        for name, one in sorted(ctx.agent.agents.items())
+        if getattr(one, "alive", True)
         and one.type is not AgentType.AERIAL
         and name != state["name"]
         and (team is None or getattr(one, "team", None) != team)
