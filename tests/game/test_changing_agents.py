@@ -1,6 +1,8 @@
 """Games in which agents die, come, leave and change: what is known of the last turn changes nothing."""
 
+import gc
 import io
+import weakref
 
 import pytest
 from hypothesis import HealthCheck, example, given, settings
@@ -253,3 +255,114 @@ def test_a_restored_game_has_neither_the_agents_that_came_later_nor_their_places
         assert ctx.game.agents[1] is first
         ctx.game.step()
         assert list(ctx.game.result().agents) == ["red_0", "red_1", "red_2"]
+
+
+def one_by_one(ctx):
+    for number in range(4):
+        ctx.agent.create_agent(f"red_{number}", start_node_id=number, team="red", strategy=wander)
+
+
+def members(ctx):
+    ctx.agent.create_team("red", range(4), strategy=wander)
+
+
+def members_asked_for(ctx):
+    members(ctx)
+    list(ctx.agent.agents.values())
+
+
+def delete(ctx):
+    ctx.agent.delete_agent("red_1")
+
+
+def as_a_rule(change, phase):
+    return lambda ctx: ctx.game.add(lambda ctx: ctx.game.turn == 0 and change(ctx), phase=phase, name="change")
+
+
+def come_and_go(ctx):
+    ctx.agent.create_agent("late", start_node_id=0, team="red")
+    ctx.agent.delete_agent("late")
+
+
+def fail_to_come(ctx):
+    with pytest.raises(ValueError, match="speed of agent 'late_1'"):
+        ctx.agent.create_team("late", [0, 1], columns={"speed": [1, -1]})
+
+
+ALL = ["red_0", "red_1", "red_2", "red_3"]
+LEFT = [
+    ([delete], ["red_0", "red_2", "red_3"]),  # it was not there when the game began
+    ([gamms.game.Game.result, delete], ["red_0", "red_2", "red_3"]),
+    ([lambda ctx: ctx.game.agents, delete], ["red_0", "red_2", "red_3"]),
+    ([as_a_rule(delete, "before")], ALL),
+    ([as_a_rule(delete, "deeds")], ALL),
+    ([lambda ctx: ctx.agent.block.set(1, "alive", value=False), as_a_rule(delete, "before")], ALL),
+    (["step", delete], ALL),
+    (["step", delete, "reset"], ALL),
+    (["step", "reset", delete], ["red_0", "red_2", "red_3"]),
+    (["step", delete, "step", "fork", "reset"], ALL),  # a fork begins where it was made
+    (["fork", delete], ["red_0", "red_2", "red_3"]),
+    (["step", "snapshot", delete, "step", "restore"], ALL),
+    (["step", come_and_go], ["late", *ALL]),
+    (["step", "snapshot", come_and_go, "restore"], ALL),
+    (["step", fail_to_come], ALL),
+]
+
+
+@pytest.mark.parametrize("create", [one_by_one, members, members_asked_for])
+@pytest.mark.parametrize(("deeds", "names"), LEFT, ids=range(len(LEFT)))
+def test_the_result_has_all_agents_that_were_there_once_the_game_had_begun(grid, create, deeds, names):
+    with grid(seed=2) as ctx:
+        create(ctx)
+        verbs = {"step": lambda ctx: ctx.game.step(), "reset": lambda ctx: ctx.game.reset()}
+        verbs |= {"restore": lambda ctx: ctx.game.restore(moments[-1])}
+        moments, now = [], ctx
+        for deed in [*deeds, "step"]:
+            if deed == "fork":
+                now = now.game.fork(1).ctx
+            elif deed == "snapshot":
+                moments.append(now.game.snapshot())
+            elif deed is gamms.game.Game.result:
+                now.game.result()
+            else:
+                verbs.get(deed, deed)(now)
+        found = now.game.result().agents
+        assert list(found) == names
+        assert [name for name, one in found.items() if not one["alive"]] == [
+            name for name in names if name not in now.agent.agents
+        ]
+
+
+@pytest.mark.parametrize("create", [one_by_one, members])
+def test_all_games_of_a_batch_have_the_agents_that_were_deleted_before(grid, create):
+    with grid(seed=2) as ctx:
+        create(ctx)
+        ctx.game.max_turns = 4
+        ctx.game.step()
+        delete(ctx)
+        games = ctx.game.batch(3)
+        games.run()
+        for number in (2, 0, 1):
+            alone = ctx.game.fork(0)
+            alone.reset(seed=number)
+            alone.run()
+            assert games.result(number) == alone.result()
+            assert list(games.result(number).agents) == ALL
+
+
+@pytest.mark.parametrize("create", [one_by_one, members])
+def test_agents_that_came_and_were_deleted_are_not_kept(grid, create):
+    with grid(seed=2) as ctx:
+        create(ctx)
+        gone = []
+        for turn in range(6):
+            ctx.game.step()
+            agent = ctx.agent.create_agent(f"late_{turn}", start_node_id=0, team="red", strategy=wander)
+            gone.append(weakref.ref(agent))
+            ctx.game.step()
+            ctx.agent.delete_agent(agent.name)
+        ctx.game.step()
+        del agent
+        gc.collect()
+        assert [one() for one in gone[:-1]] == [None] * 5
+        assert list(ctx.game.result().agents) == [f"late_{turn}" for turn in range(6)] + ALL

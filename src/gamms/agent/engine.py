@@ -25,7 +25,7 @@ from gamms.readonly import ReadOnlyMapping
 from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.actions import as_strategy, known_node
-from gamms.typing.agent_engine import AgentType, IAgentEngine, SensorsOfAgent, TurnAccess
+from gamms.typing.agent_engine import AgentType, Departure, IAgentEngine, SensorsOfAgent, TurnAccess
 from gamms.typing.game import AerialStrategy, AsyncStrategy, NodeId, Strategy
 from gamms.typing.sensor_engine import ISensor, is_sensor, owner_of
 
@@ -51,7 +51,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._agents: dict[str, BaseAgent] = {}
         self._new_block()
         self._storage = AgentStorage(self)
-        self._left: dict[str, tuple[BaseAgent, int]] = {}  # see `AgentStorage.left`
+        self._last_departure = Departure()
         self._deleted: WeakSet[BaseAgent] = WeakSet()  # those that a program still holds; each has a block of its own
 
     @property
@@ -215,7 +215,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         self._found_sensors(team, carried, skips_unknown=False)
         if self._block.journal is PLAIN and not carried and all(map(is_attribute, values)):
             members = self._added_together(names, nodes, team, strategy, values)
-            return Team(self._ctx, team, members, self._current_block)
+            return Team(self._ctx, team, members, lambda: self._block)
         shared = {"sensors": carried, "strategy": strategy, "team": team}
         rows = [dict(zip(values, row, strict=True)) for row in zip(*values.values(), strict=True)] or [{}] * len(nodes)
         members = Members(names, strategy, {})
@@ -224,13 +224,10 @@ class AgentEngine(ContextPart, IAgentEngine):
                 made: Any = self.create_agent(one, start_node_id=node, **shared, **row)
                 members.made[one] = made
         except BaseException:
-            for one in members.made:
-                self.delete_agent(one)
+            for agent in members.made.values():
+                self._delete(agent)
             raise
-        return Team(self._ctx, team, members, self._current_block)
-
-    def _current_block(self) -> AgentBlock:
-        return self._block
+        return Team(self._ctx, team, members, lambda: self._block)
 
     def _added_together(
         self, names: tuple[str, ...], nodes: list[int], team: str, strategy: Any, values: dict[str, list[Any]]
@@ -276,8 +273,9 @@ class AgentEngine(ContextPart, IAgentEngine):
         if agent is None:
             self._ctx.logger.warning(f"{UnknownName('agent', name, self._agents)} Nothing is deleted.")
             return
-        self._take_out(agent)
-        self._block.journal.note(events.AGENT_DELETE, {"name": name})
+        departure = Departure(agent)
+        self._delete(agent)
+        self._last_departure.next = self._last_departure = departure
 
     def create_iter(self) -> "AgentIterator":
         """Return the agents in the order of their creation; a loop takes those of its beginning that are left."""
@@ -345,6 +343,10 @@ class AgentEngine(ContextPart, IAgentEngine):
             more["node"] = block.nearest(row)
         return {name: value for name, value in more.items() if value is not None}
 
+    def _delete(self, agent: BaseAgent) -> None:
+        self._take_out(agent)
+        self._block.journal.note(events.AGENT_DELETE, {"name": agent.name})
+
     def _take_out(self, agent: BaseAgent) -> None:
         """Remove an agent, which goes on as the only one of a block of its own; its sensors have no owner."""
         row, block = agent._row, self._block
@@ -353,9 +355,6 @@ class AgentEngine(ContextPart, IAgentEngine):
         for sensor in agent._sensor_list.values():
             agent._clear_owner(sensor)
         self._deleted.add(agent)
-        if block.has_arrays:
-            self._left.pop(agent.name, None)  # for their order
-            self._left[agent.name] = agent, block.rows.version
         block.remove(row)
         if len(block.removed) > len(self._agents):  # so that deleting costs each agent its share only once
             self._close_up()
@@ -433,9 +432,9 @@ class AgentStorage(Guarded):
         return [agent for agent in self._engine._stored().values() if type(agent) is not Members]
 
     @property
-    def left(self) -> dict[str, tuple[BaseAgent, int]]:
-        """Name -> the agent that was deleted last, and the `rows.version` of the block then, where there are teams."""
-        return self._engine._left
+    def last_departure(self) -> Departure:
+        """The agent that was deleted last."""
+        return self._engine._last_departure
 
     def renew_strategies(self, own: Callable[[Any], Any]) -> None:
         """Replace the strategies of teams, which agents get that are made later."""

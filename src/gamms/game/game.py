@@ -242,7 +242,6 @@ class Game(RuleVerbs):
         state, snapshot = self._state, self._snapshots.take(is_start=True)
         seeds = (self.ctx.seed, self.ctx.rng_state()) if state.start is None else state.start.first_seed
         state.start, state.has_begun = Start(snapshot, self.ctx.rng_state(), seeds), True
-        state.players.update({agent.name: agent for agent in self.ctx.agent.storage.made()})
 
     def _play(self) -> None:
         state, rules = self._state, self._ruleset
@@ -302,7 +301,9 @@ class Game(RuleVerbs):
         winner = (self._state.over or {}).get("winner")
         is_unknown = isinstance(winner, str) and winner not in self.ctx.agent.block.teams
         if scored or is_unknown:
-            for sentence in misspelt_names(scored, winner, [*self.ctx.agent.teams, *self._state.players]):
+            for sentence in misspelt_names(
+                scored, winner, [*self.ctx.agent.teams, *self.ctx.agent.agents, *self._state.departed]
+            ):
                 self.ctx.logger.warning(sentence)
 
     def result(self) -> Result:
@@ -311,14 +312,14 @@ class Game(RuleVerbs):
         self._turns.update_counts()
         over = state.over or {"reason": self._reason_so_far(), "winner": None, "truncated": True}
         agents = self.ctx.agent.agents
+        ends = {name: (team, False, node) for name, (team, node) in state.departed.items()}
+        ends |= {name: (one.team, one.alive, one.current_node_id) for name, one in agents.items()}
         summaries = {
             name: {
-                "team": one.team,
-                "alive": one.alive and name in agents,
-                "node": one.current_node_id,
+                **dict(zip(("team", "alive", "node"), ends[name], strict=True)),
                 **(state.counts.get(name) or dict.fromkeys(COUNTED, 0)),
             }
-            for name, one in sorted((state.players | agents).items())
+            for name in sorted(ends)
         }
         return Result(
             turns=self.turn,
@@ -367,7 +368,6 @@ class Game(RuleVerbs):
         if state.has_begun and start is not None:
             self._snapshots.restore(start.snapshot, forget=True)
             state.start, state.has_begun, state.last_turn = start, False, None
-            state.players.clear()
             self._reseed(start.snapshot.seed)
         elif wanted is None:
             return

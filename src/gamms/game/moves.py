@@ -305,8 +305,8 @@ class TurnMoves:
             return self
         places = np.fromiter(map(self.order.index_of.get, order.names, repeat(-1)), np.int64, len(order.names))
         if order.rows_version != self.order.rows_version:  # one that came may have the name of one that was deleted
-            slots, version = order.slots, self.order.rows_version
-            for i in slots.left_since(version) if isinstance(slots, LazySlots) else range(len(slots)):
+            replaced = self.slots.departed if isinstance(self.slots, LazySlots) else order.names
+            for i in [i for name in replaced if (i := order.index_of.get(name)) is not None]:
                 j = places[i]
                 if j >= 0 and order.slots[i].agent is not self.slots[j].agent:
                     places[i] = -1

@@ -66,7 +66,6 @@ def copy_known(
     for rule in source.rules.rules:
         if hasattr(rule.rule, "disclose"):
             _put_in(state.data, copied(rule.rule.disclose(source.state.data, names), memo))
-    state.players.update(target.ctx.agent.agents)
     state.stream_version += 1
 
 
@@ -135,7 +134,7 @@ _KNOWN: dict[str, _Known | None] = {  # field of `GameState` -> what they know o
     **{name: _entries(name) for name in ("errors", "deeds")},
     "events": None,  # all: the log is shared
     "data": None,  # what rules draw and disclose
-    **dict.fromkeys(("delayed_looks", "timings", "moves", "players"), None),
+    **dict.fromkeys(("delayed_looks", "timings", "moves", "departed"), None),
     **dict.fromkeys(("start", "drawn", "has_begun", "parts_played"), None),
     **dict.fromkeys(("stream_version", "histories", "shared_logs"), None),
 }

@@ -4,7 +4,6 @@ from bisect import bisect_left
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from functools import cache, cached_property
-from itertools import takewhile
 from typing import Any
 
 from gamms import kernels
@@ -19,7 +18,7 @@ from gamms.ir.game_state import GameState
 from gamms.ir.obstacles import BoolArray
 from gamms.kernels.draws import BitArray
 from gamms.typing import AgentType
-from gamms.typing.agent_engine import IAgent, TurnAccess
+from gamms.typing.agent_engine import Departure, IAgent, TurnAccess
 from gamms.typing.context import HostContext
 
 _MOST_SHARED = 32  # instances, after which their table has places for no more keys
@@ -183,9 +182,9 @@ class LazySlots(Sequence[AgentSlot]):
     Args:
         block: the agents, among them those of teams whose columns are arrays.
         settings: of the game.
-        make: makes the slot of the agent of a name.
+        make: makes the slot of the agent of a name, or of one of that name that was deleted.
         counts: of the game, by name.
-        left: `AgentStorage.left`.
+        departure: the agent that was deleted last before this moment.
         before: the same slots at an earlier moment; None: those of no agents.
         change: which agents have come, gone or changed since.
 
@@ -200,9 +199,9 @@ class LazySlots(Sequence[AgentSlot]):
         self,
         block: AgentBlock,
         settings: Settings,
-        make: Callable[[str], AgentSlot],
+        make: Callable[[str, IAgent | None], AgentSlot],
         counts: dict[str, dict[str, int]],
-        left: dict[str, tuple[Any, int]],
+        departure: Departure,
         before: "LazySlots | None",
         change: Succession,
     ) -> None:
@@ -224,7 +223,8 @@ class LazySlots(Sequence[AgentSlot]):
         ]
         has_speed = travels or any(speed[rows[i]] is not None for i in self.paced)
         self.are_plain = settings.legal == "edges" and not self.flying and not has_speed
-        self._make, self._counts, self._left = make, counts, left
+        self._make, self._counts, self._departure = make, counts, departure
+        self._departed: dict[str, IAgent] = {}
         self._made: dict[str, AgentSlot] = {}
         if before is not None:
             self._made = before._made.copy()
@@ -244,7 +244,7 @@ class LazySlots(Sequence[AgentSlot]):
         name = self.names[i]
         slot = self._made.get(name)
         if slot is None:
-            slot = self._made[name] = self._make(name)
+            slot = self._made[name] = self._make(name, self.departed.get(name))
         return slot
 
     @cached_property
@@ -271,13 +271,16 @@ class LazySlots(Sequence[AgentSlot]):
 
     def make(self, names: Iterable[str]) -> None:
         """Make those of some agents."""
-        self._made |= {name: self._make(name) for name in names}
+        departed = self.departed
+        self._made |= {name: self._make(name, departed.get(name)) for name in names}
 
-    def left_since(self, version: int) -> dict[int, IAgent]:
-        """Return index -> the agent of that name that was deleted last, if since a version of the rows."""
-        left = takewhile(lambda one: one[1][1] >= version, reversed(self._left.items()))
-        places = [(bisect_left(self.names, name), name, agent) for name, (agent, _) in left]
-        return {i: agent for i, name, agent in places if self.names[i : i + 1] == [name]}
+    @property
+    def departed(self) -> dict[str, IAgent]:
+        """Name -> the agent that was deleted since these slots were those of the living, the first of that name."""
+        while self._departure.next is not None:
+            self._departure = self._departure.next
+            self._departed.setdefault(self._departure.agent.name, self._departure.agent)
+        return self._departed
 
     def made(self) -> list[AgentSlot]:
         """Return those that were asked for."""
@@ -297,8 +300,8 @@ class LazySlots(Sequence[AgentSlot]):
     def of_agents(self, agents: Mapping[str, IAgent]) -> "LazySlots":
         """Return the same slots for other agents of the same names."""
 
-        def make(name: str) -> AgentSlot:
-            slot = copy(self._make(name))
+        def make(name: str, departed: IAgent | None) -> AgentSlot:
+            slot = copy(self._make(name, departed))
             slot.agent = agents.get(name, slot.agent)
             return slot
 
@@ -345,12 +348,7 @@ class SlotMaker:
         elif are_lazy == block.has_arrays:
             since = block.structure.since(version)
         self._table, given = table, (self._state, table, self._facts, self._settings, self._fork)
-        all_agents, access_of, left, born = (
-            agents.agents,
-            agents.storage.turn_access,
-            agents.storage.left,
-            block.rows.version,
-        )
+        all_agents, access_of = agents.agents, agents.storage.turn_access
         if since is None:
             change = Succession((), range(len(block)), block.names, block.inactive)
             known = {slot.name: slot for slot in made}
@@ -359,9 +357,8 @@ class SlotMaker:
             change = Succession(names, rows, block.names, block.inactive, closed)
             known = {names[i]: before[i] for i in change.gone if not isinstance(before, LazySlots) or before.is_made(i)}
 
-        def make(name: str) -> AgentSlot:
-            gone, when = left.get(name, (None, -1))  # since these slots were those of the living, if that was later
-            agent = all_agents[name] if gone is None or when < born else gone
+        def make(name: str, departed: IAgent | None = None) -> AgentSlot:
+            agent = all_agents[name] if departed is None else departed
             slot = known.get(name)
             access = access_of(agent)
             if slot is None or not slot.holds(agent, access):
@@ -372,7 +369,8 @@ class SlotMaker:
         now = [block.names[row] for row in change.rows]
         if block.has_arrays:
             past = before if since is not None and isinstance(before, LazySlots) else None
-            slots = LazySlots(block, self._settings, make, self._state.counts, left, past, change)
+            departure = agents.storage.last_departure
+            slots = LazySlots(block, self._settings, make, self._state.counts, departure, past, change)
             slots.make([name for name in now if name in known])
             return slots, None if since is None else change
         if since is None:

@@ -205,14 +205,14 @@ _COPY_OF: dict[str, Callable[[Any, Memo | None], Any]] = {  # field of the state
         ("turn", "last_turn", "start", "drawn", "has_begun", "moves", "parts_played"), lambda value, _: value
     ),
     **dict.fromkeys(("over", "team_memories", "data"), copied),
-    **dict.fromkeys(("players", "began", "scores", "facts", "timings"), lambda value, _: dict(value)),
+    **dict.fromkeys(("departed", "began", "scores", "facts", "timings"), lambda value, _: dict(value)),
     **dict.fromkeys(("agent_facts", "team_facts"), lambda value, _: {to: dict(facts) for to, facts in value.items()}),
     "blocked": lambda value, _: BlockedAgents(value),
     "delayed_looks": lambda value, _: {key: looks.copy() for key, looks in value.items()},
     "memories": lambda value, memo: {name: copied(memory, memo) for name, memory in value.items() if memory},
     "counts": lambda value, _: {name: counts.copy() for name, counts in value.items()},
 }
-_OWN = frozenset({"start", "drawn", "has_begun", "moves", "players", "began"})  # what a fork has of its own
+_OWN = frozenset({"start", "drawn", "has_begun", "moves", "began"})  # what a fork has of its own
 
 
 # -- forks ------------------------------------------------------------------------------------------------------
@@ -231,11 +231,9 @@ def copy_game(source: SnapshotTaker, target: SnapshotTaker, memo: Memo) -> None:
         memo[id(agent)].strategy = own(agent.strategy, memo)
     target.ctx.agent.storage.renew_strategies(lambda strategy: own(strategy, memo))
 
-    players = {name: _twin_of(memo, agent) for name, agent in source.state.players.items()}
     shared = {name: value for name, value in _fields(source.state).items() if name not in _OWN}
     _write(target.state, _copies(shared, memo))
     target.state.share_logs(source.state)
-    target.state.players.update(players)
     plans = source.settings.plans.items()
     copy_means(source, target, memo, plans={team: Plan(own(one.function, memo), one.arrays) for team, one in plans})
     target.collectors.copy_from(source.collectors, lambda fn: own(fn, memo))

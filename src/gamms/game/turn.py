@@ -26,7 +26,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
 from gamms.readonly import ReadOnlyMapping, copied
 from gamms.text import as_code, shown
-from gamms.typing.agent_engine import IAgent
+from gamms.typing.agent_engine import Departure, IAgent
 from gamms.typing.context import HostContext
 from gamms.typing.game import Move
 from gamms.typing.sensor_engine import SensorType
@@ -67,6 +67,7 @@ class TurnEngine:
         self._loop: EventLoop | None = None
         self._order: TurnOrder | None = None
         self._order_key: tuple[Any, ...] = ()
+        self._departure: Departure | None = None  # up to which all are noted
         self._near: Mapping[int, tuple[int, ...]] = {}  # what is legal along one edge, with the order
         self.is_deciding = self.is_playing = self.is_moving = False
         self.part = 0
@@ -93,16 +94,12 @@ class TurnEngine:
                 slots, change = self._slots.of_living((), (), None)
             else:
                 slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
+            self._note_departed()
             if change is None:
                 self.update_counts()
-            elif before is not None and change.closed:
-                self._note_left(before)
             groups = self._groups if self.is_moving else settings.order
             order = self._order = TurnOrder(slots, block, settings, groups, before, change)
             self._order_key, self._near = key, self._ctx.graph.graph.neighborhoods
-            if isinstance(slots, list):
-                new = slots if change is None else [slots[i] for i in change.places]
-                state.players.update((slot.name, slot.agent) for slot in new)
         return order
 
     def living(self) -> list[IAgent]:
@@ -134,16 +131,20 @@ class TurnEngine:
             self._loop.close()
 
     def update_counts(self) -> None:
-        """Add the moves of the last turns to the counts of the agents, and note who has left."""
+        """Add the moves of the last turns to the counts of the agents, and note which were deleted."""
+        self._note_departed()
         if self._order is not None:
             self._order.update_counts()
-            self._note_left(self._order)
 
-    def _note_left(self, order: TurnOrder) -> None:
-        """Enter the members of teams that were deleted since an order was made."""
-        if isinstance(order.slots, LazySlots):
-            agents, left = self._ctx.agent.agents, order.slots.left_since(order.rows_version)
-            self._state.players |= {one.name: one for one in left.values() if one.name not in agents}
+    def _note_departed(self) -> None:
+        """Note which agents were deleted since they were noted last, if the game had begun."""
+        if self._phase.agent is not None:
+            return  # nothing changes while agents decide
+        state, since = self._state, self._departure
+        self._departure = self._ctx.agent.storage.last_departure
+        if state.has_begun or state.turn:
+            while since is not None and (since := since.next) is not None:
+                state.departed[since.agent.name] = since.team, since.node
 
     def list_counts(self) -> None:
         """Enter all agents that have been asked into the counts, also those of teams that have not been made."""
@@ -160,8 +161,7 @@ class TurnEngine:
 
     def restore(self, drawn: dict[str, tuple[Any, Any]]) -> None:
         """Continue from a state that was restored."""
-        if self._order is not None:
-            self._order.rows_version = self._ctx.agent.block.rows.version  # those who left since are no players of it
+        self._departure = self._ctx.agent.storage.last_departure  # the state says who has left
         order = self.order() if drawn else self._order
         if order is not None:
             order.restart_counts()

@@ -219,7 +219,7 @@ class GameState:
         counts: agent -> how often it moved, was blocked, and so on.
         timings: seconds by phase.
         moves: of the last turn; None before the first. Any: the turn engine's own class.
-        players: all agents that have taken part, by name, deleted ones too.
+        departed: agent -> its team and node when it was deleted, of those that were since the game has begun.
         last_turn: the turn after which the latest `run` stops; None: no such.
         began: agent -> where it began, for a game that was resumed from a recording.
         start: the snapshot to which `reset` returns; None before the first turn. Any: it holds what all engines gave.
@@ -250,7 +250,7 @@ class GameState:
     counts: dict[str, dict[str, int]] = field(default_factory=dict)
     timings: dict[str, float] = field(default_factory=lambda: dict.fromkeys(PHASES, 0.0))
     moves: Any = None
-    players: dict[str, Any] = field(default_factory=dict)
+    departed: dict[str, tuple[Any, int]] = field(default_factory=dict)
     last_turn: int | None = None
     began: dict[str, Any] = field(default_factory=dict)
     start: Any = None
@@ -286,7 +286,7 @@ class GameState:
     def clear_history(self) -> None:
         """Forget what has happened in the game; scores, data, facts and agents' memories stay."""
         self.turn, self.over, self.last_turn, self.moves = 0, None, None, None
-        self.counts, self.team_memories, self.players, self.blocked = {}, {}, {}, BlockedAgents()
+        self.counts, self.team_memories, self.departed, self.blocked = {}, {}, {}, BlockedAgents()
         self.delayed_looks = {}
         for name in LOGS:
             setattr(self, name, [])

@@ -140,6 +140,26 @@ class TurnAccess(NamedTuple):
     last: list[dict[str, Any]]  # its only item is the state that the agent got last
 
 
+class Departure:
+    """An agent that was deleted, and the one that was deleted next.
+
+    All that were deleted after one are found from it; those before it are kept only where something asks for them.
+
+    Attributes:
+        agent: which; None: the beginning, before any was deleted.
+        team, node: of it, when it was deleted.
+        next: None: none was deleted since.
+    """
+
+    __slots__ = ("agent", "next", "node", "team")
+
+    def __init__(self, agent: IAgent | None = None) -> None:
+        self.agent: MaybeNone = agent
+        self.team: Any = agent and agent.team
+        self.node: MaybeNone = agent and agent.current_node_id
+        self.next: Departure | None = None
+
+
 class IAgentEngine(ABC):
     """Creates agents and keeps them by name."""
 

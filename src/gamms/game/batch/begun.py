@@ -92,10 +92,10 @@ def why_not_begun(game: PlayedGame) -> Iterator[str]:
         yield "a game that is over"
     if not all(map(fits_float, game.scores.values())):
         yield "scores that are no numbers"
+    if any(name not in game.ctx.agent.agents for name in values.departed):
+        yield "agents that were deleted"
     if not game.turn:
         return
-    if any(name not in game.ctx.agent.agents for name in values.players):
-        yield "agents that were deleted"
     if game.ctx.graph.storage.snapshot().closed:
         yield "roads that are closed since the start"
     if any(one.phase == "before" for one in game.rules):
