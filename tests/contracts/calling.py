@@ -76,7 +76,9 @@ _IN_ARRAYS: dict[str, tuple[str, ...]] = {  # the verbs of what plays in arrays,
     "view.routes()": ("distances", "actions"), "view.flows()": ("walks", "diffuse", "within", "edges"),
     "filter": ("update", "weigh", "weigh_states", "predict", "probability"), "games filter": ("update", "reset"),
     "team": ("set", "move", "sense", "__getitem__"),
-    "ctx.graph.routes": ("k_shortest_paths", "isochrones", "nearest", "tables", "nearest_edge"),
+    "ctx.graph.routes": (
+        "k_shortest_paths", "isochrones", "nearest", "distances_from_nearest", "tables", "nearest_edge"
+    ),
 }
 _USUAL: dict[str, Any] = {  # what makes a call go far with one argument odd
     "name": "ann", "agent": "ann", "agent_name": "ann", "sensor_id": "near", "node_id": 1, "edge_id": 1, "face_id": 1,

@@ -68,6 +68,37 @@ def test_a_cutoff_gives_the_same_bits_as_the_whole_cut_off(edges, weight, some, 
         assert list(near.items()) == [(node, far) for node, far in known.items() if far <= cutoff]
 
 
+@given(places=PLACES, edges=EDGES, weight=WEIGHTS, sources=st.lists(ROW, max_size=4))
+@LAWS
+def test_distances_from_the_nearest_are_the_least_ones_to_the_bit(places, edges, weight, sources):
+    graph = Graph()
+    graph.add_nodes(range(NODES), *np.transpose(places))
+    for id, (source, target, detour, toll) in enumerate(edges):
+        length = math.dist(places[source], places[target]) * detour
+        graph.add_edge({"id": id, "source": source, "target": target, "length": length, "toll": toll or 0})
+    weight = weight if edges else None
+    known = [min((graph.distance(one, to, weight) for one in sources), default=math.inf) for to in range(NODES)]
+    for share, few in ((SEARCHED, 0), (TABLES, 0), (SEARCHED, 8)):
+        fresh = graph._fork(graph._store.fork(), graph._phase)
+        with mock.patch.multiple(routes, _SHARE=share, _FEW=few):
+            assert fresh.routes.distances_from_nearest(sources, range(NODES), weight) == known
+
+
+def test_what_was_asked_last_is_made_again_for_another_key_or_graph():
+    graph, made = Graph(), []
+    graph.attach_networkx_graph(gamms.graph.grid(2, 2, spacing=10.0))
+
+    def ask(slot, key):
+        before = len(made)
+        assert graph.routes.latest(slot, key, lambda: made.append(key) or len(made)) <= len(made)
+        return len(made) - before
+
+    asked = [ask(*of) for of in (("red", {"a": 1}), ("red", {"a": 1}), ("blue", [2]), ("red", {"a": 1}), ("red", 3))]
+    assert asked == [1, 0, 1, 0, 1]
+    graph.remove_edge(0)
+    assert [ask("red", 3), ask("blue", [2]), ask("red", 3)] == [1, 1, 0]
+
+
 def test_distances_up_to_a_cutoff_cost_what_is_near(city):
     assert len(city.distances(source=75 * 150 + 75, cutoff=50.0)) > 20
     assert len(city._routes.search("length", reverse=False)) < 120  # nodes whose neighbours were read, of 22,500

@@ -4,6 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from gamms.graph import Graph
 from gamms.rules import last_team, tag
 from gamms.strategies import assign, chase, flee, follow_belief, goto, intercept, patrol, random_walk, safest_exit, stay
 
@@ -187,3 +188,20 @@ def test_impossible_arguments_are_refused(world):
         with pytest.raises(error, match=said):
             make()
     assert repr(intercept(world.ctx, [3], otherwise=stay)) == "intercept(ctx, [3], otherwise=stay)"
+
+
+def test_a_team_that_sees_the_same_works_out_once_where_enemies_can_be(open_world, monkeypatch):
+    searches, distances = [], Graph.distances
+
+    def counted(graph, *ends, cutoff=None, **keywords):
+        searches.append(cutoff)
+        return distances(graph, *ends, cutoff=cutoff, **keywords)
+
+    with open_world() as world:
+        for number, node in enumerate((0, 5, 30)):
+            world.add(f"mouse {number}", node, safest_exit(world.ctx, [35]), team="mice")
+        world.add("cat", 14, stay, team="cats")
+        world.add("dog", 20, stay, team="cats")
+        monkeypatch.setattr(Graph, "distances", counted)
+        world.play(2)
+    assert searches == [1.0]  # in the second turn the enemies are where they were

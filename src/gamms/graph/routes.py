@@ -143,6 +143,20 @@ class CachedRoutes(Routes):
         found = super().nearest_end(row, ends[places], weight, within)
         return None if found is None else places[found]
 
+    def distance_from_nearest(self, rows: IntArray, end: int, weight: str | None) -> float:
+        """Return the distance to row `end` from the nearest of some rows; of many, the first that a search reaches."""
+        check_weight(weight)
+        if len(rows) <= _FEW:
+            return super().distance_from_nearest(rows, end, weight)
+        near = None
+        if not self._has_table((weight, self.ids().item(end))):
+            near = self.search(weight).distances(
+                [end], len(self.ids()) // _SHARE, others=set(rows.tolist()), is_nearest=True
+            )
+        if near is None:
+            return float(np.asarray(self.distances_to(end, weight))[rows].min())
+        return min(near.get(row, inf) for row in rows.tolist())
+
     def _reached_first(self, row: int, ends: IntArray, weight: str | None) -> list[int]:
         """Return the places in `ends` of those that are reached first from a row, up to rounding."""
         search, most = self.search(weight, reverse=False), len(self.ids()) // _SHARE

@@ -2,8 +2,6 @@
 
 from collections.abc import Hashable
 from math import inf
-from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -54,7 +52,7 @@ def assign(ctx: Context, patience: int = 10, otherwise: Strategy | None = random
         here, seen = node_of(state, "assign"), enemies_in_sight(ctx, state, "assign")
         mates, enemies = _reported(ctx, state, turns)
         _report(state, here, seen)
-        mine = _matched(ctx, state["team"], mates, enemies).get(state["name"]) if enemies and mates else None
+        mine = _matching(ctx, state["team"], mates, enemies).get(state["name"]) if enemies and mates else None
         if mine is None:
             target = ctx.graph.routes.nearest(here, seen.values())
         else:
@@ -173,22 +171,15 @@ def _reported(ctx: Context, state: State, patience: int) -> tuple[dict[str, int]
     return found[0], found[1]
 
 
-_matchings: WeakKeyDictionary[Context, dict[Any, tuple[Any, dict[str, str]]]] = WeakKeyDictionary()  # of each team
-
-
-def _matched(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
+def _matching(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
     """Return the enemy of each agent by the matching of least total distance, if it can be reached."""
-    # NOTE: kept, because all agents of a team ask for the same one in a turn (500 agents: 0.2 s instead of 100).
-    key, known = (ctx.graph.graph.revision, mates, enemies), _matchings.setdefault(ctx, {})
-    if team not in known or known[team][0] != key:
-        known[team] = key, _least_matching(ctx, mates, enemies)
-    return known[team][1]
-
-
-def _least_matching(ctx: Context, mates: dict[str, int], enemies: dict[str, int]) -> dict[str, str]:
-    """Work that out."""
     graph, rounds = ctx.graph.graph, -(-len(mates) // len(enemies))
-    costs = tuple(tuple(graph.distance(at, to) for to in enemies.values()) * rounds for at in mates.values())
-    names = list(enemies) * rounds
-    pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
-    return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
+
+    def make() -> dict[str, str]:
+        costs = tuple(tuple(graph.distance(at, to) for to in enemies.values()) * rounds for at in mates.values())
+        names = list(enemies) * rounds
+        pairs = zip(mates, kernels.least_matching(costs), costs, strict=True)
+        return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
+
+    # NOTE: all agents of a team ask for the same one in a turn (500 agents: 0.2 s instead of 100).
+    return ctx.graph.routes.latest(("assign", team), (mates, enemies), make)

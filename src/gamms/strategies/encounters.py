@@ -17,10 +17,13 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
     LITTLE,
+    Pace,
     as_known_node,
     as_otherwise,
     asked,
+    by_pace,
     enemies_in_sight,
+    in_turns,
     known_nodes,
     legal_on_map,
     mates_in_sight,
@@ -44,6 +47,8 @@ from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
 
 _MOST_AT_ONCE = 1 << 22  # nodes that are compared at once
+
+Paces = dict[Pace, dict[str, int]]  # agents in sight with their nodes, by how they go
 
 
 @shown_as_called
@@ -90,12 +95,10 @@ def flee(ctx: IContext, otherwise: Strategy | None = stay) -> Strategy:
     def strategy(state: State) -> None:
         node_of(state, "flee")
         threats = set(enemies_in_sight(ctx, state, "flee").values())
-
-        def safety(node: int) -> tuple[float, int]:
-            return min(ctx.graph.graph.distance(threat, node) for threat in threats), -node
-
         if threats:
-            state["action"] = max(legal_on_map(ctx, state), key=safety)
+            legal = legal_on_map(ctx, state)
+            far = dict(zip(legal, ctx.graph.routes.distances_from_nearest(threats, legal), strict=True))
+            state["action"] = max(legal, key=lambda node: (far[node], -node))
         else:
             fallback(state)
 
@@ -269,10 +272,14 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
 
     def strategy(state: State) -> None:
         here, enemies = node_of(state, "safest_exit"), enemies_in_sight(ctx, state, "safest_exit")
-        first = {end: min((turns_to(ctx, name, at, end) for name, at in enemies.items()), default=inf) for end in ends}
+        paces, graph = by_pace(ctx, enemies), ctx.graph.graph
+        first, reached = ctx.graph.routes.latest(
+            ("safest_exit", state["team"], ends), paces, lambda: (_first_there(ctx, paces, ends), _in_reach(ctx, paces))
+        )
+        weight, speed = pace_of(ctx, state.get("name"))
 
         def lead(node: int) -> tuple[float, float, int]:
-            own = {end: turns_to(ctx, state.get("name"), node, end) for end in ends}
+            own = {end: in_turns(graph.distance(node, end, weight), speed) for end in ends}
             return max((first[end] - far if far < inf else -inf, -far, -node) for end, far in own.items())
 
         if here in ends:
@@ -280,7 +287,8 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
         elif lead(here)[1] == -inf:
             fallback(state)
         else:
-            state["action"] = max(_out_of_reach(ctx, state, enemies), key=lead)
+            legal = legal_on_map(ctx, state)
+            state["action"] = max([node for node in legal if node not in reached] or legal, key=lead)
 
     offer_form(strategy, _exit_in_arrays, ends, parts=[fallback], looks=True, fits="edge")
     return strategy
@@ -355,35 +363,57 @@ def follow_belief(
 # -- where to ---------------------------------------------------------------------------------------------------------
 
 
-def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: Sequence[int]) -> int | None:
+def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tuple[int, ...]) -> int | None:
     """Return the node on the likely path of an enemy where the agent is first that it reaches in time."""
-    ids = ctx.graph.columns().node_ids.tolist()
-    own = dict(zip(ids, turns_from(ctx, state.get("name"), [state["curr_pos"]])[0].tolist(), strict=True))
-    options = []
-    for name, at in enemies.items():
-        weight, _ = pace_of(ctx, name)
-        far, goal = min((turns_to(ctx, name, at, goal), goal) for goal in goals)
-        for node in ctx.graph.graph.shortest_path(at, goal, weight) if far < inf else [at]:
-            arrival = far - turns_to(ctx, name, node, goal) if far < inf else 0.0
-            options.append((max(0.0, own[node] - arrival), own[node], node))
-    late, _, node = min(options)
-    return node if late < inf else None
+    paces = by_pace(ctx, enemies)
+    nodes, of, arrivals = ctx.graph.routes.latest(
+        ("intercept", state["team"], goals), paces, lambda: _likely_paths(ctx, paces, goals)
+    )
+    own = turns_from(ctx, state.get("name"), [state["curr_pos"]], nodes)[0][of]
+    late = np.maximum(0.0, own - arrivals)
+    best = np.lexsort((of, own, late))[0]
+    return int(nodes[of[best]]) if late[best] < inf else None
+
+
+def _likely_paths(ctx: Context, paces: Paces, goals: Sequence[int]) -> tuple[IntArray, IntArray, FloatArray]:
+    """Return ids of nodes, ascending; then for each node on the path of an enemy its place there, and the arrival."""
+    graph, options = ctx.graph.graph, list[tuple[int, float]]()
+    for (weight, speed), at in _places(paces):
+        far, goal = min((in_turns(graph.distance(at, goal, weight), speed), goal) for goal in goals)
+        for node in graph.shortest_path(at, goal, weight) if far < inf else [at]:
+            rest = in_turns(graph.distance(node, goal, weight), speed)
+            options.append((node, far - rest if far < inf else 0.0))
+    nodes, of = np.unique([node for node, _ in options], return_inverse=True)
+    return nodes, of, np.array([arrival for _, arrival in options])
 
 
 def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
     """Return the legal node nearest to the nearest enemy; of several, the one that leaves it the smallest cell."""
-    here, me = state["curr_pos"], state.get("name")
-    name = min(enemies, key=lambda one: turns_to(ctx, one, here, enemies[one]))  # they are in the order of the names
+    me = state.get("name")
+    name = _first_to_reach(ctx, state["curr_pos"], enemies)
     far = {node: turns_to(ctx, me, node, enemies[name]) for node in sorted(legal_on_map(ctx, state))}
     nearest = [node for node, turns in far.items() if turns == min(far.values())]
     if len(nearest) == 1:
         return nearest[0]
-    own = 1.0 + turns_from(ctx, me, nearest)
+    own, ids = 1.0 + turns_from(ctx, me, nearest), ctx.graph.columns().node_ids.tolist()
     theirs = turns_from(ctx, name, [enemies[name]])[0]
-    for mate, node in mates_in_sight(ctx, state).items():
-        own = np.minimum(own, turns_from(ctx, mate, [node]))
+    for (weight, speed), group in by_pace(ctx, mates_in_sight(ctx, state)).items():
+        near = ctx.graph.graph.distances([*group.values()], weight=weight)
+        own = np.minimum(own, np.array([near.get(id, inf) for id in ids]) / max(speed, LITTLE))
     sizes = (theirs < own).sum(axis=1).tolist()
     return min(zip(sizes, nearest, strict=True))[1]
+
+
+def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
+    """Return the name of the enemy that takes the fewest turns from a node to its own; of several, the first."""
+    names = list[str]()
+    for (weight, speed), group in by_pace(ctx, enemies).items():
+        if weight is None and 0.0 < speed < inf:  # numbers of edges are exact, so the nearest take the fewest turns
+            nearest = ctx.graph.routes.nearest(node, group.values(), None)
+            names.append(next((name for name, at in group.items() if at == nearest), next(iter(group))))
+        else:
+            names += group
+    return min(sorted(names), key=lambda name: turns_to(ctx, name, node, enemies[name]))
 
 
 def _meeting_nodes(view: ArrayView, seen: Seen, goals: IntArray) -> IntArray:
@@ -467,14 +497,25 @@ def _turns(edges: FloatArray, speeds: FloatArray) -> FloatArray:
     return np.where(moves, edges / np.where(moves, speeds, 1.0), np.where(edges > 0.0, inf, 0.0))
 
 
-def _out_of_reach(ctx: Context, state: State, enemies: dict[str, int]) -> Sequence[int]:
-    """Return the legal nodes that no enemy can reach in this turn; all, if there are none."""
-    reached: set[int] = set()
-    for name, node in enemies.items():
-        weight, speed = pace_of(ctx, name)
-        reached.update(ctx.graph.graph.distances(node, weight=weight, cutoff=speed))
-    legal = legal_on_map(ctx, state)
-    return [node for node in legal if node not in reached] or legal
+def _first_there(ctx: Context, paces: Paces, ends: Sequence[int]) -> dict[int, float]:
+    """Return how many turns the first of some agents takes to each of some nodes."""
+    distance, places = ctx.graph.graph.distance, _places(paces)
+    return {
+        end: min((in_turns(distance(at, end, weight), speed) for (weight, speed), at in places), default=inf)
+        for end in ends
+    }
+
+
+def _in_reach(ctx: Context, paces: Paces) -> set[int]:
+    """Return the nodes that one of some agents can reach in this turn."""
+    distances = ctx.graph.graph.distances
+    near = [distances([*group.values()], weight=weight, cutoff=speed) for (weight, speed), group in paces.items()]
+    return set[int]().union(*near)
+
+
+def _places(paces: Paces) -> list[tuple[Pace, int]]:
+    """Return where agents are, each place once for each pace."""
+    return [(pace, at) for pace, group in paces.items() for at in sorted(set(group.values()))]
 
 
 # -- whom it looks for -----------------------------------------------------------------------------------------------

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from typing_extensions import TypeIs
 
 F = TypeVar("F")
+Pace = tuple[str | None, float]  # a weight of edges, and how much of it in a turn
 
 # The kinds that those on the ground may carry; data: {name: node}
 _SHOWING_AGENTS = {SensorType.AGENT, SensorType.AGENT_RANGE, SensorType.AGENT_ARC, SensorType.OCCLUDED_AGENT}
@@ -229,9 +230,12 @@ def shared_memory(state: State, key: str) -> dict[Any, Any]:
 # -- times ----------------------------------------------------------------------------------------------------
 
 
-def pace_of(ctx: Context, name: str | None) -> tuple[str | None, float]:
+def pace_of(ctx: Context, name: str | None) -> Pace:
     """Return by which weight of edges an agent goes, and how much of it in a turn."""
-    speed = None if name is None else getattr(ctx.agent.get_agent(name), "speed", None)
+    return _pace(ctx, None if name is None else getattr(ctx.agent.get_agent(name), "speed", None))
+
+
+def _pace(ctx: Context, speed: float | None) -> Pace:
     if speed is None or ctx.current_game is None:
         return None, 1.0
     if ctx.game.speed_unit == "edges":
@@ -239,18 +243,35 @@ def pace_of(ctx: Context, name: str | None) -> tuple[str | None, float]:
     return "length", speed * (ctx.game.turn_seconds if ctx.game.speed_unit == "metres_per_second" else 1.0)
 
 
+def by_pace(ctx: Context, seen: Mapping[str, int]) -> dict[Pace, dict[str, int]]:
+    """Return agents in sight with their nodes, as given, by how they go."""
+    paces, found = dict[float | None, Pace](), dict[Pace, dict[str, int]]()
+    for name, node in seen.items():
+        speed = getattr(ctx.agent.get_agent(name), "speed", None)
+        if speed not in paces:
+            paces[speed] = _pace(ctx, speed)
+        found.setdefault(paces[speed], {})[name] = node
+    return found
+
+
+def in_turns(far: float, speed: float) -> float:
+    """Return how many turns a way takes."""
+    return far / speed if speed else (inf if far else 0.0)
+
+
 def turns_to(ctx: Context, name: str | None, source: int, target: int) -> float:
     """Return how many turns an agent takes from one node to another; infinite where there is no path."""
     weight, speed = pace_of(ctx, name)
-    metres = ctx.graph.graph.distance(source, target, weight)
-    return metres / speed if speed else (inf if metres else 0.0)
+    return in_turns(ctx.graph.graph.distance(source, target, weight), speed)
 
 
-def turns_from(ctx: Context, name: str | None, sources: Sequence[int]) -> FloatArray:
-    """Return how many turns an agent takes to every node, (sources, nodes) as in `ctx.graph.columns()`."""
+def turns_from(
+    ctx: Context, name: str | None, sources: Sequence[int], targets: Sequence[int] | IntArray | None = None
+) -> FloatArray:
+    """Return how many turns an agent takes to nodes (sources, targets); None: to all, as in `ctx.graph.columns()`."""
     weight, speed = pace_of(ctx, name)
-    ids = ctx.graph.columns().node_ids
-    return ctx.graph.graph.distance_matrix(sources, ids, weight) / max(speed, LITTLE)
+    ends = ctx.graph.columns().node_ids if targets is None else targets
+    return ctx.graph.graph.distance_matrix(sources, ends, weight) / max(speed, LITTLE)
 
 
 # -- steps ----------------------------------------------------------------------------------------------------

@@ -1,8 +1,6 @@
 """The strategy of a team that visits all nodes: which were visited, and who goes where next."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any
-from weakref import WeakKeyDictionary
+from collections.abc import Hashable, Iterable, Sequence
 
 import numpy as np
 
@@ -262,24 +260,21 @@ def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, v
     name, here = required(state, "name", "sweep"), state["curr_pos"]
     team = required(state, "team", "sweep")
     members = [name] if team is None else sorted(one.name for one in ctx.agent.teams[team] if is_living(ctx, one.name))
-    own = _parts(ctx, chosen, len(members))[members.index(name)]
+    own = _parts(ctx, team, chosen, len(members))[members.index(name)]
     nearest = ctx.graph.routes.nearest(here, sorted(own - visited))
     if nearest is None:
         nearest = ctx.graph.routes.nearest(here, sorted(set(_all_of(ctx, chosen)) - visited))
     return nearest
 
 
-_cut: WeakKeyDictionary[Context, dict[Any, list[set[int]]]] = WeakKeyDictionary()  # the last cut of a map
-
-
-def _parts(ctx: Context, chosen: tuple[int, ...] | None, number: int) -> list[set[int]]:
+def _parts(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, number: int) -> list[set[int]]:
     """Return so many parts of some nodes, with as many nodes each, by cutting along the longer side again and again."""
-    key = (ctx.graph.graph.revision, number, chosen)
-    if key not in (known := _cut.setdefault(ctx, {})):
-        known.clear()
+
+    def make() -> list[set[int]]:
         ids = _all_of(ctx, chosen)
-        known[key] = [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
-    return known[key]
+        return [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
+
+    return ctx.graph.routes.latest(("sweep", team, chosen), number, make)
 
 
 def _bisected(ids: IntArray, xy: FloatArray, number: int) -> list[IntArray]:

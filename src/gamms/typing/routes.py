@@ -19,6 +19,7 @@ from gamms.typing.graph_values import NodeIds
 
 _FARTHEST = 1e150  # coordinates; the squares of greater distances are beyond floats
 RememberedT = TypeVar("RememberedT", bound=tuple["np.ndarray[Any, Any] | memoryview", ...])
+MadeT = TypeVar("MadeT")
 
 
 class Routes(ABC):
@@ -84,6 +85,13 @@ class Routes(ABC):
             if far < best or (far == best < inf and (found is None or at < found)):
                 best, found = far, at
         return found
+
+    def distance_from_nearest(self, rows: IntArray, end: int, weight: str | None) -> float:
+        """Return the distance to row `end` from the nearest of some rows; override for speed."""
+        best = inf
+        for row in rows.tolist():
+            best = min(best, self.distance_between(row, end, weight, best))
+        return best
 
     def shortest_path(self, source: int, target: int, weight: str | None, most_edges: int | None) -> list[int]:
         """Return the ids of the nodes on the shortest path, both ends included, or of its first edges."""
@@ -244,6 +252,24 @@ class RouteQueries:
     def __init__(self, routes: Routes, columns: Callable[[], GraphColumns]) -> None:
         self._routes, self._columns = routes, columns
         self._tree: tuple[int, geometry.LineTree] | None = None
+        self._latest: dict[Hashable, tuple[object, Any]] = {}  # Any: what callers make
+
+    def latest(self, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
+        """Return what `make` gives, or what it gave when this slot was asked last, if for this graph and an equal key.
+
+        For strategies, of what many agents ask for in a turn. It must depend on nothing but the graph and the key.
+
+        Args:
+            slot: what it is and whose, such as the names of the strategy and of the team.
+            key: what it is made from.
+            make: makes it; it is not to be changed.
+        """
+        now, (known, made) = (self._columns().revision, key), self._latest.get(slot, (None, None))
+        if known != now:
+            made = make()
+            self._latest[slot] = now, made
+        found: MadeT = made
+        return found
 
     def k_shortest_paths(self, source: int, target: int, k: int, weight: str | None = "length") -> list[list[int]]:
         """Return up to `k` shortest paths without circles from one node to another, the shortest first.
@@ -326,6 +352,26 @@ class RouteQueries:
         row, ends = routes.row(source), routes.rows(targets, "targets")
         found = routes.nearest_end(row, ends, weight, most)
         return None if found is None else ids.item(ends.item(found))
+
+    def distances_from_nearest(
+        self, sources: Iterable[int], targets: Iterable[int], weight: str | None = "length"
+    ) -> list[float]:
+        """Return how far each of some nodes is by path from the nearest of some sources; infinite where none leads.
+
+        The numbers are those of `distance`. It searches back from each target until it has reached a source.
+
+        Args:
+            sources: node ids.
+            targets: node ids.
+            weight: see above.
+
+        Raises:
+            UnknownName (KeyError): there is no such node.
+        """
+        routes = self._routes
+        routes.ids()
+        rows, ends = routes.rows(sources, "sources"), routes.rows(targets, "targets")
+        return [routes.distance_from_nearest(rows, end, weight) for end in ends.tolist()]
 
     def tables(self, targets: NodeIds, weight: str | None = "length", cutoff: float = inf) -> RouteTables:
         """Return how far all nodes are from some targets, and where the shortest paths to these begin.
