@@ -25,7 +25,7 @@ def ctx():
         eyes = ctx.sensor.create_sensor(f"eyes{i}", SensorType.NEIGHBOR)
         ctx.agent.create_agent(f"a{i}", start_node_id=i, sensors={"eyes": eyes}, strategy=stay)
     ctx.game.max_turns = 10_000
-    for _ in range(10):
+    for _ in range(40):  # the abstract classes of Python, too, keep of which classes they were asked
         ctx.game.step()
     yield ctx
     ctx.terminate()
