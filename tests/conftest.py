@@ -4,6 +4,7 @@ import gc
 import logging
 import os
 import signal
+import subprocess
 import sys
 from functools import cache
 
@@ -23,7 +24,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as shells start what ru
     signal.signal(signal.SIGINT, signal.default_int_handler)  # or no program of a test would hear Ctrl-C
 
 gc.disable()  # until all tests are collected
-gc.set_threshold(7_000)  # ten times as seldom as usual: most of what is looked through is no garbage
+gc.set_threshold(20_000)  # thirty times as seldom as usual: most of what is looked through is no garbage
 
 settings.register_profile("gamms", deadline=None, derandomize=True, max_examples=20)  # none is about time, or luck
 settings.load_profile("gamms")
@@ -60,6 +61,26 @@ def collect():
     """What collects the garbage that is new since the test began: all of pytest takes half a second to look through."""
     gc.freeze()
     return gc.collect
+
+
+IN_TURN = """
+import sys
+
+for code in sys.argv[1:]:
+    for name in [name for name in sys.modules if name.partition(".")[0] == "gamms"]:
+        del sys.modules[name]
+    exec(code, {})
+"""
+
+
+@pytest.fixture
+def printed_with_a_new_gamms():
+    """What pieces of code print of which each is the first that imports GAMMS, all of them in one process."""
+
+    def printed(codes):
+        return subprocess.check_output([sys.executable, "-W", "error", "-c", IN_TURN, *codes], text=True).split()
+
+    return printed
 
 
 class Listener:
