@@ -47,7 +47,7 @@ def test_agents_that_come_take_rows_of_their_team(phase, order):
         ctx.game.order = order
         for rule in (reinforce, follow, last_team()):
             ctx.game.add(rule, phase="after" if rule is follow else phase)
-        with ctx.game.batch(6, most_agents={"blue": 6}) as games, ctx.game.fork(0).ctx as alone:
+        with ctx.game.batch(4, most_agents={"blue": 6}) as games, ctx.game.fork(0).ctx as alone:
             games.run()
             assert not games.detached
             for number, seed in enumerate(games.seeds):
@@ -82,7 +82,7 @@ def test_agents_may_come_where_sensors_report_late(chaser, joiner):
     scenario = scene([TAG], teams={"red": red, "blue": blue}, **given)
     with scenario.build(seed=1, strategies={"red": chaser} if callable(chaser) else None) as ctx:
         ctx.game.add(join)
-        with ctx.game.batch(6, most_agents={"blue": 4}) as games, ctx.game.fork(0).ctx as alone:
+        with ctx.game.batch(4, most_agents={"blue": 4}) as games, ctx.game.fork(0).ctx as alone:
             assert games.is_in_arrays
             games.run()
             for number, seed in enumerate(games.seeds):

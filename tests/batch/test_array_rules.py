@@ -10,7 +10,7 @@ import gamms
 from gamms.errors import BadType, BadValue
 
 LAWS = settings(max_examples=12, deadline=None, derandomize=True)
-SEEDS = [1, 2, 3, 2**40]
+SEEDS = [1, 2**40]
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue", "hops": 1, "then": "respawn"}}
 OUT = {"rule": "tag", "with": {"taggers": "blue", "tagged": "red", "then": "eliminate"}}
 
@@ -110,7 +110,7 @@ def test_the_array_form_of_a_rule_goes_on_with_what_the_rule_has_kept(begins):
         with ctx.game.batch(seeds=SEEDS) as games, ctx.game.fork(0).ctx as alone:
             assert games.slow is None
             games.run()
-            assert begins or "what is kept under 'toll' of the turns before the batch" in games.detached[3]
+            assert begins or "what is kept under 'toll' of the turns before the batch" in games.detached[1]
             assert not (begins and games.detached)
             for number, seed in enumerate(SEEDS):
                 alone.game.reset(seed=seed)
@@ -240,7 +240,7 @@ def test_a_scenario_names_it_and_records_the_same_bytes(tmp_path):
             result = scenario.play(seed=seed, record=tmp_path / "alone.ggr")
             assert plain(games.result(number)) == plain(result)
             assert result.events
-        games.record(3, tmp_path / "batch.ggr")
+        games.record(len(SEEDS) - 1, tmp_path / "batch.ggr")
     assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
 
 

@@ -63,7 +63,7 @@ jammers = [{"agent": "blue_1", "radius_m": 12}, {"team": "blue", "radius_m": 9},
 jammers.append({"at": [5.0, 5.0], "radius_m": 12})
 
 
-@settings(LAWS, max_examples=8)
+@settings(LAWS, max_examples=6)
 @given(
     loss=losses,
     relay=st.sampled_from([None, True, ["red", "blue_2"]]),

@@ -39,7 +39,7 @@ READY = {"rule": "cooldown", "with": {"deed": "scan", "turns": 2}}
 @pytest.mark.parametrize("order", [None, [["blue"], ["red"]]])
 def test_deeds_in_arrays_are_those_of_games_that_are_played_alone(order, same_as_one_by_one):
     scenario = deed_scene([PRICES, READY]).replace(**{"settings.order": order})
-    same_as_one_by_one(scenario, [1, 2, 3], {"red": busy, "blue": busy})
+    same_as_one_by_one(scenario, [1, 2], {"red": busy, "blue": busy})
     with scenario.batch(1, seed=1, strategies={"red": busy}) as games:
         games.run()
         result = games.result(0)

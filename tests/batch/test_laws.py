@@ -10,7 +10,7 @@ from random_players import LEAVE, ONE_BY_ONE
 
 LAWS = settings(max_examples=20, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.too_slow])
 # Games are too large to be made smaller in reasonable time; from its tenth example on Hypothesis mostly repeats parts.
-LARGE = settings(LAWS, max_examples=7, phases=[Phase.generate])
+LARGE = settings(LAWS, max_examples=5, phases=[Phase.generate])
 
 
 class Outside:
@@ -80,7 +80,7 @@ def test_a_game_of_a_batch_is_the_game_that_is_played_alone(how, data, seeds, ag
         check_games(ctx, drawn, seeds, again, Outside(drawn, outside, lot))
 
 
-@settings(LARGE, max_examples=10)
+@settings(LARGE, max_examples=8)
 @given(drawn=games(), turns=st.integers(1, 6), **drawn_for_all)
 def test_a_batch_of_a_game_that_has_begun_goes_on_as_the_game_alone(drawn, turns, seeds, again, outside, lot):
     with drawn.open() as ctx:

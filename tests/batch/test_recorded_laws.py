@@ -42,7 +42,7 @@ settled = st.fixed_dictionaries(
 )
 
 
-@settings(LAWS, max_examples=6, phases=[Phase.generate])
+@settings(LAWS, max_examples=5, phases=[Phase.generate])
 @given(
     red=teams,
     blue=teams,

@@ -12,7 +12,7 @@ from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.rules import Conflicts, by_priority, discover, last_team
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
-SEEDS = [1, 2, 3, 2**40]
+SEEDS = [1, 2**40]
 
 
 def rule(name, /, **arguments):

@@ -13,7 +13,7 @@ from gamms.strategies import chase
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
 FLAGS = {"rule": "capture_flag", "with": {"flags": {"red": 0, "blue": 24}}}
 NEAR = {"sensors": {"near": {"type": "AGENT_RANGE", "sensor_range": 2.0}}, "teams.red.sensors": ["near"]}
-SEEDS = [3, 4, 5, 6]
+SEEDS = [3, 4]
 
 
 def explore(state):
@@ -233,7 +233,7 @@ def test_agents_that_actions_are_given_to_are_not_asked():
         for turn in range(10):
             for batch in (games, slow):
                 batch.step({"red": batch.observe("red").counts - 1} if turn % 3 else {})
-        assert [plain(games.result(i)) for i in range(4)] == [plain(slow.result(i)) for i in range(4)]
+        assert [plain(games.result(i)) for i in range(2)] == [plain(slow.result(i)) for i in range(2)]
 
 
 def test_strategies_that_prepare_games_are_played_one_by_one():

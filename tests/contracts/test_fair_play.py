@@ -72,7 +72,7 @@ WEST = {node: "red" if node < 4 else "blue" for node in range(9)}
     ],
 )
 def test_shipped_rules_play_fair(rule):
-    check_rule(rule, make_ctx)
+    check_rule(rule, make_ctx, turns=15)
 
 
 def count(ctx):

@@ -143,7 +143,7 @@ def test_a_path_in_a_city_is_that_of_the_table(city, weight):
     rng = np.random.default_rng(5)
     fresh = Graph()
     fresh.attach_networkx_graph(city.to_networkx())
-    for _ in range(6):
+    for _ in range(4):
         target = int(rng.integers(22500))
         near = city.nodes_near(*city.positions([target])[0], 200.0).ids
         sources = rng.choice(near, 3).tolist()

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from gamms import kernels
 from gamms.kernels import paths
 
-LAWS = settings(max_examples=80, deadline=None, derandomize=True)
+LAWS = settings(max_examples=50, deadline=None, derandomize=True)
 NODES = 8
 ROW = st.integers(0, NODES - 1)
 CUTOFFS = st.sampled_from([math.inf, 0.0, 0.3, 4.0])

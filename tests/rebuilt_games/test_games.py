@@ -99,11 +99,11 @@ def match_of_competition(seed):
 
 
 MATCHES = {  # game -> what begins a play, whether its rules end it, how many plays and turns are compared by default
-    "competition": (match_of_competition, True, 1, 60),
+    "competition": (match_of_competition, True, 1, 40),
     "periodic visibility": (match_of_periodic_visibility, True, 2, 100),
     "radio search": (match_of_radio_search, True, 2, 150),
     "patrolling": (match_of_patrolling, False, 3, 100),
-    "tag on Helsinki": (match_of_tag_on_helsinki, False, 1, 8),
+    "tag on Helsinki": (match_of_tag_on_helsinki, False, 1, 5),
 }
 
 

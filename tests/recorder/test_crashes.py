@@ -73,7 +73,7 @@ def test_at_every_byte_that_is_written_no_saved_turn_is_lost(turns):
         writer.add_turn(log)
         saved.append(len(tape.changes))
     writer.close()
-    for number, state in moments_of(tape.changes, 13):
+    for number, state in moments_of(tape.changes, 29):
         if number >= begin:
             reader, logs = read_all(state)
             assert sum(changes <= number for changes in saved) <= len(logs)

@@ -17,7 +17,7 @@ def test_the_drawn_game_itself_can_be_looked_at(is_declared):
 
 
 def test_mutated_games_end_in_recording_errors_or_work():
-    fuzz_games(secrets.token_hex(4), 6)
+    fuzz_games(secrets.token_hex(4), 4)
 
 
 @pytest.mark.parametrize(

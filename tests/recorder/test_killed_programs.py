@@ -76,7 +76,7 @@ def test_a_killed_program_leaves_a_recording_of_its_first_turns(tmp_path, second
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="nobody is killed here")
-@pytest.mark.parametrize("number", range(3))
+@pytest.mark.parametrize("number", range(2))
 def test_a_killed_program_leaves_a_recording_at_any_moment(tmp_path, number):
     seconds = random.Random(number).uniform(0.0, 1.0)
     killed_after(tmp_path / "game.ggr", seconds)
@@ -224,7 +224,7 @@ def test_a_recording_cut_at_any_byte_behind_its_header_replays_what_is_whole():
         ctx.visual.simulate()
     ctx.record.stop()
     data, turns = whole.getvalue(), []
-    for size in range(len(data) + 1):
+    for size in (*range(0, len(data), 3), len(data)):  # any byte at which a file opens is tried in test_crashes.py
         with empty_context() as fresh:
             try:
                 turns.append(sum(one["opCode"] == 1 for one in fresh.record.replay(io.BytesIO(data[:size]))))

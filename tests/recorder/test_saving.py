@@ -430,7 +430,7 @@ def test_a_turn_is_neither_lost_nor_there_twice_if_it_is_interrupted_while_it_is
 ):
     monkeypatch.setattr("gamms.recorder.session._TURNS_AT_ONCE", 64)
     interrupts = 0
-    for at in (*range(1, 40, 4), *range(40, 900, 41)):
+    for at in (*range(1, 40, 4), *range(40, 900, 71)):
         target = make() or tmp_path / f"{at}.ggr"
         interrupts += interrupted_game(target, at, version)
         data = target.read_bytes() if isinstance(target, Path) else target.getvalue()

@@ -40,8 +40,8 @@ def scene(rules=(TAG, "last_team"), max_turns=12, **more):
 def test_pettingzoo_finds_no_fault_in_the_environment_of_a_team(team, capsys):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(rl.parallel_env(scene(), team=team), num_cycles=60)
-        parallel_seed_test(lambda: rl.parallel_env(scene(), team=team), num_cycles=30)
+        parallel_api_test(rl.parallel_env(scene(), team=team), num_cycles=30)
+        parallel_seed_test(lambda: rl.parallel_env(scene(), team=team), num_cycles=15)
     assert "Passed" in capsys.readouterr().out
 
 
@@ -84,8 +84,8 @@ def test_pettingzoo_finds_no_fault_in_games_of_any_kind(kind, tmp_path, capsys):
     game = scene(folder=tmp_path, **KINDS[kind])
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        parallel_api_test(rl.parallel_env(game, team="red"), num_cycles=25)
-        parallel_api_test(rl.parallel_env(game), num_cycles=25)
+        parallel_api_test(rl.parallel_env(game, team="red"), num_cycles=15)
+        parallel_api_test(rl.parallel_env(game), num_cycles=15)
     assert "Passed" in capsys.readouterr().out
 
 

@@ -9,7 +9,7 @@ import yaml
 import gamms
 from gamms.scenario import Scenario
 
-SEEDS, SOME, FEW = range(8), range(4), range(2)
+SEEDS, FEW = range(6), range(2)
 EXITS = [19, 299]  # two corners
 
 
@@ -50,7 +50,7 @@ def pursuit(pursuers, evaders):
     for team, strategy in (("pursuers", PURSUERS[pursuers]), ("evaders", EVADERS[evaders])):
         raw["teams"][team]["strategy"] = strategy
     if evaders == "flee":
-        raw["rules"][-1]["with"]["turns"] = 70  # after which those that do not look out are all caught
+        raw["rules"][-1]["with"]["turns"] = 50  # after which those that do not look out are all caught
     return raw
 
 
@@ -84,7 +84,7 @@ def wins(game, pursuers, evaders, seeds=SEEDS):
     ["chase and sweep", "chase and random_waypoints", "intercept and sweep", "assign and sweep", "follow_belief"],
 )
 def test_pursuers_catch_evaders_that_do_not_look_out_and_none_that_flee(pursuers):
-    assert wins(pursuit, pursuers, "random_waypoints", SOME) >= 3
+    assert wins(pursuit, pursuers, "random_waypoints", FEW) == len(FEW)
     assert wins(pursuit, pursuers, "mix", FEW) >= wins(pursuit, "random_walk", "mix", FEW) + 2
     assert wins(pursuit, pursuers, "flee", FEW) == 0
 
@@ -92,7 +92,7 @@ def test_pursuers_catch_evaders_that_do_not_look_out_and_none_that_flee(pursuers
 def test_evaders_reach_the_exit_that_is_safe_where_the_nearest_is_not():
     assert wins(escape, "chase", "safest_exit") <= 1
     assert wins(escape, "chase", "patrol") >= 2
-    assert wins(escape, "guard", "safest_exit") >= 7
+    assert wins(escape, "guard", "safest_exit") >= 5
 
 
 def test_pursuers_that_know_the_exits_cut_evaders_off():

@@ -60,7 +60,7 @@ def played(out="out", seeds=(1, 2), entries=GIVEN, **options):
 
 def test_all_play_all_on_both_sides_with_the_same_seeds(folder):
     entries = {name: GIVEN[name] for name in ("hunt", "walk", "fail")}
-    first = played(entries=entries, seeds=[1])
+    first = played(entries={name: GIVEN[name] for name in ("hunt", "fail")}, seeds=[1])
     table = played(entries=entries)
     assert table.rows[:2] == first.rows[:2]
     ways = [(row["entries"]["red"], row["entries"]["blue"], row["seed"]) for row in table.rows]

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 import gamms
 from gamms.rules import contacts
 
-LAWS = settings(max_examples=40, deadline=None, derandomize=True)
+LAWS = settings(max_examples=30, deadline=None, derandomize=True)
 TURNS, STEPS = 6, 500
 NEAR = 11.0
 HOW = [{}, {"euclid": NEAR}, {"metres": NEAR}]
