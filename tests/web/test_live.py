@@ -5,6 +5,7 @@ import json
 import random
 import socket
 import sys
+import threading
 import time
 from contextlib import suppress
 
@@ -18,6 +19,7 @@ from gamms.recorder.errors import Damaged
 from gamms.recorder.formats.blocks import HEAD_SIZE, head_of
 from gamms.typing import OpCodes
 from gamms.web import server, streams
+from gamms.web.live import numbers_of
 from gamms.web.pages import drawn_log
 
 HUNT = scenario.Scenario(
@@ -238,6 +240,51 @@ def test_the_game_begins_again_with_another_seed_and_other_numbers(join):
     assert (again.turns, again.seed, len(again.agents)) == (12, 9, 5)
 
 
+def test_numbers_that_can_be_chosen_are_those_of_a_scenario_but_for_nodes_and_keys_with_dots():
+    meta = {"pay": -1.5, "debt": -2, "half": 0.5, "many": [{"x": 4}, 5], "node": 3, "a.b": 7, "is_fast": True}
+    made = HUNT.replace(**{"teams.red.meta": meta, "teams.red.near": 24})
+    found = {one["path"]: tuple(one.values())[1:] for one in numbers_of(made) if "blue" not in one["path"]}
+    assert found == {
+        "sensors.eyes.sensor_range": (25, 0, 100, 1),
+        "teams.red.count": (2, 0, 10, 1),
+        "teams.red.within": (20, 0, 80, 1),
+        "teams.red.meta.pay": (-1.5, -6.0, 1.0, 0.035),
+        "teams.red.meta.debt": (-2, -8, 10, 1),
+        "teams.red.meta.half": (0.5, 0, 2.0, 0.01),
+        "teams.red.meta.many.0.x": (4, 0, 16, 1),
+        "max_turns": (40, 0, 160, 1),
+    }
+    many = HUNT.replace(**{"teams.red.meta": {f"key_{number}": number for number in range(99)}})
+    assert len(list(numbers_of(many))) == 60
+
+
+def test_a_context_whose_server_is_closed_goes_on_unwatched():
+    with gamms.create_context(seed=1) as ctx:
+        ctx.graph.attach_networkx_graph(gamms.graph.grid(3, 3))
+        ctx.agent.create_agent("anna", start_node_id=0, strategy=gamms.strategies.random_walk)
+        with web.serve(ctx, speed=None) as served:
+            ctx.game.step()
+            assert served.streams.turns == 1
+        ctx.game.step()
+        assert (served.streams.turns, ctx.game.turn) == (1, 2)
+        later = web.serve(ctx, speed=None)
+    later.close()  # once the context has ended
+
+
+def test_closing_a_server_waits_until_the_turn_of_its_game_has_ended():
+    decides = threading.Event()
+
+    def ponder(state):
+        decides.set()
+        time.sleep(0.15)
+        state["action"] = state["curr_pos"]
+
+    with web.serve(HUNT, speed=None, strategies={"red": ponder}) as served:
+        assert decides.wait(60)
+    assert "gamms game" not in {thread.name for thread in threading.enumerate()}
+    assert served.ctx.is_terminated()
+
+
 def test_the_game_begins_again_when_its_file_changes(join, tmp_path):
     path = tmp_path / "hunt.json"
     path.write_text(json.dumps(HUNT.to_dict()))
@@ -348,6 +395,24 @@ def test_a_client_that_sends_too_many_messages_is_disconnected(join, paused):
             client.say(type="step")  # refused, but no nonsense
         client.read(lambda client: False, seconds=10.0)
     assert closed.value.rcvd.code == 1008
+
+
+def test_a_message_is_a_mapping_of_a_small_depth(join, paused):
+    def nested(depth):
+        return [nested(depth - 1)] if depth else 7
+
+    client = join(paused.url)
+    client.read(lambda client: client.told)
+    counts = paused.connections[-1].counts
+    step = {"type": "step"}  # which is refused, but well formed
+    messages = [({**step, "a": nested(15)}, 0), ({**step, "a": nested(16)}, 1), ([7], 2), (7, 3)]
+    for number, (message, bad) in enumerate(messages, 1):
+        client.socket.send(json.dumps(message))
+        ends = time.monotonic() + 60.0
+        while counts["received"] < number or counts["bad"] + counts["refused"] < number:
+            assert time.monotonic() < ends
+            time.sleep(1e-3)
+        assert counts["bad"] == bad
 
 
 def hostile(draw):
