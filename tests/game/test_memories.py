@@ -102,8 +102,8 @@ def test_who_writes_nothing_changes_nothing(before, copy):
 
 
 def test_a_copy_has_containers_of_its_own_which_are_the_same_where_those_before_were():
-    places, pairs = {1, 2}, {(3, 4)}
-    memory = {"here": places, "there": places, "board": {"visited": {5}, "seen": places}, "pairs": pairs}
+    places, pairs, ways = {1, 2}, {(3, 4)}, {"a": (1, [2]), "b": (3, 4)}
+    memory = {"here": places, "there": places, "board": {"visited": {5}, "seen": places}, "pairs": pairs, "ways": ways}
     memory["board"]["itself"] = memory["board"]
     copy = memory_copy(memory)
     assert copy["here"] is copy["there"] is copy["board"]["seen"]
@@ -111,7 +111,8 @@ def test_a_copy_has_containers_of_its_own_which_are_the_same_where_those_before_
     copy["here"].add(9)
     copy["board"]["visited"].add(9)
     copy["pairs"].clear()
-    assert (places, memory["board"]["visited"], pairs) == ({1, 2}, {5}, {(3, 4)})
+    copy["ways"]["a"][1].append(9)
+    assert (places, memory["board"]["visited"], pairs, ways["a"]) == ({1, 2}, {5}, {(3, 4)}, (1, [2]))
 
 
 def test_facts_cannot_be_written_to_however_deep(ctx):

@@ -27,9 +27,11 @@ def _is_flat(value: object) -> bool:
     """Whether a value is a container of plain values, and of tuples of these, which copies of it may share."""
     if type(value) not in (dict, list, set):
         return False
-    parts = [*value, *value.values()] if isinstance(value, dict) else [*value]  # type: ignore[misc] # it is iterable
-    others = [part for part in parts if type(part) not in _PLAIN]
-    return all(type(part) is tuple and _PLAIN.issuperset(map(type, part)) for part in others)
+    parts: Any = [*value, *value.values()] if isinstance(value, dict) else value
+    others = set(map(type, parts)) - _PLAIN
+    return not others or (
+        others == {tuple} and all(_PLAIN.issuperset(map(type, part)) for part in parts if type(part) is tuple)
+    )
 
 
 def merged_memory(before: dict[Any, Any], writes: Writes) -> dict[Any, Any]:

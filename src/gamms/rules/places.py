@@ -249,13 +249,15 @@ class _Discovery(NamedTuple):
 
     def play(self, ctx: Context) -> None:
         """Let all agents look."""
-        by = self._found_by(ctx)
+        by, left = self._found_by(ctx), dict[Any, IntArray]()
         before = {node for found in by.values() for node in found}
         for agent in ctx.game.agents:
             team = agent.team
             if team is None or not (self.teams is None or team in self.teams):
                 continue
-            new = _in_view(ctx, agent, [node for node in self.what if node not in by.get(team, ())], self.hops)
+            if team not in left:
+                left[team] = np.setdiff1d([*self.what], by.get(team, ()))
+            new = _in_view(ctx, agent, left[team], self.hops)
             for node in new:
                 by[team] = sorted([*by.get(team, ()), node])
                 is_first = node not in before
@@ -263,6 +265,7 @@ class _Discovery(NamedTuple):
                 if self.score and is_first:
                     ctx.game.scores[team] += self.score
             if new:
+                del left[team]
                 ctx.game.publish(to=team, **{self.key: {node: to_plain(self.what[node]) for node in by[team]}})
 
     def prepare_arrays(self, state: GameArrays) -> None:
@@ -366,13 +369,13 @@ def _shown(agent: IAgent, here: int, ids: IntArray, places: FloatArray) -> BoolA
     return is_seen
 
 
-def _in_view(ctx: Context, agent: IAgent, nodes: list[int], hops: float) -> list[int]:
+def _in_view(ctx: Context, agent: IAgent, ids: IntArray, hops: float) -> list[int]:
     """Return which of these nodes an agent has in view, or so many edges ahead."""
-    if not nodes:
+    if not len(ids):
         return []
-    here, ids = agent.current_node_id, np.array(nodes, np.int64)
+    here = agent.current_node_id
     around = () if agent.type is AgentType.AERIAL else nodes_within(ctx.graph.graph, here, hops)
-    is_seen = np.array([node in around for node in nodes])
-    is_seen |= _shown(agent, here, ids, ctx.graph.graph.positions(nodes))
+    is_seen = np.isin(ids, np.array([*around], np.int64))
+    is_seen |= _shown(agent, here, ids, ctx.graph.graph.positions(ids))
     seen_ids: list[int] = ids[is_seen].tolist()
     return seen_ids

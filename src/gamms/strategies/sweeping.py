@@ -1,6 +1,6 @@
 """The strategy of a team that visits all nodes: which were visited, and who goes where next."""
 
-from collections.abc import Hashable, Iterable, Sequence
+from collections.abc import Hashable, Iterable
 
 import numpy as np
 
@@ -13,7 +13,6 @@ from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.strategies.knowledge import (
     as_otherwise,
-    is_living,
     known_nodes,
     move_to,
     moves_to,
@@ -68,7 +67,7 @@ def sweep(
         here, memory, board = node_of(state, "sweep"), required(state, "memory", "sweep"), shared_memory(state, "sweep")
         visited = board.setdefault("visited", set())
         visited |= {here, *(nodes_in_view(ctx, state) if sees else ())}
-        if again and visited.issuperset(_all_of(ctx, chosen)):
+        if again and visited.issuperset(_parts(ctx, None, chosen, 1)[0]):
             visited.clear()
             visited.add(here)
         target = memory.get("sweep target")
@@ -249,21 +248,16 @@ def _nearest(view: ArrayView, starts: IntArray, wanted: BoolArray) -> IntArray:
     return found
 
 
-def _all_of(ctx: Context, chosen: tuple[int, ...] | None) -> Sequence[int]:
-    """Return the nodes to visit; None: all nodes."""
-    ids: Sequence[int] = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
-    return ids
-
-
 def _next_to_visit(ctx: Context, state: State, chosen: tuple[int, ...] | None, visited: set[int]) -> int | None:
     """Return the nearest node that is left in the agent's part, else on the whole map; of several, the lowest id."""
     name, here = required(state, "name", "sweep"), state["curr_pos"]
     team = required(state, "team", "sweep")
-    members = [name] if team is None else sorted(one.name for one in ctx.agent.teams[team] if is_living(ctx, one.name))
+    agents = [] if team is None else ctx.agent.agents.values()
+    members = sorted(one.name for one in agents if one.team == team and one.alive) or [name]
     own = _parts(ctx, team, chosen, len(members))[members.index(name)]
     nearest = ctx.graph.routes.nearest(here, sorted(own - visited))
     if nearest is None:
-        nearest = ctx.graph.routes.nearest(here, sorted(set(_all_of(ctx, chosen)) - visited))
+        nearest = ctx.graph.routes.nearest(here, sorted(_parts(ctx, None, chosen, 1)[0] - visited))
     return nearest
 
 
@@ -271,7 +265,7 @@ def _parts(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, number:
     """Return so many parts of some nodes, with as many nodes each, by cutting along the longer side again and again."""
 
     def make() -> list[set[int]]:
-        ids = _all_of(ctx, chosen)
+        ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
         return [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
 
     return ctx.graph.routes.latest(("sweep", team, chosen), number, make)
