@@ -36,6 +36,13 @@ WRONG = [
     ({"sensors.eyes.delay_turns": 1.5}, "sensors.eyes.delay_turns", "whole number"),
     ({"sensors.eyes.dealy_turns": 1}, "sensors.eyes.dealy_turns", "Did you mean 'delay_turns'?"),
     ({"sensors.near.delay_turns": 1}, "sensors.near.delay_turns", "a NEIGHBOR sensor has none"),
+    ({"sensors.near.at": [1, 2, 3]}, "sensors.near.at", "a NEIGHBOR sensor has none"),
+    ({"sensors.eyes.at": [1]}, "sensors.eyes.at", "2"),
+    ({"sensors.eyes.at": [1, 2, 3]}, "sensors.eyes.at", "sensors are on the ground. Give a node or"),
+    *(
+        ({"sensors.eyes": {"type": "aerial", "at": at}}, "sensors.eyes.at", "aerial sensors are in the air. Give")
+        for at in (3, [1, 2])
+    ),
     ({"teams.red.sensors.0": "neer"}, "teams.red.sensors.0", "Did you mean 'near'?"),
     ({"teams.red.within": None}, "teams.red.within", "near needs it"),
     ({"teams.red.near": None}, "teams.red.near", "within needs it"),

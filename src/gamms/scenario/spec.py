@@ -22,6 +22,7 @@ Metres = Annotated[float, Meta(ge=0.0, description="Map units; metres on maps of
 Count = Annotated[int, Meta(ge=0)]
 NodeId = Annotated[int, Meta(description="The id of a node.")]
 Xy = Annotated[tuple[float, float], Meta(description="[x, y] on the map; the nearest node is meant.")]
+Point = Annotated[list[float], Meta(min_length=2, max_length=3, description="[x, y], or [x, y, z] in the air.")]
 Name = Annotated[str, Meta(min_length=1, max_length=200)]
 Location = Annotated[str, Meta(min_length=1, max_length=1000)]
 Reference = Annotated[
@@ -140,7 +141,7 @@ class Sensor(_Mapping, frozen=True, kw_only=True):
     orientation: tuple[float, float] | None = None
     observer_height: float | None = None
     quat: tuple[float, float, float, float] | None = None
-    at: NodeId | Xy | None = None
+    at: NodeId | Point | None = None
     team: str | list[str] | None = None
     exclude: str | list[str] | None = None
     detection: float | list[tuple[float, float]] | None = None

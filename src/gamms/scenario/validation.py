@@ -120,10 +120,19 @@ def _check_sensor(path: str, sensor: schema.Sensor, spec: Spec) -> None:
             what = f"a {sensor.type} sensor" if sensor.type else "a function"
             hint = nearest(key, known) or f" It has: {', '.join(known)}."
             raise ScenarioError(joined(path, key), f"{what} has none.{hint}")
+    if sensor.at is not None:
+        _check_place(f"{path}.at", sensor.at, f"{sensor.type} sensors are", flies="quat" in known)
     for key in ("team", "exclude"):
         teams = given.get(key, [])
         for team in [teams] if isinstance(teams, str) else teams:
             _known_team(team, spec, f"{path}.{key}")
+
+
+def _check_place(path: str, place: int | list[float], what: str, *, flies: bool) -> None:
+    if flies and (isinstance(place, int) or len(place) != 3):
+        raise ScenarioError(path, f"cannot be {place}: {what} in the air. Give [x, y, z].")
+    if not flies and isinstance(place, list) and len(place) != 2:
+        raise ScenarioError(path, f"cannot be {place}: {what} on the ground. Give a node or [x, y].")
 
 
 def _check_channel(path: str, name: str, channel: schema.Channel, spec: Spec) -> None:

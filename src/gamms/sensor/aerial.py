@@ -116,7 +116,7 @@ class FlyingSensor(Sensor):
         if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
             raise BadValue(
                 f"Sensor {self.sensor_id!r} ({self.type}) needs an agent that flies; {owner!r} does not. "
-                "Create it with type=AgentType.AERIAL, or fix the sensor with at=(x, y, z)."
+                "Create it with type=AgentType.AERIAL, or fix the sensor with at=(x, y, z) and let no agent carry it."
             )
 
     def pose(self) -> Pose | None:
