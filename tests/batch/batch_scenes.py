@@ -5,7 +5,7 @@ from gamms.scenario import Scenario
 WALK = "gamms.strategies:random_walk"
 
 
-def scene(rules=(), red=3, blue=3, side=5, max_turns=20, **more):
+def scene(rules=(), red=3, blue=3, side=5, max_turns=12, **more):
     """A scenario of two teams that walk about on a grid."""
     teams = {"red": {"count": red, "strategy": WALK}, "blue": {"count": blue, "strategy": WALK}}
     given = {"map": {"grid": {"width": side, "height": side}}, "teams": teams, "rules": list(rules), **more}

@@ -229,12 +229,12 @@ def test_games_that_are_reset_begin_again_with_their_seeds():
         games.run()
         first = [plain(games.result(number)) for number in range(4)]
         games.reset([1, 3])
-        assert games.turn.tolist() == [20, 0, 20, 0]
+        assert games.turn.tolist() == [12, 0, 12, 0]
         assert games.is_over.tolist() == [True, False, True, False]
         games.run()
         assert [plain(games.result(number)) for number in range(4)] == first
         games.reset(np.array([True, False, False, False]))
-        assert games.turn.tolist() == [0, 20, 20, 20]
+        assert games.turn.tolist() == [0, 12, 12, 12]
 
 
 @pytest.mark.parametrize("one_by_one", [False, True])

@@ -254,7 +254,7 @@ def test_what_a_strategy_with_an_array_form_prepares_is_prepared_in_batches():
     with scene([]).batch(1, strategies={"red": strategy}) as games:
         assert games.slow == "strategy, with what it prepares in a game"
         games.run()
-        assert games.scores["turns"].tolist() == [20]
+        assert games.scores["turns"].tolist() == [12]
 
 
 def bonus(ctx):

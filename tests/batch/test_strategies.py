@@ -39,7 +39,7 @@ def hunted(map=None, sight=None, **more):
     }
     near = {"type": "AGENT_RANGE", "sensor_range": 25.0, **(sight or {})}
     map = map or {"grid": {"width": 7, "height": 6}}
-    return Scenario(map=map, teams=teams, sensors={"near": near}, rules=[TAG], max_turns=25, **more)
+    return Scenario(map=map, teams=teams, sensors={"near": near}, rules=[TAG], max_turns=16, **more)
 
 
 MADE = {

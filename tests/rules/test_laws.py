@@ -46,7 +46,7 @@ def meet(ctx):
 
 
 GAMES = {
-    "tag": lambda: [tag("red", "blue", mutual=True), time_limit(12)],
+    "tag": lambda: [tag("red", "blue", mutual=True), time_limit(9)],
     "tag from afar": lambda: [tag("red", "blue", metres=20, then=freeze), tag("blue", "red", euclid=10.0)],
     "elimination": lambda: [tag("red", "blue", hops=1, then="eliminate", air=True), last_team(), meet],
     "race": lambda: [tag("red", "blue"), reach({"red": "starts of blue", "blue": [15, 11]}, score=2)],
@@ -92,7 +92,7 @@ def open_game(rules, agents, seed=3):
 def played(rules, agents, conflicts=None, **keywords):
     with open_game(rules, agents, **keywords) as ctx:
         ctx.game.conflicts = conflicts
-        return ctx.game.run(12)
+        return ctx.game.run(9)
 
 
 places = st.lists(
@@ -119,12 +119,12 @@ def test_a_game_that_is_played_again_is_the_same_and_so_is_one_with_the_same_rul
     rules = GAMES[game]()
     with open_game(rules, agents) as ctx:
         begun = deepcopy(ctx.game.data)
-        first = ctx.game.run(12)
+        first = ctx.game.run(9)
         ctx.game.reset()
         assert ctx.game.data == begun
-        assert ctx.game.run(12) == first
+        assert ctx.game.run(9) == first
         ctx.game.reset(seed=8)
-        other = ctx.game.run(12)
+        other = ctx.game.run(9)
     assert played(rules, agents) == first  # they were used before, in another context
     assert played(GAMES[game](), agents, seed=8) == other
 
@@ -153,7 +153,7 @@ def test_two_games_that_take_turns_with_the_same_rules_do_not_notice_each_other(
     rules = GAMES[game]()
     expected = [played(rules, agents, seed=seed) for seed in (1, 2)]
     with open_game(rules, agents, seed=1) as one, open_game(rules, agents, seed=2) as two:
-        for _ in range(12):
+        for _ in range(9):
             results = [one.game.run(1), two.game.run(1)]
         assert results == expected
 
@@ -162,7 +162,7 @@ def test_two_games_that_take_turns_with_the_same_rules_do_not_notice_each_other(
 def test_what_rules_remember_and_emit_is_plain(game):
     agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
     with open_game(GAMES[game](), agents) as ctx:
-        result = ctx.game.run(12)
+        result = ctx.game.run(9)
         assert result.events
         for values in (ctx.game.data, result.events, result.scores):
             assert json.loads(json.dumps(values)) == values
@@ -173,19 +173,19 @@ def test_a_game_that_is_restored_or_resumed_goes_on_as_it_did(game, tmp_path):
     agents = {f"agent{i}": (["red", "blue"][i % 2], 3 * i) for i in range(6)}
     with open_game(GAMES[game](), agents) as ctx:
         ctx.record.start(tmp_path / "game.ggr")
-        ctx.game.run(5)
+        ctx.game.run(4)
         here = ctx.game.fork(1)
-        expected = ctx.game.run(7)
+        expected = ctx.game.run(5)
         facts = [ctx.game.facts_of(one) for one in (*ctx.agent.teams, *agents)]
         ctx.record.stop()
         before = here.snapshot()
-        ahead = here.run(7)
+        ahead = here.run(5)
         here.restore(before)
-        assert here.run(7) == ahead
+        assert here.run(5) == ahead
     with open_game(GAMES[game](), agents) as again:
         with gamms.recorder.open(tmp_path / "game.ggr") as recording:
             recording.resume(recording.turns // 2, ctx=again)
-        result = again.game.run(12 - again.game.turn)
+        result = again.game.run(9 - again.game.turn)
         assert (result.scores, result.events, result.deeds) == (expected.scores, expected.events, expected.deeds)
         assert [again.game.facts_of(one) for one in (*again.agent.teams, *agents)] == facts
 
@@ -203,7 +203,7 @@ def test_rules_keep_all_that_they_remember_in_the_game(game):
     rules = GAMES[game]()
     for _ in rules:
         rules = [*rules[1:], rules[0]]
-        check_rule(rules[0], make_ctx, turns=12)
+        check_rule(rules[0], make_ctx, turns=9)
 
 
 def test_rules_and_conflicts_play_together_in_any_order_of_creation():
