@@ -63,6 +63,14 @@ def collect():
     return gc.collect
 
 
+@pytest.fixture
+def no_collection():
+    """Collect no garbage: where time is measured, all of pytest would be looked through in it."""
+    gc.disable()
+    yield
+    gc.enable()
+
+
 IN_TURN = """
 import sys
 

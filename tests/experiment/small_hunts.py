@@ -37,9 +37,12 @@ def die_at_times(state):
 
 
 def linger(state):
-    """Take a while in the first turn."""
-    if state["turn"] == 0:
+    """While there is a gate in the working directory, begin slowly, and no game once three are over."""
+    journal = Path("killed", "journal.jsonl")
+    while state["turn"] == 0 and Path("gate").exists():
         time.sleep(0.02)
+        if not journal.exists() or len(journal.read_bytes().splitlines()) < 3:
+            break
     state["action"] = state["curr_pos"]
 
 

@@ -8,6 +8,7 @@ import threading
 import time
 from concurrent.futures import Future
 from pathlib import Path
+from traceback import walk_stack
 
 import pytest
 import small_hunts
@@ -85,8 +86,13 @@ def children(of):
 
 @pytest.mark.skipif(os.name == "nt", reason="signals for one thread are of Unix")
 def test_ctrl_c_that_does_not_wake_who_waits_ends_the_wait_all_the_same():
+    def is_waiting():
+        frames = walk_stack(sys._current_frames()[threading.main_thread().ident])
+        return any(frame.f_code is result_of.__code__ for frame, _ in frames)
+
     def interrupt():
-        time.sleep(0.05)
+        while not is_waiting():
+            time.sleep(0.005)
         signal.pthread_kill(threading.get_ident(), signal.SIGINT)
         woken.append(is_interrupted.wait(10.0))
         future.set_result(None)
@@ -104,6 +110,7 @@ def test_ctrl_c_that_does_not_wake_who_waits_ends_the_wait_all_the_same():
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
 def test_a_runner_that_was_killed_leaves_no_process_and_goes_on_to_the_same_rows(tmp_path):
     (tmp_path / "program.py").write_text(KILLED.format(here=str(HERE)))
+    (tmp_path / "gate").touch()
     path = os.pathsep.join(sys.path)
     process = subprocess.Popen([sys.executable, "program.py"], cwd=tmp_path, env={**os.environ, "PYTHONPATH": path})
     journal = tmp_path / "killed" / "journal.jsonl"
@@ -113,6 +120,7 @@ def test_a_runner_that_was_killed_leaves_no_process_and_goes_on_to_the_same_rows
     below = children(process.pid)
     process.kill()
     process.wait()
+    (tmp_path / "gate").unlink()
     until = time.monotonic() + 60.0  # they end when they ask for more, which one that begins does last
     while any(Path(f"/proc/{one}").exists() for one in below) and time.monotonic() < until:
         time.sleep(0.01)

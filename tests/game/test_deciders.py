@@ -404,7 +404,7 @@ def test_at_the_deadline_the_default_action_counts(ctx):
         finally:
             ended.append(state["name"])
 
-    ctx.game.configure({"deadline_s": 0.02, "default_action": 6})
+    ctx.game.configure({"deadline_s": 0.2, "default_action": 6})
     team(ctx, "a", strategy=slow)
     team(ctx, "b", strategy=later(0.0, lambda state: state.update(action=4)))
     team(ctx, "c", start=0, strategy=slow)
@@ -414,7 +414,7 @@ def test_at_the_deadline_the_default_action_counts(ctx):
     assert ended == ["a", "c"]
     assert nodes(ctx) == {"a": 6, "b": 4, "c": 0}  # from 0 no edge leads to 6
     assert [(error["agent"], error["kind"]) for error in result.errors] == [("a", "overrun"), ("c", "overrun")]
-    assert "0.02 s" in result.errors[0]["message"]
+    assert "0.2 s" in result.errors[0]["message"]
     assert (result.agents["a"]["overruns"], result.agents["a"]["illegal"]) == (1, 0)
 
 

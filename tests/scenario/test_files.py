@@ -126,12 +126,13 @@ def test_yaml_that_is_more_than_data_is_refused(text, hint):
     ],
     ids=lambda text: text[:12],
 )
+@pytest.mark.usefixtures("no_collection")
 def test_the_time_to_read_a_file_is_bounded_by_its_size(tmp_path, text):
     (tmp_path / "big.yaml").write_text(text)
     begun = time.process_time()
     with pytest.raises(ScenarioError):
         scenario.load(tmp_path / "big.yaml")
-    assert time.process_time() - begun < 1.3
+    assert time.process_time() - begun < 2.6
 
 
 @pytest.mark.parametrize(

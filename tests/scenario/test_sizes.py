@@ -89,6 +89,7 @@ def test_names_have_a_bounded_length(little):
         Scenario(**little)
 
 
+@pytest.mark.usefixtures("no_collection")
 def test_the_time_of_a_check_is_bounded_by_the_size_of_the_file():
     teams = {f"t{number}": {"agents": [{"name": f"a{number}", "node": 0}]} for number in range(4_000)}
     away = {name: {**team, "from": {"team": "t0", "at_least": 0.0}} for name, team in list(teams.items())[1:]}

@@ -116,13 +116,9 @@ def test_a_python_entry_sees_its_states_and_nothing_of_its_opponent(folder, monk
     monkeypatch.setenv("SECRET", "s3cr3t")
     (folder / "look.py").write_text(SHOWN)
     (folder / "other_entry.py").write_text(STAY)
-    table = run(grid(), entries={"look": "look.py:look", "other-entry": "other_entry.py:stay"}, seeds=[5], out="out")
+    entries = {"look": "look.py:look", "other-entry": "other_entry.py:stay"}
+    table = run(grid(), entries=entries, seeds=[5], out="out", move_seconds=20.0)
     assert [row["details"] for row in table.rows] == [{}, {}]
-
-
-def test_strategies_of_a_package_are_entries(folder):
-    given = {"walk": "gamms.strategies:random_walk", "stay": "stay.py:stay"}
-    assert faults(run(grid(), entries=given, seeds=[1], out="out")) == {"walk": {}, "stay": {}}
 
 
 def test_the_programs_of_the_page_play(folder):
@@ -131,11 +127,11 @@ def test_the_programs_of_the_page_play(folder):
     if shutil.which("node"):
         (folder / "entry.js").write_text(re.search(r"```javascript\n(.*?)```", PAGE, re.DOTALL)[1])
         given["javascript"] = ["node", "entry.js"]
-    table = run(grid(), entries=given, seeds=[1], out="out", move_seconds=5.0)
+    table = run(grid(), entries=given, seeds=[1], out="out", move_seconds=20.0)
     assert faults(table) == {name: {} for name in given}
 
 
-def test_what_is_written_beside_answers_is_no_fault_within_its_bounds(folder):
+def test_strategies_of_a_package_are_entries_and_what_is_written_beside_answers_is_no_fault_within_its_bounds(folder):
     (folder / "chat.py").write_text("def chat(state):\n    print('hm')\n    state['action'] = state['curr_pos']\n")
-    given = {"chat": "chat.py:chat", "stay": "stay.py:stay"}
-    assert faults(run(grid(), entries=given, seeds=[1], out="out")) == {"chat": {}, "stay": {}}
+    given = {"chat": "chat.py:chat", "walk": "gamms.strategies:random_walk"}
+    assert faults(run(grid(), entries=given, seeds=[1], out="out", move_seconds=20.0)) == {"chat": {}, "walk": {}}

@@ -268,7 +268,7 @@ CAN_CONFINE = pytest.mark.skipif(sys.platform != "linux", reason="confined on Li
     ],
 )
 def test_a_python_entry_loses_by_its_fault(launchers, deed, kind):
-    more = {"other": "program", "move_s": 0.5} if kind == "time" else {}  # which has ten seconds for a move
+    more = {"other": "program", "move_s": 1.0} if kind == "time" else {}  # which has ten seconds for a move
     row, _ = played(launchers, deed, "python", **more)
     assert (row["faults"], row["winner"]) == ({"red": kind}, "blue"), row["details"]
     assert row["turns"] == 2

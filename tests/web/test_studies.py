@@ -76,7 +76,7 @@ def test_a_participant_agrees_practises_plays_and_gets_a_row_for_each_round(tmp_
         assert ask(study, "P1", agree=True) == {"stage": "ready", "practice": True, "round": 1, "rounds": 2}
         assert [play(study, "P1") for _ in range(3)] == [(True, 1), (False, 1), (False, 2)]
         assert ask(study, "P1", begin=True) == {"stage": "end", "rounds": 2}
-        assert study.wait(1, timeout=0.1)
+        assert study.wait(1, timeout=60.0)
         rows = study.rows
     turns = {"short": 1, "long": 2}[rows[0]["condition"]]
     assert [(row["practice"], row["round"], row["seed"], row["attempt"]) for row in rows] == [
