@@ -277,3 +277,13 @@ def test_a_new_attribute_much_like_a_known_one_is_warned_about(caplog):
         "Team 'red': Unknown attribute 'enrgy'. Did you mean 'energy'? It is kept as an attribute.",
         "Team 'red': Unknown attribute 'current_nod_id'. Did you mean 'current_node_id'? It is kept as an attribute.",
     ]
+
+
+def test_attributes_of_a_team_that_are_those_of_its_members_say_how_they_are_read_and_set(ctx):
+    team = ctx.agent.create_team("red", [0, 1], columns={"energy": 5})
+    with pytest.raises(AttributeError, match=r"no attribute 'energy': team\['energy'\] is that of its members"):
+        _ = team.energy
+    for name in ("energy", "alive", "node_ids"):
+        with pytest.raises(AttributeError, match=rf"team.{name} cannot be set: team.set\('{name}', …\)"):
+            setattr(team, name, 7)
+    assert team["energy"].tolist() == [5, 5]

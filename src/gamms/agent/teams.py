@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -162,6 +162,18 @@ class Team:
 
     def __len__(self) -> int:
         return len(self.names)
+
+    if not TYPE_CHECKING:  # type checkers say it themselves
+
+        def __getattr__(self, name: str) -> object:
+            """Refuse a name that is no attribute of the team."""
+            raise AttributeError(f"A team has no attribute {name!r}: team[{name!r}] is that of its members.")
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse to set what would be an attribute of the team, and not of its members."""
+        if name[0] != "_" and name not in ("name", "names"):
+            raise AttributeError(f"team.{name} cannot be set: team.set({name!r}, …) sets that of its members.")
+        object.__setattr__(self, name, value)
 
     def __iter__(self) -> Iterator[Agent]:
         return map(self._agent, self.names)
