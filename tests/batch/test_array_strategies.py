@@ -86,6 +86,16 @@ def test_games_with_it_go_on_from_snapshots_and_resets():
 def test_what_it_cannot_do_is_refused():
     with pytest.raises(BadType, match="array_strategy needs a function"):
         gamms.array_strategy(3)
+
+    @gamms.array_strategy
+    def hunt(view):
+        return view.counts
+
+    with (
+        scene().build() as ctx,
+        pytest.raises(BadType, match=r"hunt makes such a function: call it, hunt\(…\)"),
+    ):
+        ctx.agent.get_agent("red_0").strategy = hunt
     with scene(**SEEING).build(seed=1, strategies={"red": gamms.array_strategy(lambda view: view.counts)}) as ctx:
         with pytest.raises(BadValue, match="is not the number of a legal node"):
             ctx.game.step()

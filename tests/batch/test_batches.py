@@ -266,8 +266,10 @@ def test_the_context_of_a_game_shows_it_as_it_is():
             ctx, nodes = games.context(number), games.observe("red")["curr_pos"][number]
             assert (ctx.seed, ctx.game.turn) == (5 + number, 2)
             assert [ctx.agent.get_agent(f"red_{i}").current_node_id for i in range(3)] == nodes.tolist()
-    with scene().batch(1) as games, pytest.raises(BadValue, match="one_by_one=True"):
+    with scene().batch(1) as games, pytest.raises(BadValue, match=r"scenario.batch\(…, one_by_one=True\)"):
         games.context(0)
+    with scene().build() as ctx, pytest.raises(BadValue, match=r"no context: ctx.game.fork\(seed\) has one"):
+        ctx.game.batch(1).context(0)
 
 
 def test_the_table_has_a_row_for_each_game():

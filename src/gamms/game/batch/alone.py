@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from functools import partial, update_wrapper
+from functools import WRAPPER_ASSIGNMENTS, partial, update_wrapper
 from typing import Any, cast, overload
 from weakref import WeakKeyDictionary
 
@@ -150,7 +150,7 @@ def _kept_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:
 
 def _documented(function: F, form: Callable[..., object]) -> F:
     """Give a function the name and the docstring of a form, which takes something else."""
-    made: Any = update_wrapper(function, form)
+    made: Any = update_wrapper(function, form, [one for one in WRAPPER_ASSIGNMENTS if "annot" not in one])
     del made.__wrapped__
     return function
 

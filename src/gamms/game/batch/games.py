@@ -505,11 +505,14 @@ class Batch:
         """Return the context that has a game as it is now, to look at it, until another game is played.
 
         Raises:
-            BadValue: the games are played in arrays: make the batch with `one_by_one=True`.
+            BadValue: the games are played in arrays: `scenario.batch(…, one_by_one=True)` plays them in a context.
         """
         number = self._as_game(game)
         if isinstance(self._engine, ArrayEngine):
-            raise BadValue("Games in arrays have no context: make the batch with one_by_one=True.")
+            way = (
+                "scenario.batch(…, one_by_one=True)" if self._source.build else "ctx.game.fork(seed) has one for a game"
+            )
+            raise BadValue(f"Games in arrays have no context: {way}.")
         return self._engine.load(number).ctx
 
     @property
