@@ -351,6 +351,21 @@ def test_all_games_of_a_batch_have_the_agents_that_were_deleted_before(grid, cre
 
 
 @pytest.mark.parametrize("create", [one_by_one, members])
+def test_a_team_that_comes_once_a_game_has_begun_is_in_its_batches_and_forks(grid, create):
+    with grid(seed=2, max_turns=4) as ctx:
+        ctx.agent.create_agent("anna", start_node_id=5, strategy=wander)
+        ctx.game.step()
+        create(ctx)
+        assert ctx.game.internals.starts == {"anna": 5, **{name: int(name[-1]) for name in ALL}}
+        games = ctx.game.batch(2)
+        games.run()
+        alone = ctx.game.fork(0)
+        alone.reset(seed=1)
+        assert games.result(1) == alone.run()
+        assert len(alone.result().agents) == 5
+
+
+@pytest.mark.parametrize("create", [one_by_one, members])
 def test_agents_that_came_and_were_deleted_are_not_kept(grid, create):
     with grid(seed=2) as ctx:
         create(ctx)

@@ -50,7 +50,9 @@ class AgentsSnapshot:
         """Return name -> what `place_of` returns, of some agents."""
         stored: Mapping[str, Any] = agents.stored() if isinstance(agents, AgentsByName) else agents
         places = self.places
-        return {name: places[name] if self.has(name, agent) else self.place_of(agent) for name, agent in stored.items()}
+        return {
+            name: places[name] if self.has(name, one) else self.place_of(agents[name]) for name, one in stored.items()
+        }
 
     def hidden(self, block: AgentBlock, known: Collection[str], node: Node) -> Iterator[tuple[int, dict[str, Any]]]:
         """Yield the row and the columns of each agent of a copy that is not `known`, as those see it that look ahead.
