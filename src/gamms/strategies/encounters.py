@@ -5,7 +5,7 @@ from math import inf
 
 import numpy as np
 
-from gamms import belief
+from gamms import belief, kernels
 from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.motion import as_motion
 from gamms.context import Context
@@ -47,6 +47,8 @@ from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
 
 _MOST_AT_ONCE = 1 << 22  # nodes that are compared at once
+
+_FEW = 8  # enemies: of more, the nearest is searched for
 
 Paces = dict[Pace, dict[str, int]]  # agents in sight with their nodes, by how they go
 
@@ -406,13 +408,16 @@ def _confining_node(ctx: Context, state: State, enemies: dict[str, int]) -> int:
 
 def _first_to_reach(ctx: Context, node: int, enemies: dict[str, int]) -> str:
     """Return the name of the enemy that takes the fewest turns from a node to its own; of several, the first."""
-    names = list[str]()
+    graph, names = ctx.graph.graph, list[str]()
     for (weight, speed), group in by_pace(ctx, enemies).items():
-        if weight is None and 0.0 < speed < inf:  # numbers of edges are exact, so the nearest take the fewest turns
-            nearest = ctx.graph.routes.nearest(node, group.values(), None)
-            names.append(next((name for name, at in group.items() if at == nearest), next(iter(group))))
-        else:
+        is_searched = len(group) > _FEW and 0.0 < speed < inf
+        nearest = ctx.graph.routes.nearest(node, group.values(), weight) if is_searched else None
+        if nearest is None:
             names += group
+        else:  # of those that are as near up to rounding, several may take as many turns
+            within = kernels.widened(graph.distance(node, nearest, weight))
+            near = graph.distances(node, weight=weight, cutoff=within)
+            names += [name for name, at in group.items() if at in near]
     return min(sorted(names), key=lambda name: turns_to(ctx, name, node, enemies[name]))
 
 
