@@ -178,8 +178,8 @@ def test_sensors_of_agents_that_come_are_those_that_rules_have_made():
     [
         ({"blue": 2}, BadValue, "has 3 agents"),
         ({"green": 2}, UnknownName, "green"),
-        ({"blue": ["red_0"]}, BadValue, "red_0"),
-        ({"blue": ["x", "x"]}, BadValue, "'x'"),
+        ({"blue": ["red_0"]}, BadValue, "agents to come, and 'red_0' is taken"),
+        ({"blue": ["x", "x"]}, BadValue, "a name twice: .*'x'"),
         ({"blue": 10**12}, TooLarge, r"most_agents\['blue'\]=1000000000000 would take"),
     ],
 )

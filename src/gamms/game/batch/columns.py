@@ -260,10 +260,10 @@ def reserved(roster: Roster, most_agents: object) -> dict[Hashable, list[str]]:
             free = (name for i in count() if (name := f"{team}_{i}") not in roster.names)
             names = list(islice(free, number - there))
         taken = [name for name in names if name in (*roster.names, *chain.from_iterable(found.values()))]
-        if taken or len({*names}) < len(names):
-            raise BadValue(
-                f"most_agents[{team!r}]: each name is that of one agent, and {shown(taken or names)} is not."
-            )
+        if taken:
+            raise BadValue(f"most_agents[{team!r}] has the names of agents to come, and {shown(taken[0])} is taken.")
+        if len({*names}) < len(names):
+            raise BadValue(f"most_agents[{team!r}] has a name twice: {shown(names)}.")
         found[team] = names
     return found
 

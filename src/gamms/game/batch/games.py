@@ -559,7 +559,9 @@ class Batch:
         except ValueError:  # lists of several lengths
             games = np.zeros((1, 1))
         if games.ndim != 1 or (games.dtype == np.bool_ and len(games) != len(self)):
-            raise BadValue(f"which has numbers of games, or {len(self)} booleans, one for each, not {shown(which)}.")
+            raise BadValue(
+                f"which is a list of numbers of games, such as [0], or of {len(self)} booleans, not {shown(which)}."
+            )
         if games.dtype == np.bool_:
             games = np.flatnonzero(games)
         numbers = [self._as_game(game) for game in games.tolist()]
