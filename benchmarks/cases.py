@@ -184,11 +184,11 @@ def turns(capacity=None):
     return make
 
 
-def turns_of(agents, side):
+def turns_of(agents, side, **options):
     """The turn engine with a NEIGHBOR sensor for each agent, against a bare loop that builds states of ten keys."""
 
     def make():
-        ctx, seed, rng = lattice(side), 1, random.Random(7)
+        ctx, seed, rng = lattice(side, **options), 1, random.Random(7)
         starts = [rng.randrange(side * side) for _ in range(agents)]
 
         def strategy(state):
@@ -535,11 +535,11 @@ def by_cells(ours, theirs, limit):
     ]
 
 
-def lattice(n):
+def lattice(n, **options):
     """A context with an n x n grid, made of arrays."""
     import numpy as np
 
-    ctx, ids = context(), np.arange(n * n).reshape(n, n)
+    ctx, ids = context(**options), np.arange(n * n).reshape(n, n)
     ends = (
         np.concatenate([ids[:, :-1].ravel(), ids[:-1].ravel()]),
         np.concatenate([ids[:, 1:].ravel(), ids[1:].ravel()]),

@@ -1,18 +1,13 @@
-"""Random numbers of a game: those of agents, which follow from the turn, and the global generators."""
+"""Random numbers of the agents of a game, which follow from the turn."""
 
-import random
 from abc import abstractmethod
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from functools import wraps
-from threading import Lock, active_count
-from types import SimpleNamespace
 from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.random import Generator, Philox
-from numpy.random.mtrand import get_bit_generator, set_bit_generator
 
 from gamms import kernels
 from gamms.arguments import as_array, as_one_shape
@@ -21,7 +16,6 @@ from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
-from gamms.typing.context import HostContext
 
 T = TypeVar("T")
 _DRAWN_AHEAD, _MOST_TURNS_AHEAD = 2048, 256  # numbers in a block of `DrawTable`, and turns
@@ -300,123 +294,3 @@ def _drawing(method: Callable[..., Any]) -> Callable[..., Any]:
 for _name, _method in list(vars(Generator).items()):
     if not _name.startswith("_") and callable(_method):
         setattr(TurnGenerator, _name, _drawing(_method))
-
-
-class GlobalRandom:
-    """Lend a game states of its own for `random` and `numpy.random`, from which programs for 1.0.0 draw.
-
-    Attributes:
-        is_lent: whether they are lent now.
-    """
-
-    def __init__(self) -> None:
-        self._state: Any = None  # of `random` in the game, where its draws have come to; None before the first
-        self._bits: np.random.BitGenerator | None = None  # of `numpy.random` in the game
-        self.is_lent = False
-        self._is_shared = False  # whether a snapshot holds the generator, too: it is copied before the next draw
-        self._spare: np.random.BitGenerator | None = None  # that nothing holds any more
-
-    def snapshot(self) -> tuple[Any, Any]:
-        """Return both streams as they are between two turns, for `restore`."""
-        self._is_shared = True
-        return self._state, self._bits
-
-    def restore(self, streams: tuple[Any, Any]) -> None:
-        """Restore both streams."""
-        self.forget()
-        self._state, self._bits = streams
-        self._is_shared = True
-
-    def forget(self) -> None:
-        """Start both streams again from the seed of the context."""
-        if not (self._is_shared or self.is_lent or self._bits is None):
-            self._spare = self._bits
-        self._state = self._bits = None
-
-    @contextmanager
-    def of(self, ctx: HostContext) -> Iterator[None]:
-        """Lend the game's generators for the block, if the context has a seed; afterwards both are as before."""
-        if self.is_lent or not ctx.is_seeded:
-            yield
-            return
-        # NOTE: the generator of NumPy is exchanged, not copied: `step` does this in every turn (benchmarks, turns).
-        # Exchanging it drops the normal number that NumPy may have drawn ahead, so that only then its state is read.
-        with _EXCHANGE:
-            numpy_state = np.random.get_state(legacy=False) if _has_drawn_ahead() else None  # noqa: NPY002 - as above
-            found = _Found(random.getstate(), get_bit_generator(), numpy_state)
-            _FOUND.append(found)
-        self.is_lent = True
-        try:
-            with _EXCHANGE:
-                self._begin(ctx)
-            yield
-        finally:
-            self.is_lent = False
-            with _EXCHANGE:
-                self._state = random.getstate()
-                found.give_back()
-
-    def begin_turn(self) -> None:
-        """Drop the normal number that NumPy has drawn ahead, so that turns one by one are as those of a run.
-
-        To be called while they are lent.
-        """
-        if self._bits is not None:
-            set_bit_generator(self._bits)
-
-    def _begin(self, ctx: HostContext) -> None:
-        if self._bits is not None:
-            if self._is_shared:
-                # NOTE: here and not in `snapshot`: it takes 60 us, and a search restores more often than it plays.
-                self._bits = deepcopy(self._bits)
-            random.setstate(self._state)
-            set_bit_generator(self._bits)
-            self._is_shared = False
-            return
-        stream = ctx.stream("game", "global")
-        random.seed(int(stream.integers(2**62)))
-        # NOTE: making one takes 84 us, which is more than three turns of ten agents (benchmarks: turns).
-        self._bits, self._spare, self._is_shared = self._spare or np.random.MT19937(), None, False
-        set_bit_generator(self._bits)
-        np.random.seed(int(stream.integers(2**32)))  # noqa: NPY002 - what programs for 1.0.0 draw from
-
-
-class _Found:
-    """What a game has found in `random` and `numpy.random` when they were lent to it."""
-
-    def __init__(
-        self, state: tuple[Any, ...], bits: np.random.BitGenerator, numpy_state: dict[str, Any] | None
-    ) -> None:
-        self._streams = state, bits, numpy_state
-
-    def give_back(self) -> None:
-        """Restore it; where a game of another thread has begun later and goes on, that one will."""
-        place = _FOUND.index(self)
-        del _FOUND[place]
-        if place < len(_FOUND):
-            _FOUND[place]._streams = self._streams
-            return
-        state, bits, numpy_state = self._streams
-        random.setstate(state)
-        set_bit_generator(bits)
-        if numpy_state is not None:
-            np.random.set_state(numpy_state)  # noqa: NPY002 - what programs for 1.0.0 draw from
-
-
-_EXCHANGE = Lock()  # held while they are exchanged: games may be played in several threads
-_FOUND: list[_Found] = []  # by the games that they are lent to, in the order in which these have begun
-
-
-def _has_drawn_ahead() -> bool:
-    """Return whether `numpy.random` keeps a normal number that it has drawn ahead."""
-    # NOTE: NumPy says so only together with the state of its bit generator, whose 624 words take 60 us to copy; here it
-    # asks one that has none (decision 0063).
-    numpy_random: Any = np.random.get_state.__self__  # type: ignore[attr-defined]
-    if not hasattr(numpy_random, "_bit_generator") or active_count() > 1:  # other threads may draw from it
-        return bool(numpy_random.get_state(legacy=False)["has_gauss"])
-    bits = numpy_random._bit_generator
-    numpy_random._bit_generator = SimpleNamespace(state={"bit_generator": "none"})
-    try:
-        return bool(numpy_random.get_state(legacy=False)["has_gauss"])
-    finally:
-        numpy_random._bit_generator = bits

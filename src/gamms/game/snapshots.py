@@ -11,8 +11,8 @@ from gamms.arguments import annotations_of
 from gamms.deciding import DecidePhase, Guarded, copied_part, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, GammsError
 from gamms.game.facts import PrivateForks
+from gamms.game.global_random import GlobalRandom
 from gamms.game.moves import TurnMoves
-from gamms.game.random_streams import GlobalRandom
 from gamms.game.result import Collectors
 from gamms.game.settings import NamedRule, Plan, RuleSet, Settings
 from gamms.game.slots import COUNTED
