@@ -12,7 +12,7 @@ from gamms import kernels
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import FactsOf
-from gamms.game.order import Commanded, IllegalAction, Legality, ResolvedAction
+from gamms.game.order import Commanded, IllegalAction, Legality, Part, ResolvedAction
 from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -227,36 +227,39 @@ class Decisions:
 
     # -- asking -------------------------------------------------------------------------------------------------
 
-    def ask(self, i: int, state: State) -> None:
-        """Ask the strategy of an agent of any kind."""
-        slot = self.slots[i]
+    def ask(self, i: int, state: State | None) -> None:
+        """Ask the strategy of an agent of any kind, with this state; None: it observes now."""
+        slot, self._phase.agent = self.slots[i], None
+        if state is None:
+            state = self.observe(slot)
         slot.last[0] = state
         if slot.agent.strategy is not None:
             self._put(self._question(i, state))
 
-    def ask_each(
-        self, asked: Sequence[int], individuals: Sequence[tuple[Any, ...]], near: Mapping[int, tuple[int, ...]]
-    ) -> None:
-        """Ask agents one by one, where there are no channels and no time budget.
+    def ask_each(self, part: Part, starts: Sequence[int], near: Mapping[int, tuple[int, ...]]) -> None:
+        """Ask the individuals of a part one by one, where there are no channels and no time budget.
+
+        When it returns, the last of them is still deciding for the phase of the context.
 
         Args:
-            asked: the indices of their slots.
-            individuals: of the agents, see `Part.individuals`.
+            part: the agents.
+            starts: the nodes that these are on.
             near: the nodes that are legal along one edge.
         """
         turn, shared, phase = self._state.turn, self._state.team_memories, self._phase
-        starts, ends = self.starts, self.ends
-        for i, (agent, strategy, template, carried, last) in zip(asked, individuals, strict=True):
+        ends, asked = self.ends, zip(part.asked, starts, part.individuals, strict=True)
+        for i, here, (agent, strategy, template, carried, last) in asked:
             if template is None:
-                self.ask(i, self.observe(self.slots[i]))
+                self.ask(i, None)
                 continue
             # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.
-            legal, sensed = near[here := starts[i]], {}
+            legal, sensed = near[here], {}
             for key, result, kind, look in carried:
                 if look is None:
                     result[0] = seen = [*legal]
                     sensed[key] = kind, seen
                 else:
+                    phase.agent = None
                     look.sense(here)
                     sensed[key] = look.type, result[0]
             last[0] = state = template.copy()
@@ -267,13 +270,11 @@ class Decisions:
             phase.agent = agent
             try:
                 answer = strategy(state)
-                phase.agent = None
                 if answer is not None and hasattr(type(answer), "__await__"):
                     self.wait_for(i, state, answer)
                     continue
                 action = state["action"]
             except Exception as error:  # noqa: BLE001 - a strategy is the caller's code
-                phase.agent = None
                 self.fail(i, state, error)
                 continue
             if type(action) is int and action in legal:
@@ -375,7 +376,7 @@ class Decisions:
 
     def take(self, i: int, state: State) -> None:
         """Take the action that is in the state of an agent."""
-        slot, here = self.slots[i], self.starts[i]
+        slot, here, self._phase.agent = self.slots[i], self.starts[i], None
         if "action" in state:
             action = state["action"]
             if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
@@ -390,6 +391,7 @@ class Decisions:
 
     def fail(self, i: int, state: State, error: Exception) -> None:
         """Handle what a strategy has raised: raise it, or take the default action, by the settings."""
+        self._phase.agent = None
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             self.take(i, state)  # not the strategy's error: it has set no action
             self._note(self._question(i, state))

@@ -235,6 +235,7 @@ class TurnOrder:
         self._moved: RowArray | None = None  # (agents,) how often each has moved, where there are many
         self._blocked: RowArray  # and was stopped by conflicts
         self._turns, self._stayed = 0, list[int]()  # else how many turns there were, and who has stayed in one
+        self._most_stayed = 16 * len(slots)  # then they are added to the counts, so that the list stays short
         self._ended: tuple[int | None, Any] = None, None  # a version of the block, and the node of each then
         self.restart_counts()
         if before is not None and change is not None:
@@ -304,7 +305,7 @@ class TurnOrder:
             # NOTE: in C, and those that stay, who are fewer, because every turn does this (benchmarks: turns).
             self._turns += 1
             self._stayed += compress(self.whole.members, map(eq, starts, ends))
-            if len(self._stayed) > 16 * len(self.slots):  # so that the list stays short
+            if len(self._stayed) > self._most_stayed:
                 self.update_counts()
         else:
             self._moved += np.asarray(starts) != np.asarray(ends)

@@ -82,25 +82,30 @@ class TurnEngine:
         """Return the living agents, as they are asked in a turn."""
         if self._order is not None and self._phase.agent is not None:
             return self._order  # nothing changes while agents decide
-        state, settings, order, block = self._state, self._settings, self._order, self._ctx.agent.block
+        state, block = self._state, self._ctx.agent.block
         if block.flyers:
             block.locate()
-        is_public = not state.agent_facts and not state.team_facts
-        key = (block, self._phase.setting_changes, state.stream_version, is_public, block.structure.version)
-        if order is None or self._order_key != key:
-            refuse_unused(settings)
-            before = None if self._order_key[:-1] != key[:-1] else order
-            if before is None:
-                slots, change = self._slots.of_living((), (), None)
-            else:
-                slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
-            self._note_departed()
-            if change is None:
-                self.update_counts()
-            groups = self._groups if self.is_moving else settings.order
-            order = self._order = TurnOrder(slots, block, settings, groups, before, change)
+        is_public = not (state.agent_facts or state.team_facts)
+        key = block, self._phase.setting_changes, state.stream_version, is_public, block.structure.version
+        if self._order is None or self._order_key != key:
+            self._order = self._order_now(block, key)
             self._order_key, self._near = key, self._ctx.graph.graph.neighborhoods
-        return order
+        return self._order
+
+    def _order_now(self, block: AgentBlock, key: tuple[Any, ...]) -> TurnOrder:
+        """Make the order anew, of what counts that it depends on."""
+        settings = self._settings
+        refuse_unused(settings)
+        before = None if self._order_key[:-1] != key[:-1] else self._order
+        if before is None:
+            slots, change = self._slots.of_living((), (), None)
+        else:
+            slots, change = self._slots.of_living(before.slots, before.names, before.structure_version)
+        self._note_departed()
+        if change is None:
+            self.update_counts()
+        groups = self._groups if self.is_moving else settings.order
+        return TurnOrder(slots, block, settings, groups, before, change)
 
     def living(self) -> list[IAgent]:
         """Return the living agents in the order of their names."""
@@ -354,8 +359,8 @@ class TurnEngine:
             self._stand_on_edges(order, part, decisions)
         self.is_deciding, phase.moment = True, decisions.actions if part.see_world_only else None
         try:
-            if part.is_usual and not observers:
-                decisions.ask_each(part.asked, part.individuals, self._near)
+            if part is order.whole and part.is_usual and not observers:
+                decisions.ask_each(part, starts, self._near)
             else:
                 sees_first = observers or not part.see_world_only
                 seen = self._observe_first(order, part, observers) if sees_first else None
@@ -396,10 +401,12 @@ class TurnEngine:
         """
         slots, observe = decisions.slots, decisions.observe
         if seen is None and part.individuals:
-            decisions.ask_each(part.asked, part.individuals, self._near or self._ctx.graph.graph.neighborhoods)
+            starts, near = decisions.starts, self._near or self._ctx.graph.graph.neighborhoods
+            decisions.ask_each(part, [starts[i] for i in part.asked], near)
+            self._phase.agent = None
         else:
             for i in part.asked:
-                decisions.ask(i, observe(slots[i]) if seen is None else seen[i])
+                decisions.ask(i, None if seen is None else seen[i])
         for commanded in part.commanded:
             if commanded.plan.arrays:
                 decisions.ask_arrays(commanded, seed)

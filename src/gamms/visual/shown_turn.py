@@ -106,7 +106,7 @@ class PastTurns:
     Attributes:
         entries: the turns, or how agents moved in them, the latest last.
         latest: the last one that was played here; None before the first, and after a jump.
-        count: how many turns have ended.
+        count: how many turns have ended that were none of a game.
     """
 
     def __init__(self, ctx: IContext) -> None:
@@ -121,10 +121,12 @@ class PastTurns:
     def end_turn(self) -> None:
         """Note how a turn has ended."""
         # NOTE: games without pictures pay for this in every turn (benchmarks: the loop, turns).
-        ctx, last = self._ctx, self.latest
-        if self._state is None and ctx.current_game is not None:
-            self._state = ctx.current_game.internals.state
-        number, events = (0, 0) if self._state is None else (self._state.turn, len(self._state.events))
+        ctx, last, state = self._ctx, self.latest, self._state
+        if state is None and ctx.current_game is not None:
+            state = self._state = ctx.current_game.internals.state
+        number = events = 0
+        if state is not None:
+            number, events = state.turn, len(state.events)
         names, places = ctx.agent.positions.noted()
         if last is None or number < last[2]:  # or the game was reset
             last = self._begin(names, is_reset=last is not None)
@@ -133,7 +135,8 @@ class PastTurns:
             self.entries = deque(self.entries, min(max(_MOST_PLACES // max(len(names), 1), 1), MOST_TURNS))
         self.latest = now = names, places, number, events, last[0], last[1], last[3]
         self.entries.append(now)
-        self.count += 1
+        if not number:
+            self.count += 1
 
     def forget(self, past: Iterable[Moves] = (), events: int = 0) -> None:
         """Forget all turns; those before the next one are these instead, after which there were so many events."""
