@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import gamms
+from gamms.errors import BadValue
 from gamms.game import travel
 from gamms.game.travel import SLACK, Roads
 from gamms.graph import Graph
@@ -21,7 +22,7 @@ def roads_of(edges, seconds=None):
     graph.add_nodes(IDS, [0.0] * len(IDS), [0.0] * len(IDS))
     graph.add_edges(range(len(edges)), *zip(*edges, strict=True))
     columns = graph.columns()
-    return graph, Roads(graph, columns, columns.lengths, seconds, 2.0)
+    return graph, Roads(graph, columns, "length", seconds, 2.0)
 
 
 def reached_from(roads, edges, node, speed, begun, left):
@@ -61,6 +62,26 @@ def test_nodes_in_reach_are_those_of_a_plain_search_whatever_is_kept(edges, look
             assert list(zip(nodes, times, strict=True)) == list(direct.items())
             assert legal == tuple(dict.fromkeys([*graph.neighborhoods[node], *direct]))
             assert roads._kept <= max(most, len(legal))
+
+
+@given(
+    edges=EDGES,
+    pairs=st.lists(st.tuples(st.sampled_from(IDS), st.sampled_from(IDS)), min_size=1, max_size=12),
+    most=st.sampled_from([3, 1 << 17]),
+)
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_paths_and_distances_are_those_of_the_graph_whatever_is_kept(edges, pairs, most):
+    graph, roads = roads_of(edges)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(travel, "_MOST_KEPT", most)
+        for source, target in pairs:
+            far = graph.distance(source, target, "length")
+            assert roads.distance(source, target) == far
+            if far < inf:
+                assert [source, *roads.path(source, target)] == graph.shortest_path(source, target, "length")
+            else:
+                with pytest.raises(BadValue, match=f"from node {source} to node {target}"):
+                    list(roads.path(source, target))
 
 
 @given(edges=EDGES)

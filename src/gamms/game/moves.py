@@ -291,11 +291,11 @@ class TurnMoves:
 
     # -- turns of several parts -----------------------------------------------------------------------------------
 
-    def let_stand(self, others: Iterable[int], travel: Travel) -> None:
-        """Let agents of slots that are on an edge, and do not move in this part of the turn, stand there."""
-        for i in others:
+    def let_stand(self, paced: Iterable[int], travel: Travel) -> None:
+        """Let agents of slots that are on an edge, and do nothing in this part of the turn, stand there."""
+        for i in paced:
             slot = self.slots[i]
-            place = travel.place(slot.row) if slot.travels else None
+            place = travel.place(slot.row) if slot.travels and i not in self.actions else None
             if place is not None and travel.roads.on(place.edge) is not None:
                 self.go(i, action_of(travel.stay(place, self.starts[i]), place))
 

@@ -60,14 +60,16 @@ class Roads:
     Args:
         graph: with the edges.
         columns: of the graph.
-        costs: (edges,) by the weight of the game.
+        weight: of the game, by which agents find their ways.
         seconds: (edges,) that each takes at least; None: edges have no speed of their own.
         turn_seconds: how long a turn lasts, in the time of speeds.
     """
 
-    def __init__(self, graph: IGraph, columns: GraphColumns, costs: Any, seconds: Any, turn_seconds: float) -> None:
-        self._graph, self._near, self._turn_seconds = graph, graph.neighborhoods, turn_seconds
-        self._columns, self._costs, self._seconds = columns, costs, seconds
+    def __init__(
+        self, graph: IGraph, columns: GraphColumns, weight: str | None, seconds: Any, turn_seconds: float
+    ) -> None:
+        self._graph, self._near, self._weight, self._turn_seconds = graph, graph.neighborhoods, weight, turn_seconds
+        self._columns, self._costs, self._seconds = columns, graph.weights(weight), seconds
         self._row_of = {id: row for row, id in enumerate(columns.node_ids.tolist())}
         self._edge_row_of = {id: row for row, id in enumerate(columns.edge_ids.tolist())}
         # NOTE: kept, because each agent looks around in each turn (benchmarks: travel).
@@ -78,7 +80,9 @@ class Roads:
         self._lines: dict[int, Line] = {}
         self._arcs: dict[tuple[int, float], list[tuple[float, int]]] = {}  # by node and speed: turns and target
         self._reached: dict[tuple[int, float], Reached] = {}  # by node and speed
-        self._kept = 0  # how many nodes are in the last two
+        self._begins: dict[tuple[int, int], list[int]] = {}  # by source and target: the path, or its first nodes
+        self._distances: dict[tuple[int, int], float] = {}  # by source and target
+        self._kept = 0  # how many nodes are in the last four
 
     def road(self, source: int, target: int) -> Road | None:
         """Return the cheapest edge from one node to another; None where there is none."""
@@ -92,9 +96,10 @@ class Roads:
 
     def on(self, edge: int) -> Road | None:
         """Return an edge by its id; None where there is none."""
-        road, row = self._on.get(edge), self._edge_row_of.get(edge)
-        if road is None and row is not None:
-            road = self._on[edge] = self._at(row)
+        road = self._on.get(edge)
+        if road is None:
+            row = self._edge_row_of.get(edge)
+            road = None if row is None else self._on.setdefault(edge, self._at(row))
         return road
 
     def of(self, place: Progress) -> Road:
@@ -158,6 +163,33 @@ class Roads:
             yield Step(next_road, 0.0, 1.0, node)
             at = node
 
+    def path(self, source: int, target: int) -> Iterator[int]:
+        """Yield the nodes behind `source` on the shortest path to `target`.
+
+        Raises:
+            BadValue: no path leads there.
+        """
+        most_edges = 8
+        while source != target:
+            begin = self._begins.get((source, target))
+            if begin is None:
+                try:
+                    begin = self._graph.shortest_path(source, target, self._weight, most_edges=most_edges)[1:]
+                except NoPath as error:
+                    raise BadValue(str(error)) from None
+                self._keep(len(begin))
+                self._begins[source, target] = begin
+            yield from begin
+            source, most_edges = begin[-1], 2 * most_edges
+
+    def distance(self, source: int, target: int) -> float:
+        """Return the distance from one node to another by the weight of the game; infinite where there is no path."""
+        found = self._distances.get((source, target))
+        if found is None:
+            self._keep(1)
+            found = self._distances[source, target] = self._graph.distance(source, target, self._weight)
+        return found
+
     def leg(self, road: Road, begin: float, end: float, since: float, until: float) -> Leg:
         """Return what an agent covers of a road from one time to another."""
         back = self.back(road)
@@ -218,8 +250,8 @@ class Roads:
         """Count nodes that will be kept; what was kept before is forgotten where there are too many."""
         self._kept += nodes
         if self._kept > _MOST_KEPT:
-            self._arcs.clear()
-            self._reached.clear()
+            for kept in (self._arcs, self._reached, self._begins, self._distances):
+                kept.clear()
             self._kept = nodes
 
     def _at(self, row: int) -> Road:
@@ -285,10 +317,10 @@ class Travel:
         graph, settings = self._ctx.graph.graph, self._settings
         key = graph.revision, settings.weight, settings.speed_unit, settings.turn_seconds
         if self._roads is None or key != self._key or key[0] is None:
-            costs, is_by_seconds = graph.weights(settings.weight), settings.speed_unit == "metres_per_second"
-            turn_seconds = settings.turn_seconds if is_by_seconds else 1.0
-            seconds = costs if self._has_speeds else None
-            self._roads, self._key = Roads(graph, self._ctx.graph.columns(), costs, seconds, turn_seconds), key
+            turn_seconds = settings.turn_seconds if settings.speed_unit == "metres_per_second" else 1.0
+            seconds = graph.weights(settings.weight) if self._has_speeds else None
+            roads = Roads(graph, self._ctx.graph.columns(), settings.weight, seconds, turn_seconds)
+            self._roads, self._key = roads, key
         return self._roads
 
     def place(self, row: int) -> Progress | None:
@@ -304,11 +336,13 @@ class Travel:
 
     def stay(self, place: Progress | None, here: int) -> Way:
         """Return the way of an agent that stops where it is: on an edge, or on its node."""
-        return self._ended([here], [self.now], [], place and place._replace(motion=Motion.STOPPED))
+        return self._ended(self.roads, [here], [self.now], [], place and place._replace(motion=Motion.STOPPED))
 
     def go_on(self, place: Progress, here: int, speed: float | None) -> Way:
         """Return the way of an agent that is on its way along an edge, and goes on to the end that it heads for."""
-        return self._advance(speed, here, self.roads.steps(place, here, [], is_back=place.motion == Motion.BACK), place)
+        roads = self.roads
+        steps = roads.steps(place, here, [], is_back=place.motion == Motion.BACK)
+        return self._advance(roads, speed, here, steps, place)
 
     def along(self, place: Progress | None, here: int, speed: float | None, route: list[int]) -> Way:
         """Return the way along nodes that follow each other, as far as the turn goes.
@@ -318,11 +352,11 @@ class Travel:
         """
         if not route:
             return self.stay(place, here)
-        nodes = route[1:] if route[0] == here else route
+        roads, nodes = self.roads, route[1:] if route[0] == here else route
         is_back = place is not None and (not nodes or nodes[0] != place.target)
         if place is not None and not is_back:
             nodes = nodes[1:]
-        return self._advance(speed, here, [*self.roads.steps(place, here, nodes, is_back=is_back)], place)
+        return self._advance(roads, speed, here, [*roads.steps(place, here, nodes, is_back=is_back)], place)
 
     def towards(self, place: Progress | None, here: int, speed: float | None, target: int) -> Way:
         """Return the way towards a node, by the shortest path, as far as the turn goes.
@@ -335,23 +369,23 @@ class Travel:
             if target == here:
                 return self.stay(None, here)
             self._refuse_far(here, target, speed)
-            return self._advance(speed, here, roads.steps(None, here, self._path(here, target), is_back=False), None)
+            steps = roads.steps(None, here, roads.path(here, target), is_back=False)
+            return self._advance(roads, speed, here, steps, None)
         road = roads.of(place)
         may_turn = roads.back(road) is not None
         if target == place.target or (target == here and may_turn):
-            return self._advance(speed, here, roads.steps(place, here, [], is_back=target == here), place)
+            return self._advance(roads, speed, here, roads.steps(place, here, [], is_back=target == here), place)
         if speed is None:
             raise BadValue(no_end(target, here, place.target))
-        graph, weight = self._ctx.graph.graph, self._settings.weight
-        ahead = (1.0 - place.share) * road.cost + graph.distance(place.target, target, weight)
-        behind = place.share * road.cost + graph.distance(here, target, weight) if may_turn else inf
+        ahead = (1.0 - place.share) * road.cost + roads.distance(place.target, target)
+        behind = place.share * road.cost + roads.distance(here, target) if may_turn else inf
         if ahead == behind == inf:
             raise BadValue(
                 str(NoPath(place.target, target) if may_turn or target != here else one_way(place.source, place.target))
             )
         is_back = behind < ahead
-        nodes = self._path(here if is_back else place.target, target)
-        return self._advance(speed, here, roads.steps(place, here, nodes, is_back=is_back), place)
+        nodes = roads.path(here if is_back else place.target, target)
+        return self._advance(roads, speed, here, roads.steps(place, here, nodes, is_back=is_back), place)
 
     def reachable(self, place: Progress | None, here: int, speed: float | None) -> tuple[int, ...]:
         """Return the nodes that an agent may go to: those next to it, then those in reach in this turn.
@@ -363,30 +397,33 @@ class Travel:
         roads = self.roads
         road = None if place is None else roads.on(place.edge)
         if place is None or road is None:
-            return self._legal_from(here, speed, 0.0)
+            return self._legal_from(roads, here, speed, 0.0)
         ahead, behind = roads.turns(road, 1.0 - place.share, speed), roads.turns(road, place.share, speed)
         if self._settings.decide == "arrival" and place.motion in (Motion.FORWARD, Motion.BACK):
-            is_back = place.motion is Motion.BACK
-            return self._legal_from(here, speed, behind) if is_back else self._legal_from(place.target, speed, ahead)
+            next_node, begun = (here, behind) if place.motion is Motion.BACK else (place.target, ahead)
+            return self._legal_from(roads, next_node, speed, begun)
         ends = [(place.target, ahead), *([] if roads.back(road) is None else [(here, behind)])]
         found = [end for end, _ in reversed(ends)]
         if speed is not None:  # else it goes to one of the ends
             near = self._ctx.graph.graph.neighborhoods
-            found += chain(*[near[end] for end, _ in ends], *[self._around(end, speed, begun) for end, begun in ends])
+            found += chain.from_iterable(near[end] for end, _ in ends)
+            found += chain.from_iterable(self._around(roads, end, speed, begun) for end, begun in ends)
         return tuple(dict.fromkeys(found))
 
-    def _legal_from(self, node: int, speed: float | None, begun: float) -> tuple[int, ...]:
+    def _legal_from(self, roads: Roads, node: int, speed: float | None, begun: float) -> tuple[int, ...]:
         """Return the nodes that an agent may go to from a node, where it is in a part of a turn."""
         near = self._ctx.graph.graph.neighborhoods[node]
         if speed is None:
             return tuple(near)
         if begun == self.now == 0.0 and (speed < inf or self._has_speeds):
-            return self.roads.reached(node, speed).legal
-        return tuple(dict.fromkeys([*near, *self._around(node, speed, begun)]))
+            return roads.reached(node, speed).legal
+        return tuple(dict.fromkeys([*near, *self._around(roads, node, speed, begun)]))
 
     # -- what ways are made of --------------------------------------------------------------------------------------
 
-    def _advance(self, speed: float | None, here: int, steps: Iterable[Step], place: Progress | None) -> Way:
+    def _advance(
+        self, roads: Roads, speed: float | None, here: int, steps: Iterable[Step], place: Progress | None
+    ) -> Way:
         """Follow steps until the turn is over, or, where agents decide at each node, as far as the next one."""
         if self._settings.decide == "arrival" or speed is None:
             steps = islice(steps, 1)
@@ -394,7 +431,6 @@ class Travel:
         if speed is None or (speed == inf and not self._has_speeds):
             steps = [*steps]
             endless = self._endless(steps)
-        roads = self.roads
         for road, begin, end, node in steps:
             share = abs(end - begin)
             takes = roads.turns(road, share, speed) if endless is None else share * road.length * endless
@@ -404,7 +440,8 @@ class Travel:
                 if part > 0.0 and 0.0 < at < 1.0:
                     legs.append(roads.leg(road, begin, at, now, 1.0))
                     motion = Motion.FORWARD if end > begin else Motion.BACK
-                    return self._ended(path, times, legs, Progress(road.source, road.target, at, road.edge, motion))
+                    progress = Progress(road.source, road.target, at, road.edge, motion)
+                    return self._ended(roads, path, times, legs, progress)
                 break
             until = now + takes if now + takes < 1.0 - ROUNDED else 1.0
             legs.append(roads.leg(road, begin, end, now, until))
@@ -413,14 +450,13 @@ class Travel:
                 path.append(node)
                 times.append(now)
             place = None
-        return self._ended(path, times, legs, place)
+        return self._ended(roads, path, times, legs, place)
 
-    def _ended(self, path: list[int], times: list[float], legs: list[Leg], place: Progress | None) -> Way:
+    def _ended(self, roads: Roads, path: list[int], times: list[float], legs: list[Leg], place: Progress | None) -> Way:
         """Return a way; one that ends on an edge before the turn does stands there."""
         if place is not None:
             since = legs[-1].until if legs else self.now
             if since < 1.0:
-                roads = self.roads
                 legs.append(roads.leg(roads.of(place), place.share, place.share, since, 1.0))
         return Way(tuple(path), tuple(times), tuple(legs), place)
 
@@ -429,31 +465,20 @@ class Travel:
         metres = sum(abs(step.end - step.begin) * step.road.length for step in steps)
         return (1.0 - self.now) / metres if metres else 0.0
 
-    def _path(self, source: int, target: int) -> Iterator[int]:
-        """Yield the nodes behind `source` on the shortest path to `target`."""
-        graph, weight, edges = self._ctx.graph.graph, self._settings.weight, 8
-        while source != target:
-            try:
-                path: list[int] = graph.shortest_path(source, target, weight, most_edges=edges)
-            except NoPath as error:
-                raise BadValue(str(error)) from None
-            yield from path[1:]
-            source, edges = path[-1], 2 * edges
-
     def _refuse_far(self, here: int, target: int, speed: float | None) -> None:
         near = self._ctx.graph.graph.neighborhoods[here]
         if speed is None and target not in near:
             raise BadValue(f"Node {target} is not next to node {here}; legal are {list(near)}.")
 
-    def _around(self, node: int, speed: float, begun: float) -> Iterable[int]:
+    def _around(self, roads: Roads, node: int, speed: float, begun: float) -> Iterable[int]:
         """Return the nodes within what is left of the turn from a node, where an agent is in a part of a turn."""
         left = 1.0 - self.now
         if speed == inf and not self._has_speeds:
             found: Iterable[int] = self._ctx.graph.graph.distances(source=node)
             return found
         if begun > 0.0:
-            return self.roads.around(node, speed, begun, left)
-        _, nodes, times = self.roads.reached(node, speed)
+            return roads.around(node, speed, begun, left)
+        _, nodes, times = roads.reached(node, speed)
         return nodes[: bisect_right(times, left + SLACK)]
 
     @property

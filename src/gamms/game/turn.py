@@ -280,8 +280,8 @@ class TurnEngine:
         spent, began = self._state.timings, perf_counter()
         ask = self._ask_at_arrivals if part.decides_at_arrivals else self._ask
         turn = self._state.moves = ask(order, part, observers)
-        if order.has_parts and order.whole.paced:
-            turn.let_stand(frozenset(order.whole.paced).difference(part.members), self._legality.travel)
+        if order.whole.paced:
+            turn.let_stand(order.whole.paced, self._legality.travel)
         now = perf_counter()
         spent["decide"] += now - began
         if order.has_deeds or rules.act_before_moves:
@@ -356,7 +356,7 @@ class TurnEngine:
         starts, phase = order.nodes(), self._phase
         decisions = self._decisions.begin(order.slots, starts)
         if part.paced:
-            self._stand_on_edges(order, part, decisions)
+            self._leave_closed_edges(order, part)
         self.is_deciding, phase.moment = True, decisions.actions if part.see_world_only else None
         try:
             if part is order.whole and part.is_usual and not observers:
@@ -421,6 +421,7 @@ class TurnEngine:
         going = {i: place for i, place in places.items() if place is not None and travel.is_going(place)}
         resting = [i for i in part.members if i not in going]
         turn = self._ask(order, Part(slots, resting, order.progress, self._settings), observers)
+        turn.let_stand([i for i in places if i not in going], travel)
         for i, place in going.items():
             turn.go(i, action_of(travel.go_on(place, block.node[slots[i].row], slots[i].speed), place))
         arrivals, asked = Arrivals(turn, block, has_end=self._settings.conflicts is not None), Counter[int]()
@@ -468,11 +469,8 @@ class TurnEngine:
         turn.go_on(i, action._replace(deeds=None))
         return bool(action.legs)
 
-    def _stand_on_edges(self, order: TurnOrder, part: Part, decisions: Decisions) -> None:
-        """Let agents that are on an edge stay there, unless they decide something else; those on a closed one left it.
-
-        An edge that is gone has no places: an agent that was on it is on the node that it had passed last.
-        """
+    def _leave_closed_edges(self, order: TurnOrder, part: Part) -> None:
+        """Let agents on an edge that is gone, which has no places, be on the node that they had passed last."""
         block, travel = self._ctx.agent.block, self._legality.travel
         for i in part.paced:
             slot = order.slots[i]
@@ -480,9 +478,6 @@ class TurnEngine:
             if place is not None and travel.roads.on(place.edge) is None:
                 block.set_progress(slot.row, None)
                 self._block(slot, f"the edge from node {place.source} to node {place.target} was closed")
-            elif place is not None:
-                here = block.node[slot.row]
-                decisions.actions[i] = self._legality.travelled(slot, here, None)
 
     def _note_illegal(self, slot: AgentSlot, message: str) -> None:
         slot.counts["illegal"] += 1
