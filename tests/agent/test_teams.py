@@ -86,6 +86,9 @@ def test_arrays_of_a_team_are_read_only(ctx):
         ("speed", [2, 3, -1], BadValue),
         ("alive", [False, True, 2], BadType),
         ("node_ids", [1, 1, 1], BadValue),
+        ("name", ["a", "b", "c"], BadValue),
+        ("sensors", 1, BadValue),
+        ("_row", 0, BadValue),
     ],
 )
 @pytest.mark.parametrize("has_lost_one", [False, True])
@@ -182,7 +185,7 @@ def test_what_is_impossible_changes_nothing(ctx):
         ctx.agent.create_team("blue", [0, 1], columns={"fuel": [1]})
     with pytest.raises(BadType, match="strategy"):
         ctx.agent.create_team("blue", [0, 1], strategy=5)
-    for column in ("name", "team", "strategy", "sensors", "start_node_id", "type"):
+    for column in ("name", "names", "node_ids", "agents", "team", "strategy", "sensors", "start_node_id", "type"):
         with pytest.raises(BadValue, match=f"'{column}' cannot be one of columns="):
             ctx.agent.create_team("blue", [0, 1], columns={column: ["a", "b"]})
     with pytest.raises(BadType, match="name of a column must be a string, not 3"):

@@ -104,6 +104,11 @@ def test_actions_of_another_form_are_refused_before_a_game_is_played(given, kind
         assert games.turn.tolist() == [0, 0]
 
 
+def test_messages_from_outside_need_a_channel():
+    with scene().batch(2) as games, pytest.raises(BadValue, match=r"Channel 'radio' .* the game has no channels"):
+        games.step({"red": {"messages": {"radio": (True, 1)}}})
+
+
 def opening(ctx):
     ctx.game.emit("opened")
 

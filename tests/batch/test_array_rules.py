@@ -249,8 +249,10 @@ def test_what_it_cannot_do_alone_is_refused():
     def publishes(turn):
         turn.publish("storm", turn.turn)
 
-    with pytest.raises(BadType, match="array_rule needs a function of a turn"):
+    with pytest.raises(BadType, match="An array rule must be a function of a turn"):
         gamms.array_rule(3)
+    with pytest.raises(BadType, match=r"a function of a turn alone, and <lambda>\(turn, agents\) is not"):
+        gamms.array_rule(lambda turn, agents: None)
     with scene().build(seed=1) as ctx:
         ctx.game.add(publishes)
         with pytest.raises(BadValue, match=r"turn\.publish of 'storm' is for forms"):

@@ -84,7 +84,7 @@ def test_games_with_it_go_on_from_snapshots_and_resets():
 
 
 def test_what_it_cannot_do_is_refused():
-    with pytest.raises(BadType, match="array_strategy needs a function"):
+    with pytest.raises(BadType, match="An array strategy must be a function of a view"):
         gamms.array_strategy(3)
 
     @gamms.array_strategy

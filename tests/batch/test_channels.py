@@ -134,7 +134,7 @@ def test_impossible_messages_are_refused(arguments, kind, message):
     with scene([]).batch(2) as games:
         with pytest.raises(UnknownName, match="radio"):
             games.observe("red").heard("radio")
-        with pytest.raises(BadValue, match="there are no channels"):
+        with pytest.raises(BadValue, match="the game has no channels"):
             games.observe("red").send("radio", True, 1)
 
 

@@ -1,9 +1,11 @@
 """AERIAL and AERIAL_AGENT: what is seen along an axis from an agent that flies, or from a fixed place in the air."""
 
+import io
 from math import inf, pi, sqrt
 
 import pytest
 
+import gamms
 from gamms.agent import AgentType
 from gamms.sensor import SensorType, multiply_quaternions, quaternion_to_direction
 
@@ -120,6 +122,29 @@ def test_the_owner_must_be_there_and_fly(ctx, drone, kind):
     sensor.sense(0)
     assert sensor._owner is None
     assert sensor.type is SensorType[kind]
+
+
+def test_an_agent_on_the_ground_may_carry_a_sensor_that_is_fixed_in_the_air(ctx, drone):
+    drone.position = (40.0, 40.0, 40.0)
+    ctx.agent.create_agent("walker", start_node_id=1)
+    tower = ctx.sensor.create_sensor("tower", SensorType.AERIAL, sensor_range=1.0, at=(1.0, 0.0, 0.5))
+    free, stream = ctx.game.snapshot(), io.BytesIO()
+    ctx.record.start(stream)
+    ctx.agent.get_agent("walker").register_sensor("tower", tower)
+    assert list(ctx.agent.get_agent("walker").get_state()["sensor"]["tower"][1]["nodes"]) == [1]
+    carried = ctx.game.snapshot()
+    tower.at = None
+    with pytest.raises(ValueError, match=r"'tower' .* needs an agent that flies; 'walker' does not"):
+        tower.sense()
+    ctx.agent.get_agent("walker").deregister_sensor("tower")
+    ctx.record.stop()
+    ctx.game.restore(carried)
+    assert (tower._owner, tower.at) == ("walker", (1.0, 0.0, 0.5))
+    ctx.game.restore(free)
+    assert tower._owner is None
+    with gamms.create_context() as other:
+        list(other.record.replay(io.BytesIO(stream.getvalue())))
+        assert (other.sensor.sensors["tower"].at, other.agent.get_agent("walker").sensors) == (None, {})
 
 
 def test_two_drones_may_share_a_sensor(ctx, drone):

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.errors import BadType
-from gamms.strategies import chase, first, flee, human, mix, patrol, random_walk, stay
+from gamms.strategies import chase, first, flee, goto, human, mix, patrol, random_walk, stay
 
 
 def says(action):
@@ -57,6 +57,9 @@ def test_what_is_no_strategy_is_refused():
     for make in (lambda: first(stay, 3), lambda: mix(0.5, stay, 3), lambda: mix(0.5, 3, stay), lambda: human(3)):
         with pytest.raises(TypeError, match="must be a function of the state, not 3"):
             make()
+    with pytest.raises(TypeError, match=r"goto makes such a function: call it, goto\(…\)"):
+        mix(0.5, stay, goto)
+    assert inspect.signature(stay).parameters["state"].default is inspect.Parameter.empty
     with pytest.raises(ValueError, match="one strategy at least"):
         first()
     for p in (-0.1, 1.5, float("nan")):

@@ -31,7 +31,8 @@ def _speed(speed: Any, name: str) -> float | None:
 
 _OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _speed}
 """Columns of agents in their block -> the check of a value."""
-_NO_COLUMNS = frozenset({"name", "start_node_id", "sensors", "team", "strategy", "type", "agent_type"})
+_NO_COLUMNS = frozenset({"name", "names", "node_ids", "agents", "start_node_id", "sensors", "team", "strategy"})
+_NO_COLUMNS |= {"type", "agent_type"}
 _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
     "current_node_id": lambda agent, node: agent._known(node),
     "prev_node_id": lambda agent, node: agent._known(node),
@@ -257,8 +258,7 @@ class Team:
             BadValue: there are more or fewer values than agents, or one cannot be; nothing has changed then.
             BadType: `where` is no array of booleans.
         """
-        if as_name(column, "an attribute") == "node_ids":
-            raise BadValue("Members are put on nodes by 'current_node_id', and go along edges by team.move(node_ids).")
+        _refuse_fixed(column)
         chosen = np.ones(len(self), np.bool_) if where is None else as_array(where, "where= of a team", "booleans")
         if chosen.shape != (len(self),):
             raise BadType(f"where= of a team is an array ({len(self)},) of booleans, not {shown(where)}.")
@@ -365,6 +365,15 @@ def is_attribute(column: str) -> bool:
     return not hasattr(Agent, column) or type(vars(BaseAgent).get(column)) is Attribute
 
 
+def _refuse_fixed(column: str) -> None:
+    """Refuse what is no column of a team that can be set."""
+    if as_name(column, "an attribute") == "node_ids":
+        raise BadValue("Members are put on nodes by 'current_node_id', and go along edges by team.move(node_ids).")
+    settable = {*_OF_BLOCK, *_OF_MEMBERS}
+    if column not in settable and not is_attribute(column):
+        raise BadValue(f"{column!r} of agents cannot be set; {', '.join(sorted(settable))} and names of your own can.")
+
+
 def column_of(values: list[Any]) -> Column:
     """Return one value for each agent as an array, of objects unless all are of one kind of number."""
     kinds = set(map(type, values))
@@ -415,7 +424,10 @@ def values_in(columns: object, count: int) -> dict[str, list[Any]]:
     given = as_mapping(columns, "columns")
     for column in given:
         if as_name(column, "a column") in _NO_COLUMNS:
-            raise BadValue(f"{column!r} cannot be one of columns=: create_team gives all members the same, or a name.")
+            raise BadValue(
+                f"{column!r} cannot be one of columns=: it follows from the other arguments of create_team. Use them, "
+                "or another name."
+            )
     return {column: each_of(value, count, column) for column, value in given.items()}
 
 

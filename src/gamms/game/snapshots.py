@@ -150,6 +150,7 @@ class SnapshotTaker(NamedTuple):
         """Restore everything but the random streams; with `forget`, sensors forget what they have sensed."""
         ctx, state, parts = self.ctx, self.state, snapshot._parts
         ctx.graph.storage.restore(parts["world"])
+        ctx.sensor.storage.restore_keywords(parts["sensors"])
         ctx.agent.storage.restore(parts["agents"])
         ctx.sensor.storage.restore(parts["sensors"], forget=forget)
         if self.settings.settings() != parts["settings"]:

@@ -98,11 +98,11 @@ class FlyingSensor(Sensor):
 
     @refused_while_deciding
     def set_owner(self, owner: str | None) -> None:
-        """Name the aerial agent that carries the sensor; None for no agent.
+        """Name the agent that carries the sensor; None for no agent.
 
         Raises:
             UnknownName (KeyError): there is no such agent.
-            BadValue (ValueError): it does not fly.
+            BadValue (ValueError): it does not fly, and no place is fixed.
         """
         self._refuse_ground_agent(owner)
         super().set_owner(owner)
@@ -113,18 +113,23 @@ class FlyingSensor(Sensor):
         return super().view_from(node_id, owner)
 
     def _refuse_ground_agent(self, owner: str | None) -> None:
-        if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL:
+        if owner is not None and self.ctx.agent.get_agent(owner).type is not AgentType.AERIAL and self._at is None:
             raise BadValue(
                 f"Sensor {self.sensor_id!r} ({self.type}) needs an agent that flies; {owner!r} does not. "
-                "Create it with type=AgentType.AERIAL, or fix the sensor with at=(x, y, z) and let no agent carry it."
+                "Create it with type=AgentType.AERIAL, or fix the sensor with at=(x, y, z)."
             )
 
     def pose(self) -> Pose | None:
-        """Return the pose of the sensor; None while no agent carries it and no place is fixed."""
+        """Return the pose of the sensor; None while no agent carries it and no place is fixed.
+
+        Raises:
+            BadValue: an agent on the ground carries it, and its place is fixed no longer.
+        """
         if self._at is not None:
             return Pose(np.array(self._at), kernels.quaternion_to_direction(self._quat))
         if self._owner is None:
             return None
+        self._refuse_ground_agent(self._owner)
         owner = cast("IAerialAgent", self.ctx.agent.get_agent(self._owner))
         turned = kernels.multiply_quaternions(owner.quat, self._quat)
         return Pose(np.array(owner.position), kernels.quaternion_to_direction(turned))

@@ -250,9 +250,18 @@ class SensorStorage(Guarded):
         return SensorsSnapshot(settings, [sensed() for sensed, _ in settings.memories])
 
     @refused_while_deciding
+    def restore_keywords(self, before: SensorsSnapshot) -> None:
+        """Set the sensors as they were set, before agents carry them again: it says which agents may."""
+        if self._settings() is not before.settings:
+            for sensor, keywords in zip(before.settings.sensors, before.settings.keywords, strict=True):
+                if keywords is not None and _keywords_of(sensor) != keywords:
+                    _set(sensor, keywords)
+
+    @refused_while_deciding
     def restore(self, before: SensorsSnapshot, *, forget: bool = False) -> None:
         """Restore the sensors; with `forget`, they forget what they have sensed, also those of the caller's classes."""
         if self._settings() is not before.settings:
+            self.restore_keywords(before)
             self._set_all(before.settings)
         if not forget:
             for (_, restore), sensed in zip(before.settings.memories, before.sensed, strict=True):
@@ -310,14 +319,12 @@ class SensorStorage(Guarded):
         return known
 
     def _set_all(self, settings: SensorSettings) -> None:
-        """Restore which sensors there are, and their settings."""
+        """Restore which sensors there are, and who carries them."""
         self._engine._sensors.clear()
-        for sensor, owner, keywords in zip(settings.sensors, settings.owners, settings.keywords, strict=True):
+        for sensor, owner in zip(settings.sensors, settings.owners, strict=True):
             self._engine._sensors[sensor.sensor_id] = sensor
             if owner_of(sensor) != owner:
                 sensor.set_owner(owner)
-            if keywords is not None and _keywords_of(sensor) != keywords:
-                _set(sensor, keywords)
         self._phase.sensor_changes += 1
         self._known_settings = settings._replace(changes=self._counts())
 

@@ -27,6 +27,7 @@ from gamms.strategies.knowledge import (
 from gamms.strategies.travel import random_walk
 from gamms.text import shown_as_called
 from gamms.typing.game import State, Strategy
+from gamms.typing.routes import made_last
 
 
 @shown_as_called
@@ -182,4 +183,4 @@ def _matching(ctx: Context, team: Hashable, mates: dict[str, int], enemies: dict
         return {mate: names[column] for mate, column, row in pairs if row[column] < inf}
 
     # NOTE: all agents of a team ask for the same one in a turn (500 agents: 0.2 s instead of 100).
-    return ctx.graph.routes.latest(("assign", team), (mates, enemies), make)
+    return made_last(ctx.graph.routes, ("assign", team), (mates, enemies), make)

@@ -45,6 +45,7 @@ from gamms.strategies.travel import random_walk, stay
 from gamms.text import shown_as_called
 from gamms.typing import AgentType, IContext
 from gamms.typing.game import NodeId, State, Strategy
+from gamms.typing.routes import made_last
 
 _MOST_AT_ONCE = 1 << 22  # nodes that are compared at once
 
@@ -275,8 +276,11 @@ def safest_exit(ctx: Context, exits: Iterable[NodeId], otherwise: Strategy | Non
     def strategy(state: State) -> None:
         here, enemies = node_of(state, "safest_exit"), enemies_in_sight(ctx, state, "safest_exit")
         paces, graph = by_pace(ctx, enemies), ctx.graph.graph
-        first, reached = ctx.graph.routes.latest(
-            ("safest_exit", state["team"], ends), paces, lambda: (_first_there(ctx, paces, ends), _in_reach(ctx, paces))
+        first, reached = made_last(
+            ctx.graph.routes,
+            ("safest_exit", state["team"], ends),
+            paces,
+            lambda: (_first_there(ctx, paces, ends), _in_reach(ctx, paces)),
         )
         weight, speed = pace_of(ctx, state.get("name"))
 
@@ -368,8 +372,8 @@ def follow_belief(
 def _meeting_node(ctx: Context, state: State, enemies: dict[str, int], goals: tuple[int, ...]) -> int | None:
     """Return the node on the likely path of an enemy where the agent is first that it reaches in time."""
     paces = by_pace(ctx, enemies)
-    nodes, of, arrivals = ctx.graph.routes.latest(
-        ("intercept", state["team"], goals), paces, lambda: _likely_paths(ctx, paces, goals)
+    nodes, of, arrivals = made_last(
+        ctx.graph.routes, ("intercept", state["team"], goals), paces, lambda: _likely_paths(ctx, paces, goals)
     )
     own = turns_from(ctx, state.get("name"), [state["curr_pos"]], nodes)[0][of]
     late = np.maximum(0.0, own - arrivals)

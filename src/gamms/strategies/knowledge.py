@@ -14,7 +14,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_int, as_items
+from gamms.arguments import as_function_of, as_int, as_items
 from gamms.context import Context
 from gamms.errors import BadType, BadValue, MissingKey, NoPath, UnknownName
 from gamms.game.batch.device_view import DeviceView, columns_of, with_others
@@ -35,7 +35,6 @@ from gamms.game.batch.view import (
 )
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
-from gamms.text import shown
 from gamms.typing import IContext
 from gamms.typing.game import AerialState, NodeId, State, Strategy
 from gamms.typing.sensor_engine import SensorType
@@ -197,10 +196,9 @@ def as_strategy(value: F, name: str) -> F:
     """Check that a value is a function of the state.
 
     Raises:
-        BadType: it cannot be called, or is an `async def`.
+        BadType: it cannot be called with a state, makes such a function, or is an `async def`.
     """
-    if not callable(value):
-        raise BadType(f"{name} must be a function of the state, not {shown(value)} ({type(value).__name__}).")
+    as_function_of(value, name, "the state")
     if iscoroutinefunction(value) or iscoroutinefunction(getattr(value, "__call__", None)):  # noqa: B004 - it is looked at
         raise BadType(f"{name} must not be an async def: await it in an async def of your own.")
     return value

@@ -27,6 +27,7 @@ from gamms.strategies.knowledge import (
 from gamms.strategies.travel import stay
 from gamms.text import shown_as_called
 from gamms.typing.game import NodeId, State, Strategy
+from gamms.typing.routes import made_last
 
 _MOST_AT_ONCE = 1 << 22  # nodes among which the nearest are looked for at once
 _FARTHER = (4.0, 16.0, 64.0, np.inf)  # mean lengths of edges: how far these are looked for first, then, and last
@@ -268,7 +269,7 @@ def _parts(ctx: Context, team: Hashable, chosen: tuple[int, ...] | None, number:
         ids = ctx.graph.columns().node_ids.tolist() if chosen is None else chosen
         return [set(part.tolist()) for part in _bisected(np.array(ids), ctx.graph.graph.positions(ids), number)]
 
-    return ctx.graph.routes.latest(("sweep", team, chosen), number, make)
+    return made_last(ctx.graph.routes, ("sweep", team, chosen), number, make)
 
 
 def _bisected(ids: IntArray, xy: FloatArray, number: int) -> list[IntArray]:

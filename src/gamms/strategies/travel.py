@@ -7,7 +7,7 @@ from typing import Any, TypeVar, overload
 
 import numpy as np
 
-from gamms.arguments import as_context, as_count, as_float, as_int
+from gamms.arguments import as_context, as_count, as_float, as_int, signature_of
 from gamms.context import Context
 from gamms.errors import BadType, BadValue
 from gamms.game.batch.device_view import DeviceView
@@ -47,6 +47,7 @@ def _called_with_a_state(strategy: F) -> F:
     """Let a strategy that is called without a state, like the functions that make one, say so itself."""
     # NOTE: a default, because a wrapper would be called in every turn of every agent (benchmarks: turns).
     function: Any = strategy
+    function.__signature__ = signature_of(strategy)  # without the default
     function.__defaults__ = (None,)
     return strategy
 

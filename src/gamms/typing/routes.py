@@ -254,23 +254,6 @@ class RouteQueries:
         self._tree: tuple[int, geometry.LineTree] | None = None
         self._latest: dict[Hashable, tuple[object, Any]] = {}  # Any: what callers make
 
-    def latest(self, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
-        """Return what `make` gives, or what it gave when this slot was asked last, if for this graph and an equal key.
-
-        For strategies, of what many agents ask for in a turn. It must depend on nothing but the graph and the key.
-
-        Args:
-            slot: what it is and whose, such as the names of the strategy and of the team.
-            key: what it is made from.
-            make: makes it; it is not to be changed.
-        """
-        now, (known, made) = (self._columns().revision, key), self._latest.get(slot, (None, None))
-        if known != now:
-            made = make()
-            self._latest[slot] = now, made
-        found: MadeT = made
-        return found
-
     def k_shortest_paths(self, source: int, target: int, k: int, weight: str | None = "length") -> list[list[int]]:
         """Return up to `k` shortest paths without circles from one node to another, the shortest first.
 
@@ -435,3 +418,22 @@ class RouteQueries:
             ends = np.stack((columns.xy[columns.sources], columns.xy[columns.targets]), axis=1)
             self._tree = columns.revision, geometry.LineTree(ends, columns.polylines)
         return self._tree[1]
+
+
+def made_last(queries: RouteQueries, slot: Hashable, key: object, make: Callable[[], MadeT]) -> MadeT:
+    """Return what `make` gives, or what it gave when this slot was asked last, if for this graph and an equal key.
+
+    For shipped strategies, of what many agents ask for in a turn. It must depend on nothing but the graph and the key.
+
+    Args:
+        queries: of the graph, with which it is kept.
+        slot: what it is and whose, such as the names of the strategy and of the team.
+        key: what it is made from.
+        make: makes it; it is not to be changed.
+    """
+    now, (known, made) = (queries._columns().revision, key), queries._latest.get(slot, (None, None))
+    if known != now:
+        made = make()
+        queries._latest[slot] = now, made
+    found: MadeT = made
+    return found

@@ -8,7 +8,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_context
+from gamms.arguments import as_context, as_function_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.begun import BEGINS, Begins
 from gamms.game.batch.channels import Heard, Radio
@@ -66,18 +66,17 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
     """
     if of is not None:
         return form_declared(of, "array_strategy")
-    if not callable(form):
-        raise BadType(f"array_strategy needs a function of a view, not {shown(form)}.")
-    name = getattr(form, "__name__", "array strategy")
+    function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
+    name = getattr(function, "__name__", "array strategy")
 
     def make(ctx: IContext) -> Callable[[Any], None]:
         as_context(ctx, name)
         internals = cast("HostContext", ctx).game.internals
 
         def strategy(state: dict[str, Any]) -> None:
-            view = _ViewOfOne(ctx, state, internals, takes_any=hasattr(form, TAKES_ANY_LEGAL))
+            view = _ViewOfOne(ctx, state, internals, takes_any=hasattr(function, TAKES_ANY_LEGAL))
             view.lock()
-            given, action = form(view), None
+            given, action = function(view), None
             if not view.flies:
                 action = state["legal"][int(view.checked(given, name)[0, 0])]
             done = view.plain_deeds()
@@ -88,10 +87,10 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
             else:
                 state["action"] = {"node_id": action, "do": done} if done else action
 
-        form_declared(strategy, name)(form)
-        return _documented(strategy, form)
+        form_declared(strategy, name)(function)
+        return _documented(strategy, function)
 
-    return _documented(make, form)
+    return _documented(make, function)
 
 
 @overload
@@ -126,19 +125,18 @@ def array_rule(
         declare = form_declared(of, "array_rule")
         of.__dict__.update({} if begins is None else {BEGINS: begins})
         return declare
-    if not callable(form):
-        raise BadType(f"array_rule needs a function of a turn, not {shown(form)}.")
-    name = getattr(form, "__name__", "array rule")
+    function: ArrayRule = as_function_of(form, "An array rule", "a turn")
+    name = getattr(function, "__name__", "array rule")
 
     def rule(ctx: IContext) -> None:
         as_context(ctx, name)
         turn = _TurnOfOne(cast("HostContext", ctx))
         turn.lock()
-        form(turn)
+        function(turn)
 
     rule.__dict__.update({IN_ARRAYS_ALONE: True, BEGINS: _kept_alone})
-    form_declared(rule, name)(form)
-    return _documented(rule, form)
+    form_declared(rule, name)(function)
+    return _documented(rule, function)
 
 
 def _kept_alone(ctx: HostContext, state: GameArrays) -> dict[Hashable, Arrays]:

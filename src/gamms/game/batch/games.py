@@ -324,11 +324,11 @@ class Batch:
                 each.
         """
         numbers = self._numbers_of(which)
-        if not numbers:
-            return
-        given = [self.seeds[game] for game in numbers] if seeds is None else as_seeds(None, 0, seeds)
+        given = [self.seeds[game] for game in numbers] if seeds is None else _integers(seeds)
         if len(given) != len(numbers):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
+        if not numbers:
+            return
         changed, of_all = dict(zip(numbers, given, strict=True)), [*self.seeds]
         for game, seed in changed.items():
             of_all[game] = seed
@@ -579,6 +579,10 @@ class Batch:
         return np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
 
 
+def _integers(seeds: object) -> tuple[int, ...]:
+    return tuple([as_int(one, "Each of seeds") for one in as_items(seeds, "seeds", "integers")])
+
+
 def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
     """Return the seeds of a batch: those that were given, or so many that follow each other."""
     if seeds is None:
@@ -588,7 +592,7 @@ def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
         return range(first, first + as_count(num_games, "num_games"))
     if as_int(seed, "seed"):
         raise BadValue(f"batch got seed={shown(seed)} and seeds: give one of both.")
-    given = tuple(as_int(one, "Each of seeds") for one in as_items(seeds, "seeds", "integers"))
+    given = _integers(seeds)
     if not given:
         raise BadValue("seeds is empty: a batch has at least one game.")
     if num_games is not None and as_count(num_games, "num_games") != len(given):

@@ -311,9 +311,10 @@ class ArrayView(Mapping[str, Any]):
             BadType, BadValue: a team may not use the channel, a body is not plain, or no strategy is asked.
         """
         radio = self._state.radio
-        if self.outboxes is None or radio is None:
-            why = "there are no channels" if radio is None else "it is for strategies that are asked"
-            raise BadValue(f"view.send cannot be used: {why}.")
+        if radio is None:
+            raise BadValue(f"Channel {shown(channel)} cannot be used: the game has no channels. Declare it before.")
+        if self.outboxes is None:
+            raise BadValue("view.send cannot be used: it is for strategies that are asked.")
         chosen = as_array(where, "where", "booleans", self.node.shape) & self.mask
         number = len(self.outboxes)
         self.outboxes.append(radio.checked(channel, chosen, self.games, self.agents, to, body, number))
