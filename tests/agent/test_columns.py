@@ -6,8 +6,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms.ir.agents import BY_ROW, AgentBlock
-from gamms.ir.columns import Selection, Succession
-from gamms.ir.journal import CLOSED
+from gamms.ir.columns import Selection, Succession, copied_ids
+from gamms.ir.journal import CLOSED, Journal
 from gamms.ir.positions import Positions
 
 
@@ -318,3 +318,35 @@ def test_a_deletion_is_noted_by_name_and_the_rows_of_others_as_they_are_then():
     assert change.of(list("abcd"), ["b'", "c'"]) == ["a", "b'", "c'"]
     assert Selection([1, 3, 2, 0]).after(change).rows == [0, 1, 2]
     assert block.structure.since(version - 1) is None
+
+
+MANY = 5000
+
+
+@pytest.mark.parametrize(
+    ("size", "first", "bits"), [(MANY, 2**30 - 1, 32), (MANY, 2**30, 64), (MANY, -1, 64), (9, 1, 64), (0, 0, 64)]
+)
+def test_many_small_ids_are_copied_in_half_the_memory(size, first, bits):
+    ids = np.arange(size)
+    ids[:1] = first
+    copy = copied_ids(ids)
+    assert (copy.tolist(), copy.itemsize) == (ids.tolist(), bits // 8)
+    with pytest.raises(ValueError, match="read-only"):
+        copy[:] = 0
+
+
+def test_recordings_and_pictures_have_one_copy_of_where_all_members_went_until_an_agent_moves_again():
+    block = AgentBlock(journal=Journal([f"a{i}" for i in range(MANY)]))
+    block.add_all([f"a{i}" for i in range(MANY)], [0] * MANY, "red")
+    block.use_arrays()
+    positions = Positions(block)
+    before = positions.noted()[1]
+    ends = np.arange(MANY)
+    block.move_all(Selection(list(range(MANY))), ends.data)
+    after, (_, moves) = positions.noted()[1], block.journal.log[-1]
+    assert np.shares_memory(after, moves.nodes)
+    ends += 1
+    block.move(7, 3)
+    assert [*before] == [0] * MANY
+    assert [*after] == moves.nodes.tolist() == [*range(MANY)]
+    assert [*positions.noted()[1]] == [*range(7), 3, *range(8, MANY)]

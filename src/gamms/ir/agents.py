@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from gamms.errors import BadValue
-from gamms.ir.columns import ChangeLog, RowsByName, Selection, StructureLog, drop
+from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, StructureLog, copied_ids, drop
 from gamms.ir.events import COLUMN_EVENTS
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import CLOSED, PLAIN, Journal
@@ -112,6 +112,7 @@ class AgentBlock:
         removed: the rows of agents that were removed; `close_up` closes them up.
         journal: how it writes: plainly (`PLAIN`), noting what it writes, or not at all (`CLOSED`).
         rows: of the agents, by their names.
+        copied: copies of `node` where that is a view of an array.
         structure: which rows came, went, died, returned, or got another team, speed, sensor or strategy.
         trusts_nodes: whether any integer is taken for a node, because a recording is replayed whose map has changed.
         under_way: where agents are within a turn, where some of them decide while others go on.
@@ -119,7 +120,7 @@ class AgentBlock:
 
     __slots__ = (
         *(*BY_ROW, "_buffers", "_changed", "_have_all_changed", "_logs", "_located_revision", "_unlocated"),
-        *("_version", "flyers", "graph", "inactive", "journal", "removed", "rows", "structure", "travellers"),
+        *("_version", "copied", "flyers", "graph", "inactive", "journal", "removed", "rows", "structure", "travellers"),
         *("trusts_nodes", "under_way"),
     )
 
@@ -151,6 +152,7 @@ class AgentBlock:
         self._buffers: dict[str, IntArray] = {}  # of columns that are views of arrays, which may be longer
         self._changed: set[int] = set()  # rows; not published yet
         self._have_all_changed = False
+        self.copied = CopiedIds()
         self._logs: list[ChangeLog] = []
         self.under_way = UnderWay(self)
         self._unlocated: set[int] = set()  # rows of flyers that have moved since their node was found
@@ -336,7 +338,9 @@ class AgentBlock:
             ids = journal.ids
             journal.log += [number for row, node in zip(rows.rows, nodes, strict=True) for number in (ids[row], node)]
         elif len(nodes):
-            journal.moved(rows.ascending, rows.in_order(nodes, self.node))
+            do_all = len(rows.rows) == len(self.node) and self.has_arrays
+            copy = self.copied.of(self.node, self.version) if do_all else copied_ids(rows.in_order(nodes))
+            journal.moved(rows.ascending, copy)
 
     def _move_arrays(self, rows: Selection, nodes: Sequence[int]) -> None:
         node, previous = np.asarray(self.node), np.asarray(self.previous)
@@ -375,16 +379,14 @@ class AgentBlock:
         """Return where on an edge an agent is; None: on its node, or in the air."""
         if row not in self.travellers:
             return None
-        place_at = self.under_way.places.get(row)
-        if place_at is not None:
+        if (place_at := self.under_way.places.get(row)) is not None:
             return place_at(self.under_way.time)
         progress = self.progress[row]
         return progress if progress is not None and progress.source == self.node[row] else None
 
     def set_progress(self, row: int, progress: Progress | None) -> None:
         """Set how far along an edge an agent is."""
-        before = self.progress[row]
-        if before != progress:
+        if self.progress[row] != progress:
             self.progress[row] = progress
             self._follow_progress(row)
             if not self.journal.is_silent:
@@ -393,11 +395,9 @@ class AgentBlock:
     def _follow_progress(self, row: int) -> None:
         """Keep `travellers` as the column of progress says."""
         progress = self.progress[row]
-        if progress is not None and progress.motion:
-            self.travellers.add(row)
-            self._changed.add(row)
-        elif row in self.travellers:
-            self.travellers.discard(row)
+        is_on_edge = progress is not None and progress.motion
+        if is_on_edge or row in self.travellers:
+            (self.travellers.add if is_on_edge else self.travellers.discard)(row)
             self._changed.add(row)
 
     def fly(self, row: int, position: Position, node: int | None = None) -> None:

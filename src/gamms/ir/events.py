@@ -48,7 +48,7 @@ class Moves(NamedTuple):
     """A move of each of many agents, in place of their ints in a log."""
 
     movers: Movers
-    nodes: IntArray  # (agents,): ids, of 32 bits if they are small
+    nodes: IntArray  # (agents,): ids, of 32 bits where there are many small ones
 
     @property
     def pairs(self) -> IntArray:

@@ -9,8 +9,6 @@ from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Log, 
 from gamms.ir.graph import IntArray
 from gamms.plain import Plain
 
-_SMALL_IDS = 1 << 30  # their differences have 32 bits, too
-
 
 class Journal:
     """Notes the events of one context since a recording began; a block of agents writes into it.
@@ -44,12 +42,10 @@ class Journal:
         self.log.append((kind, data))
 
     def moved(self, rows: IntArray, nodes: IntArray) -> None:
-        """Note the moves of many agents: rows, each once, and ids of nodes, (agents,) each; the nodes are copied."""
+        """Note the moves of many agents: rows, each once, and ids of nodes, (agents,) each, which stay as they are."""
         if self._last_movers is None or self._last_movers[0] is not rows:
             self._last_movers = rows, Movers(np.array(self.ids, np.int64).take(rows))
-        # NOTE: half of the memory is a third of the time of writing them (benchmarks: teams, recorded).
-        is_small = int(nodes.astype(np.int64, copy=False).view(np.uint64).max()) < _SMALL_IDS  # none is negative, too
-        self.log.append((MOVES, Moves(self._last_movers[1], nodes.astype(np.int32 if is_small else np.int64))))
+        self.log.append((MOVES, Moves(self._last_movers[1], nodes)))
         self.in_arrays += 2 * len(rows) - 1
 
     def flew(self, row: int, node: int, position: tuple[float, float, float]) -> None:

@@ -75,15 +75,16 @@ class Positions:
         """The ids (agents,) of the nodes before their last moves."""
         return self._block.previous
 
-    def noted(self) -> tuple[Sequence[str], MutableSequence[Any]]:
+    def noted(self) -> tuple[Sequence[str], Sequence[Any]]:
         """Return the names and `places`, to be kept; the names are one list until agents come, go or change."""
         block = self._block
         if self._noted_at != block.structure.version:
             self._noted, self._noted_at = list(block.names), block.structure.version
-        # NOTE: in line, for every turn (benchmarks: turns).
-        if type(block.node) is list and not (block.flyers or block.travellers):
-            return self._noted, block.node.copy()
-        return self._noted, self.places
+        if block.flyers or block.travellers:
+            return self._noted, self.places
+        # NOTE: in line, for every turn (benchmarks: turns; teams).
+        node = block.node
+        return self._noted, node.copy() if type(node) is list else block.copied.of(node, block.version).data
 
     @property
     def places(self) -> MutableSequence[Any]:
