@@ -315,6 +315,43 @@ def _advanced(near, target, here, ahead, offset, speed):
     return (end, end, 0.0) if target == end or left == 0.0 else (end, target, -left)
 
 
+def memories(agents):
+    """Turns in which all agents of a team write into its memory, against bare Python that copies and compares dicts."""
+
+    def make(turns=3):
+        ctx = lattice(30)
+
+        def strategy(state):
+            state["team_memory"][state["name"]] = {"seen": {state["turn"]: state["curr_pos"]}}
+            state["action"] = state["curr_pos"]
+
+        for i in range(agents):
+            ctx.agent.create_agent(f"a_{i}", team="red", start_node_id=i, strategy=strategy)
+        ctx.game.step()
+
+        def ours():
+            ctx.game.run(turns)
+            return turns * agents
+
+        def floor():
+            shared = {f"a_{i}": {"seen": {0: i}} for i in range(agents)}
+            for turn in range(turns):
+                copies, after = [], dict(shared)
+                for i in range(agents):
+                    copy = {name: {key: dict(one) for key, one in known.items()} for name, known in shared.items()}
+                    state = {"team_memory": copy, "name": f"a_{i}", "turn": turn, "curr_pos": i}
+                    strategy(state)
+                    copies.append(copy)
+                for copy in copies:
+                    after |= {name: known for name, known in copy.items() if known != shared[name]}
+                shared = after
+            return turns * agents
+
+        return ours, floor
+
+    return make
+
+
 CITY_SENSORS = {"near": ST.NEIGHBOR, "around": ST.RANGE, "others": ST.AGENT_RANGE}
 
 

@@ -92,6 +92,7 @@ CASES = [
     Case("scenario: turns of 10 flyers", "agent-step", cases.flyers(), "bare Python that finds the nodes below"),
     Case("scenario: turns of 100 agents by metres", "agent-step", cases.by_metres(), KEYS),
     Case("scenario: messages of 100 agents to all", "delivery", cases.messages(100), "dicts that are put into lists"),
+    Case("scenario: 300 agents that share a memory", "agent-step", cases.memories(300), "dicts copied and compared"),
     Case("scenario: a game of 5 against 5 after a reset", "game", lambda: batches.one_by_one(is_fresh=False), KEYS),
     Case("scenario: a game of 5 against 5 in a new context", "game", lambda: batches.one_by_one(is_fresh=True), KEYS),
     Case("scenario: 5 against 5 by reset(seed)", "game", lambda: batches.of_scenario(is_fresh=False), KEYS),

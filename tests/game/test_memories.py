@@ -1,10 +1,11 @@
 """What agents remember, alone and together."""
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gamms.game.team_memory import memory_copy
+from gamms.game.team_memory import copier_of, memory_copy
 from gamms.game.team_memory import merged_memory as merged
 
 
@@ -84,7 +85,7 @@ def test_what_is_nested_in_a_teams_memory_is_a_copy_too(ctx):
     ],
 )
 def test_how_copies_become_one(before, copies, after):
-    assert merged(before, [(str(i), copy) for i, copy in enumerate(copies)]) == after
+    assert merged(before, copies) == after
 
 
 VALUES = st.integers(0, 2) | st.sets(st.integers(0, 3)) | st.lists(st.integers(0, 3), max_size=3)
@@ -93,12 +94,70 @@ MEMORIES = st.dictionaries(st.sampled_from("xyz"), VALUES | st.dictionaries(st.s
 
 @given(MEMORIES, MEMORIES)
 def test_one_writer_alone_has_its_way(before, copy):
-    assert merged(before, [("a", copy)]) == copy
+    assert merged(before, [copy]) == copy
 
 
 @given(MEMORIES, MEMORIES)
 def test_who_writes_nothing_changes_nothing(before, copy):
-    assert merged(before, [("a", before), ("b", copy), ("c", before)]) == copy
+    assert merged(before, [before, copy, before]) == copy
+
+
+PARTS = (
+    st.integers(0, 2) | st.just(float("nan")) | st.tuples(st.integers(0, 2)) | st.builds(np.arange, st.integers(0, 2))
+)
+NESTED = st.recursive(
+    PARTS,
+    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from("ab"), inner) | st.tuples(inner),
+    max_leaves=8,
+)
+
+
+@given(st.dictionaries(st.sampled_from("xyz"), NESTED, min_size=1))
+def test_copies_are_equal_and_what_is_written_into_one_is_in_no_other(memory):
+    def containers(value):
+        parts = [*value.values()] if isinstance(value, dict) else [*value] if isinstance(value, (list, tuple)) else []
+        own = [value] if isinstance(value, (dict, list, np.ndarray)) else []
+        return own + [one for part in parts for one in containers(part)]
+
+    copier = copier_of(memory)
+    copies = [copier(), copier()]
+    assert repr(copies) == repr([memory, memory])
+    kept = [one for given in (memory, *copies) for one in containers(given)]  # so that no id is used again
+    assert len({*map(id, kept)}) == len(kept)
+
+
+NUMBERS = st.integers(0, 2) | st.just(float("nan"))
+
+
+@given(
+    st.dictionaries(st.sampled_from("wxyz"), NUMBERS),
+    st.lists(st.dictionaries(st.sampled_from("vwxyz"), NUMBERS | st.none()), max_size=4),
+    st.booleans(),
+)
+def test_the_last_of_those_that_changed_a_key_counts(before, writes, anew):
+    """Those that write None remove the key; they change their copies, or put others in their places."""
+    copies, after = [], dict(before)
+    for written in writes:
+        copy = {**written, **before} if anew else dict(before)
+        copies.append({key: one for key, one in (copy | written).items() if one is not None})
+    for key in "vwxyz":
+        old, new = before.get(key), [copy.get(key) for copy in copies]
+        changed = [one for one in new if one is not old and one != old]
+        values = [one for one in changed if one is not None]
+        if values:
+            after[key] = values[-1]
+        elif changed:
+            del after[key]
+    assert merged(before, copies) == after
+
+
+def test_arrays_in_a_memory_are_taken_as_changed_where_they_are_others():
+    old, new = np.arange(3), np.arange(3)
+    before = {"map": old, "at": 1}
+    assert merged(before, [{"map": old, "at": 1}, {"map": old, "at": 1}]) is before
+    after = merged(before, [{"map": new, "at": 1}, {"map": old, "at": 2}])
+    assert (after["map"].tolist(), after["at"]) == ([0, 1, 2], 2)
+    assert after["map"] is not new
 
 
 def test_a_copy_has_containers_of_its_own_which_are_the_same_where_those_before_were():

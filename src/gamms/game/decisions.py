@@ -1,6 +1,6 @@
 """What is decided in one turn: by strategies, by plans of teams, and by those of both that are awaited."""
 
-from collections.abc import Awaitable, Callable, Mapping, MutableSequence, Sequence
+from collections.abc import Awaitable, Callable, Hashable, Mapping, MutableSequence, Sequence
 from functools import cached_property, partial
 from operator import itemgetter
 from time import perf_counter
@@ -17,7 +17,7 @@ from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.game.streets import LegalNodes
-from gamms.game.team_memory import Writes, differs, memory_copy, merged_memory
+from gamms.game.team_memory import Memory, copier_of, merged_memory
 from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
@@ -184,7 +184,7 @@ class Decisions:
         observe: gives the state of an agent now.
 
     Attributes:
-        observe: as given.
+        observe, state: as given.
         slots: of all agents.
         starts: the nodes they are on.
         actions: what agents do that not only go to a node, by slot; of each part a dict of its own.
@@ -192,8 +192,8 @@ class Decisions:
     """
 
     __slots__ = (
-        *("_ends", "_failures", "_legality", "_phase", "_settings", "_state", "_written"),
-        *("actions", "awaited", "observe", "slots", "starts"),
+        *("_copiers", "_ends", "_failures", "_legality", "_phase", "_settings", "_written"),
+        *("actions", "awaited", "observe", "slots", "starts", "state"),
     )
 
     def __init__(
@@ -204,7 +204,7 @@ class Decisions:
         legality: Legality,
         observe: Callable[[AgentSlot], State],
     ) -> None:
-        self._settings, self._state = settings, state
+        self._settings, self.state = settings, state
         self._phase, self._legality, self.observe = phase, legality, observe
         self.begin([], [])
 
@@ -216,6 +216,7 @@ class Decisions:
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
         self.awaited: list[tuple[_Question, Any]] = []
         self._ends: Any = None  # until they are asked for
+        self._copiers: dict[Any, Callable[[], Memory]] = {}  # of the memories of teams
         return self
 
     @property
@@ -246,7 +247,7 @@ class Decisions:
             starts: the nodes that these are on.
             near: the nodes that are legal along one edge.
         """
-        turn, shared, phase = self._state.turn, self._state.team_memories, self._phase
+        turn, shared, phase = self.state.turn, self.state.team_memories, self._phase
         ends, asked = self.ends, zip(part.asked, starts, part.individuals, strict=True)
         for i, here, (agent, strategy, template, carried, last) in asked:
             if template is None:
@@ -266,7 +267,7 @@ class Decisions:
             state["curr_pos"] = here
             state["sensor"] = sensed
             state["turn"], state["legal"] = turn, legal
-            state["team_memory"] = memory_copy(shared.get(template["team"], {})) if shared else {}
+            state["team_memory"] = self.team_memory(template["team"]) if shared else {}
             phase.agent = agent
             try:
                 answer = strategy(state)
@@ -315,10 +316,16 @@ class Decisions:
         elif self._settings.legal != "any":
             slots = [self.slots[i] for i in indices]
             legal = LegalNodes(*self._legality.reachable_each(slots, nodes.tolist()))
-        known = memory_copy(self._state.team_memories.get(commanded.team, {}))
-        facts = FactsOf(self._state, commanded.team, None)
-        given = TeamArrays(commanded, self._state.turn, seed, nodes, legal, facts, known)
+        facts = FactsOf(self.state, commanded.team, None)
+        given = TeamArrays(commanded, self.state.turn, seed, nodes, legal, facts, self.team_memory(commanded.team))
         self._put_plan(commanded, given)
+
+    def team_memory(self, team: Hashable) -> Memory:
+        """Return a copy of what a team remembers, which may be written to."""
+        copier = self._copiers.get(team)
+        if copier is None:
+            copier = self._copiers[team] = copier_of(self.state.team_memories.get(team, {}))
+        return copier()
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
         """Collect what an agent's strategy decides later with all others that are awaited."""
@@ -362,8 +369,8 @@ class Decisions:
         for i, kind, message in failures:
             slot = self.slots[i]
             slot.counts[COUNT_OF.get(kind, kind)] += 1
-            error = {"turn": self._state.turn, "agent": slot.name, "kind": kind, "message": message}
-            self._state.errors.append(error)
+            error = {"turn": self.state.turn, "agent": slot.name, "kind": kind, "message": message}
+            self.state.errors.append(error)
         if self._written:
             self._merge_team_memories()
         return [(i, _REASONS.get(kind, message)) for i, kind, message in failures]
@@ -490,12 +497,12 @@ class Decisions:
         """Handle an action that is not legal: raise the error, or keep the agent where it is, by the settings."""
         if self._settings.on_illegal == "raise":
             name = self.slots[i].name
-            raise IllegalAction(f"Agent {shown(name)} in turn {self._state.turn}: {error}") from error
+            raise IllegalAction(f"Agent {shown(name)} in turn {self.state.turn}: {error}") from error
         self._failures.append((i, "illegal", f"{type(error).__name__}: {error}"))
 
     def _fail(self, question: _Question, error: BaseException) -> None:
         if self._settings.on_error == "raise":
-            error.add_note(f"In the {question.name}, in turn {self._state.turn}.")
+            error.add_note(f"In the {question.name}, in turn {self.state.turn}.")
             raise error
         self._miss(question, "error", f"{type(error).__name__}: {error}")
 
@@ -515,7 +522,7 @@ class Decisions:
             try:
                 action = action(state)
             except Exception as error:
-                error.add_note(f"In ctx.game.default_action for agent {slot.name!r}, in turn {self._state.turn}.")
+                error.add_note(f"In ctx.game.default_action for agent {slot.name!r}, in turn {self.state.turn}.")
                 raise
             finally:
                 self._phase.agent = None
@@ -530,17 +537,17 @@ class Decisions:
         else:
             copies = [state.get("team_memory") for state in question.states()]
         for i, copy in zip(question.indices, copies, strict=False):
-            if copy or self.slots[i].team in self._state.team_memories:
+            if copy or self.slots[i].team in self.state.team_memories:
                 self.note(i, copy)
 
     def _merge_team_memories(self) -> None:
         """Make one memory of what the members of each team have written."""
-        shared = self._state.team_memories
-        writes: dict[Any, Writes] = {}
+        shared = self.state.team_memories
+        written: dict[Any, list[Memory]] = {}
         for i, copy in sorted(self._written, key=itemgetter(0)):
-            slot = self.slots[i]
-            writes.setdefault(slot.team, []).append((slot.name, copy if isinstance(copy, dict) else {}))
-        for team, copies in writes.items():
+            written.setdefault(self.slots[i].team, []).append(copy if isinstance(copy, dict) else {})
+        for team, copies in written.items():
             before = shared.get(team, {})
-            if any(differs(copy, before) for _, copy in copies):
-                shared[team] = memory_copy(merged_memory(before, copies))
+            after = merged_memory(before, copies)
+            if after is not before:
+                shared[team] = after

@@ -19,7 +19,6 @@ from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
 from gamms.game.order import Legality, Part, ResolvedAction, TurnOrder, action_of, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
-from gamms.game.team_memory import memory_copy
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
 from gamms.ir.obstacles import BoolArray
@@ -182,13 +181,13 @@ class TurnEngine:
         sensed = slot.agent.sense()
         for name in slot.foreign:
             sensed[name] = _own_copy(name, *sensed[name])
-        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._state, self._inboxes)
+        return self.observed(slot, self._ctx.agent.block.node[slot.row], sensed, self._decisions, self._inboxes)
 
     def observed(
-        self, slot: AgentSlot, here: int, sensed: dict[str, Any], game: GameState, inboxes: Inboxes
+        self, slot: AgentSlot, here: int, sensed: dict[str, Any], decisions: Decisions, inboxes: Inboxes
     ) -> dict[str, Any]:
-        """Return the state of an agent in a game, which sees this from where it is."""
-        block, row = self._ctx.agent.block, slot.row
+        """Return the state of an agent, to be asked for a decision, which sees this from where it is."""
+        block, row, game = self._ctx.agent.block, slot.row, decisions.state
         state = slot.template.copy()
         state["sensor"] = sensed
         if slot.flies:
@@ -209,7 +208,7 @@ class TurnEngine:
         state["turn"] = game.turn
         known = game.team_memories.get(slot.team)  # read in any case: batches know by it who looks at observations
         if self._settings.team_memory:
-            state["team_memory"] = memory_copy(known) if known else {}
+            state["team_memory"] = decisions.team_memory(slot.team) if known else {}
         if self._settings.channels:
             state["inbox"], state["outbox"] = inboxes.of(slot.name), []
         return state

@@ -134,9 +134,8 @@ class _Team:
                 agent.current_node_id = sent["curr_pos"]
             states[name] = state
         self._decide(states)
-        copies = [(name, state["team_memory"]) for name, state in states.items() if "team_memory" in state]
-        if copies:
-            self._memory = merged_memory(self._memory, [(name, _as_dict(copy)) for name, copy in copies])
+        copies = [_as_dict(state["team_memory"]) for state in states.values() if "team_memory" in state]
+        self._memory = merged_memory(self._memory, copies)
         return {
             "type": "turn",
             "question": question["question"],

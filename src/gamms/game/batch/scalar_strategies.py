@@ -287,7 +287,7 @@ class ScalarStrategies:
             for sensor, (key, last, *_, look) in zip(agent.sensors.values(), slot.carried, strict=True):
                 (look or sensor).sense(where if getattr(sensor, "looks_from_points", False) else node)
                 sensed[key] = sensor.type, last[0]
-            found = turns.observed(slot, node, sensed, state, players.inboxes)
+            found = turns.observed(slot, node, sensed, decisions, players.inboxes)
             self._targets.legal[slot.name] = found["legal"]
             return found
 
