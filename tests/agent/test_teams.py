@@ -117,6 +117,9 @@ def test_what_a_team_is_asked_wrongly_is_explained(ctx):
             team[index]
     with pytest.raises(BadType, match="must be a string, not 3"):
         team.set(3, 5)
+    for name in ("name", "names"):
+        with pytest.raises(AttributeError, match=f"team.{name} cannot be set: it is given"):
+            setattr(team, name, "blue")
     team.set("hat", "tall", where=[True, False])
     with pytest.raises(UnknownName, match=r"Unknown attribute of Agent\('red_1', current_node_id=1\): 'hat'"):
         team["hat"]

@@ -299,6 +299,7 @@ MISTAKES = {
         BadValue,
         "first",
     ),
+    "an array to keep": (lambda turn: turn.keep("k", np.zeros(2)), BadType, "is a function of the number of games"),
     "one kept array": (lambda turn: turn.keep("k", np.zeros), BadType, "returns name -> array"),
 }
 

@@ -220,6 +220,8 @@ def test_a_batch_needs_games_that_can_end_and_a_number_of_them():
         scene().batch(3, seeds=[1, 2])
     with pytest.raises(BadValue, match="seed=7 and seeds: give one"):
         scene().batch(seed=7, seeds=[1, 2])
+    with scene().batch(2) as games, pytest.raises(BadType, match="progress must be True or False, not 10"):
+        games.run(10)
     with scene(max_turns=None).batch(2) as games, pytest.raises(BadValue, match="could end"):
         games.run()
 

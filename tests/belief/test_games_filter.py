@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 import gamms
 from gamms.belief import Filter, GamesFilter, random_walk, to_goals
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 
 
 def street(ctx):
@@ -75,6 +75,8 @@ def test_arrays_of_other_shapes_are_refused():
         filter = GamesFilter(street(ctx), random_walk(), 3)
         with pytest.raises(BadValue, match=r"seen needs the shape \(3, 6\)"):
             filter.update(np.zeros((6, 3)))
+        with pytest.raises(BadType, match=r"ctx.graph.columns\(\), not GraphEngine"):
+            GamesFilter(ctx.graph, random_walk(), 3)
         with pytest.raises(BadValue, match=r"found needs the shape \(3, 1\)"):
             filter.update(np.zeros((3, 6)), np.zeros(3, np.int64))
         with pytest.raises(BadValue, match="seen must be from 0 to 1, not 2"):

@@ -67,6 +67,7 @@ def test_variants_can_be_listed():
         ({"data.gaol": [1]}, ScenarioError, "Give it a first value"),
         ({"seed": [1]}, BadValue, "give seeds"),
         ({"max_turns": []}, BadValue, "no values"),
+        ({"max_turns": [1, 2, 1]}, BadValue, "'max_turns' in vary is there twice"),
         ({"strategies.red": [lambda state: None, lambda state: None]}, BadValue, "Give a dict of names"),
     ],
 )

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 import gamms
 from gamms import cli, recordings, rendering
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 from gamms.rendering import Fog, RenderOptions
 from gamms.rules import capture_flag, territory
 from gamms.sensor import SensorType
@@ -173,6 +173,25 @@ def test_turns_that_are_no_numbers_are_a_matter_of_usage(game, tmp_path):
     done = run(game, tmp_path / "x.png", "--turns", "a:b")
     assert done.exit_code == 2
     assert "100:200" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("name", "options", "flaw"),
+    [
+        ("x.svg", ("--fps", 5), "A file .svg has no fps"),
+        ("x.png", ("--frames-per-turn", 5), "A file .png has no frames_per_turn"),
+        ("x.html", ("--width", 5, "--no-captions"), "A file .html has no width, captions"),
+    ],
+)
+def test_options_that_a_file_cannot_show_are_refused(game, tmp_path, name, options, flaw):
+    done = run(game, tmp_path / name, *options)
+    assert (done.exit_code, list(tmp_path.iterdir())) == (1, [])
+    assert flaw in done.stderr
+
+
+def test_options_of_another_kind_are_refused(game, tmp_path):
+    with pytest.raises(BadType, match="options are RenderOptions"):
+        rendering.render(game, tmp_path / "x.svg", {"last": 2})
 
 
 def test_a_film_needs_a_turn(tmp_path):

@@ -323,13 +323,14 @@ def test_an_observation_that_compares_games_gets_all_of_them_when_some_begin_aga
     assert games.learners.observe(np.array([1]))[..., 0].tolist() == [[3] * 4]
 
 
-def test_observations_may_be_yes_and_no():
+def test_observations_may_be_yes_and_no(caplog):
     env = rl.parallel_env(scene(), team="red", observation=lambda view: view["xy"] > 20.0)
     observed, _ = env.reset(seed=1)
     space = env.observation_space("red_0")["observation"]
     assert (space.low.tolist(), space.high.tolist(), space.dtype) == ([0, 0], [1, 1], np.int8)
     assert space.contains(observed["red_0"]["observation"])
     assert env.render() is None
+    assert "make the environment with render_mode='rgb_array'" in caplog.text
 
 
 def test_wrong_arguments_are_refused_by_name():

@@ -171,7 +171,9 @@ class Team:
             raise AttributeError(f"A team has no attribute {name!r}: team[{name!r}] is that of its members.")
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Refuse to set what would be an attribute of the team, and not of its members."""
+        """Refuse to set what would be an attribute of the team, and not of its members; its names stay."""
+        if name in vars(self) and name[0] != "_":
+            raise AttributeError(f"team.{name} cannot be set: it is given when the team is created.")
         if name[0] != "_" and name not in ("name", "names"):
             raise AttributeError(f"team.{name} cannot be set: team.set({name!r}, …) sets that of its members.")
         object.__setattr__(self, name, value)

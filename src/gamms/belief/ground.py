@@ -5,8 +5,9 @@ from hashlib import blake2b
 
 import numpy as np
 
-from gamms.errors import UnknownName
+from gamms.errors import BadType, UnknownName
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.text import shown
 
 Arc = tuple[int, int, float]  # ids of both ends, length
 
@@ -85,5 +86,11 @@ class Ground:
 
 @lru_cache(maxsize=4)
 def ground_of(columns: GraphColumns) -> Ground:
-    """Return the map of a revision of a graph, made once."""
+    """Return the map of a revision of a graph, made once.
+
+    Raises:
+        BadType: these are no columns of a graph.
+    """
+    if not isinstance(columns, GraphColumns):
+        raise BadType(f"The map of a filter is the columns of a graph, ctx.graph.columns(), not {shown(columns)}.")
     return Ground(columns)

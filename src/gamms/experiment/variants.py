@@ -82,7 +82,10 @@ def _named(key: str, values: object) -> list[tuple[Plain, Any]]:
     if isinstance(values, Mapping):
         return [(name, value) for name, value in values.items()]
     names = _Names(key)
-    return [(names.of(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")]
+    found = [(names.of(value), value) for value in as_items(values, f"The values of {shown(key)} in vary", "values")]
+    if len({(type(name), name) for name, _ in found}) < len(found):
+        raise BadValue(f"A value of {shown(key)} in vary is there twice: {shown(values)}.")
+    return found
 
 
 class _Names:

@@ -11,8 +11,9 @@ from typing import Any, Literal
 from gamms import recorder, recordings
 from gamms.arguments import as_known, as_target
 from gamms.context import Context
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
+from gamms.text import shown
 from gamms.typing import PictureOptions
 from gamms.typing.recorder import pages
 from gamms.visual.backends import FILMS, FORMATS
@@ -25,6 +26,8 @@ __all__ = ["Fog", "RenderOptions", "render"]
 _VIEW_M, _VIEW_EDGES = 400.0, 30.0  # around the agent that is followed: on a real map, and on any other
 
 _PAGE = ".html"
+_OF_FILMS = ("fps", "frames_per_turn")  # options that say nothing of other files
+_OF_PICTURES = ("view", "width", "height", "fit", "scale_bar", "north", "captions")  # and of films
 
 Show = Callable[[str], None]
 
@@ -94,7 +97,8 @@ def render(
         The turn that a picture shows, or how many turns are in the film or on the page.
 
     Raises:
-        BadValue: turns that are not there, a format that cannot be written, or a team that cannot see.
+        BadValue: turns that are not there, options that say nothing of such a file, a format that cannot be written,
+            or a team that cannot see.
         UnknownName (KeyError): there is no such agent or team.
         RecordingError (ValueError): the recording is damaged; no file is written.
         MissingExtra (ImportError): a library is not installed.
@@ -103,6 +107,7 @@ def render(
     options, out = options or RenderOptions(), Path(out)
     if (suffix := out.suffix.lower()) != _PAGE and suffix not in FORMATS and suffix not in FILMS:
         raise BadValue(f"Cannot write {out.suffix or out.name!r}; there is: {', '.join((*FILMS, *FORMATS, _PAGE))}.")
+    _refuse_unused(suffix, options)
     total = _checked_turns(path, options)
     if suffix == _PAGE:
         return _save_page(path, out, options, map)
@@ -110,6 +115,17 @@ def render(
         renderer = _Renderer(ctx, options, total, show)
         make = renderer.film if suffix in FILMS else renderer.picture
         return make(ctx.record.replay(os.fspath(path)), out)
+
+
+def _refuse_unused(suffix: str, options: RenderOptions) -> None:
+    """Refuse options that say nothing of a kind of file."""
+    if not isinstance(options, RenderOptions):
+        raise BadType(f"options are RenderOptions(…), not {shown(options)}.")
+    unused = () if suffix in FILMS else _OF_FILMS if suffix in FORMATS else (*_OF_FILMS, *_OF_PICTURES)
+    default = RenderOptions()
+    given = [name for name in unused if getattr(options, name) != getattr(default, name)]
+    if given:
+        raise BadValue(f"A file {suffix} has no {', '.join(given)}: leave out what says how pictures or films look.")
 
 
 def _save_page(

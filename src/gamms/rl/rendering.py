@@ -34,6 +34,9 @@ def prepare(learners: Learners, mode: RenderMode) -> None:
 def rendered(learners: Learners, mode: str | None) -> np.ndarray[Any, np.dtype[np.uint8]] | None:
     """Return a picture of the first game as it is now, (height, width, 3), or show it in its window."""
     if mode is None:
+        learners.games.game.ctx.logger.warning(
+            "render() shows nothing: make the environment with render_mode='rgb_array' or 'human'."
+        )
         return None
     visual = learners.games.context(0).visual
     if mode == "human":

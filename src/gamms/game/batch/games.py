@@ -275,9 +275,9 @@ class Batch:
             progress: show how far it is on a line of stderr, where that is a terminal.
 
         Raises:
-            BadValue: nothing could ever end these games.
+            BadType, BadValue: `progress` is no flag, or nothing could ever end these games.
         """
-        game = self._source.game
+        is_shown, game = as_bool(progress, "progress"), self._source.game
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         if self._why_slower is not None and not self._steps:
@@ -285,7 +285,7 @@ class Batch:
             self._engine = OneByOneEngine(self._source.game, self._roster, self.seeds)
         with progress_line() as show:
             if isinstance(self._engine, OneByOneEngine):
-                self._run_one_by_one(self._engine, show if progress else None)
+                self._run_one_by_one(self._engine, show if is_shown else None)
                 return
             if self.slow is not None and not self._is_said:
                 self._is_said = True
@@ -294,7 +294,7 @@ class Batch:
                 self.step()
                 self._play_apart(to_the_end=True)
                 self._show_apart()
-                if progress:
+                if is_shown:
                     over = int(self._engine.is_over.sum())
                     show(f"{over} of {len(self)} games over, turn {int(self._engine.turns().max())}")
 

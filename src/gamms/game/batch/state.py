@@ -410,6 +410,8 @@ class GameArrays:
                 make = partial(_repeated, first)
             elif self.has_begun:
                 raise NotTakenUp(f"it is not known what is kept under {shown(key)} of the turns before the batch")
+            if not callable(make):
+                raise BadType(f"make of keep(key, make) is a function of the number of games, not {shown(make)}.")
             known = make(len(self))
             _refuse_other_arrays(known, len(self))
             self.kept[key], self._makers[key] = known, make
