@@ -15,10 +15,11 @@ from gamms.game.order import ResolvedAction, TurnOrder, action_of
 from gamms.game.slots import LazySlots
 from gamms.game.streets import Streets
 from gamms.game.travel import Travel
-from gamms.ir.agents import AgentBlock, Motion, Progress
+from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import copied_column
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion, Progress
 from gamms.kernels.draws import BitArray
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.game import Deed, EdgePlace, Leg, Move, Track

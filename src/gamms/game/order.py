@@ -19,9 +19,10 @@ from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, LazySlots
 from gamms.game.streets import Streets
 from gamms.game.travel import Travel, Way
-from gamms.ir.agents import AgentBlock, Position, Progress, Quat
+from gamms.ir.agents import AgentBlock, Position, Quat
 from gamms.ir.columns import Selection, Succession
 from gamms.ir.graph import IntArray, RowArray
+from gamms.ir.progress import Progress
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
 from gamms.typing.actions import as_node, flight, heading_in

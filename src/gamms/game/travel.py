@@ -13,8 +13,8 @@ from typing import Any, NamedTuple
 
 from gamms.errors import BadValue, NoPath, UnknownName
 from gamms.game.settings import Settings
-from gamms.ir.agents import Motion, Progress
 from gamms.ir.graph import GraphColumns
+from gamms.ir.progress import Motion, Progress
 from gamms.typing.context import HostContext
 from gamms.typing.game import Leg
 from gamms.typing.graph_engine import IGraph

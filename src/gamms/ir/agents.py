@@ -3,10 +3,9 @@
 from bisect import bisect_left
 from collections.abc import Callable, Hashable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from enum import IntEnum
 from itertools import compress, count
 from operator import not_
-from typing import Any, NamedTuple, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -15,31 +14,12 @@ from gamms.ir.columns import ChangeLog, CopiedIds, RowsByName, Selection, Struct
 from gamms.ir.events import COLUMN_EVENTS
 from gamms.ir.graph import IntArray
 from gamms.ir.journal import CLOSED, PLAIN, Journal
+from gamms.ir.progress import Progress
 
 Position = tuple[float, float, float]  # x, y, z; map units
 Quat = tuple[float, float, float, float]  # w, x, y, z; of length 1
 
 UNTURNED: Quat = (1.0, 0.0, 0.0, 0.0)
-
-
-class Motion(IntEnum):
-    """How an agent that has covered part of an edge counts."""
-
-    NONE = 0  # as on the node that the edge leads from: games that count edges know no places between nodes
-    FORWARD = 1  # as on the edge, on its way to the end of it
-    BACK = 2  # as on the edge, on its way back
-    STOPPED = 3  # as on the edge
-
-
-class Progress(NamedTuple):
-    """How much of an edge an agent on the ground has covered, short of its end."""
-
-    source: int  # node id; the last one that the agent has passed
-    target: int  # node id
-    share: float  # of the edge; more than 0, less than 1
-    edge: int = 0  # id of the edge that it is on, unless its motion is NONE
-    motion: int = Motion.NONE
-
 
 PlaceAt = Callable[[float], Progress | None]  # a time of the turn, from 0 to 1 -> where on an edge; None: on the node
 
@@ -379,7 +359,8 @@ class AgentBlock:
         """Return where on an edge an agent is; None: on its node, or in the air."""
         if row not in self.travellers:
             return None
-        if (place_at := self.under_way.places.get(row)) is not None:
+        place_at = self.under_way.places.get(row)
+        if place_at is not None:
             return place_at(self.under_way.time)
         progress = self.progress[row]
         return progress if progress is not None and progress.source == self.node[row] else None
@@ -395,9 +376,11 @@ class AgentBlock:
     def _follow_progress(self, row: int) -> None:
         """Keep `travellers` as the column of progress says."""
         progress = self.progress[row]
-        is_on_edge = progress is not None and progress.motion
-        if is_on_edge or row in self.travellers:
-            (self.travellers.add if is_on_edge else self.travellers.discard)(row)
+        if progress is not None and progress.motion:
+            self.travellers.add(row)
+            self._changed.add(row)
+        elif row in self.travellers:
+            self.travellers.discard(row)
             self._changed.add(row)
 
     def fly(self, row: int, position: Position, node: int | None = None) -> None:

@@ -145,7 +145,7 @@ def _speed(value: object, name: str) -> Any:
 
 
 ON_EDGES = ("edge_source", "edge_target", "edge_share", "edge_id", "edge_motion")
-"""The columns that hold an `ir.agents.Progress`; the last two may be missing in games that count edges."""
+"""The columns that hold an `ir.progress.Progress`; the last two may be missing in games that count edges."""
 
 _FIELDS = {  # fields of these names; all others hold any plain value
     "agent_name": Field(Role.AGENT, as_name),

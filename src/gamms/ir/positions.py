@@ -6,9 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from gamms.ir.agents import AgentBlock, Progress
+from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import ChangeLog, copied_column
 from gamms.ir.graph import FloatArray, IntArray, read_only
+from gamms.ir.progress import Progress
 
 _FEW = 8  # where fewer than one row in so many has changed, arrays are copied and changed instead of made again
 

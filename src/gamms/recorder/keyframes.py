@@ -10,11 +10,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from gamms.ir.agents import ARRAYS as BLOCK_ARRAYS
-from gamms.ir.agents import NUMBERS, Motion, Progress
+from gamms.ir.agents import NUMBERS
 from gamms.ir.deflated import LARGE_COLUMN
 from gamms.ir.events import LOGGED, ON_EDGES, as_blocked, as_looks, as_over, set_scores
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import FloatArray, IntArray
+from gamms.ir.progress import Motion, Progress
 from gamms.plain import Plain, plain_subset, to_plain
 from gamms.readonly import published
 from gamms.recorder.errors import Damaged
@@ -419,7 +420,7 @@ def checked_shares(values: Plain) -> FloatArray:
 
 
 def checked_motions(values: object) -> IntArray:
-    """Return how agents move on their edges, (agents,), as `ir.agents.Motion` numbers it.
+    """Return how agents move on their edges, (agents,), as `ir.progress.Motion` numbers it.
 
     Raises:
         Damaged: a number stands for none.

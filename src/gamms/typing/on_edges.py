@@ -6,7 +6,7 @@ from math import hypot
 from typing import Any, NamedTuple, Self
 
 from gamms.errors import ContextTerminated, UnknownName
-from gamms.ir.agents import Motion, Progress
+from gamms.ir.progress import Motion, Progress
 from gamms.typing.graph_engine import IGraph
 
 

@@ -11,8 +11,8 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_int, as_key
 from gamms.errors import BadType, BadValue, ContextTerminated, NotOffered, UnknownName
-from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, GraphColumns, IntArray
+from gamms.ir.progress import Progress
 from gamms.ir.sensed import SensorView
 from gamms.text import shown
 from gamms.typing import IAerialAgent, IAgent, IContext, ISensor, SensorType

@@ -9,8 +9,8 @@ import numpy as np
 from gamms.game.batch.columns import PlayedGame, agents_of
 from gamms.game.batch.state import STOPPED, Arrays, GameArrays
 from gamms.game.slots import COUNTED
-from gamms.ir.agents import Motion
 from gamms.ir.graph import IntArray
+from gamms.ir.progress import Motion
 from gamms.typing import AgentType, IAgent
 
 Begins = Callable[[Any, GameArrays], Mapping[Hashable, Arrays]]

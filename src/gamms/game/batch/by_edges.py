@@ -9,9 +9,9 @@ from gamms import kernels
 from gamms.game.batch.movement import AIMS, BY_HOPS, Movement, Moves, Paths
 from gamms.game.order import SLACK, ResolvedAction, edges_within
 from gamms.game.streets import Streets
-from gamms.ir.agents import Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Progress
 
 _MOST_KNOWN = 1 << 25  # legal nodes that are kept
 _AT_ONCE = 1 << 12  # choices of which the largest is looked for

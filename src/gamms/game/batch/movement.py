@@ -13,9 +13,9 @@ from gamms.game.batch.columns import some_rows
 from gamms.game.batch.routes import RouteTable, shared_routes
 from gamms.game.order import ResolvedAction
 from gamms.game.streets import Streets
-from gamms.ir.agents import Motion, Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion, Progress
 from gamms.typing.game import Leg
 
 STOP = (1 << 32) - 1  # the action of stopping where one is, in games by metres
@@ -95,7 +95,7 @@ class Paths(NamedTuple):
         rests: (games, agents) who is on the last node from when it is reached to 1.
         legs: in games by metres.
         edge: in games by metres, (games, agents): the row of the edge that an agent is on at the end; -1: on its node.
-        motion: likewise, how it moves there, see `ir.agents.Motion`.
+        motion: likewise, how it moves there, see `ir.progress.Motion`.
     """
 
     nodes: IntArray

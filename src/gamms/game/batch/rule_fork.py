@@ -16,10 +16,10 @@ from gamms.game.moves import Refusals, TurnMoves
 from gamms.game.order import ResolvedAction, TurnOrder
 from gamms.game.settings import NamedRule
 from gamms.game.snapshots import SnapshotTaker, Start
-from gamms.ir.agents import Progress
 from gamms.ir.columns import Selection
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray
+from gamms.ir.progress import Progress
 from gamms.plain import copied, is_same, why_not_plain
 from gamms.text import shown
 from gamms.typing import IAgent

@@ -19,9 +19,9 @@ from gamms.game.batch.turn import ArrayTurn
 from gamms.game.order import ResolvedAction
 from gamms.game.result import Collector
 from gamms.game.settings import NamedRule
-from gamms.ir.agents import Progress
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Progress
 from gamms.text import as_code
 
 

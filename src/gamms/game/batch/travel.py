@@ -19,9 +19,9 @@ from gamms.game.moves import SHORT
 from gamms.game.order import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.game.travel import ROUNDED, SLACK, no_end, one_way
-from gamms.ir.agents import Motion, Progress
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray
+from gamms.ir.progress import Motion, Progress
 from gamms.text import as_code
 from gamms.typing import AgentType
 from gamms.typing.game import Leg
@@ -43,7 +43,7 @@ class ByMetres(Movement):
     Attributes:
         edge: (games, agents) the rows of the edges that agents are on; -1: they are on their nodes.
         share: (games, agents) of the edge that is behind them.
-        motion: (games, agents) how they move there, see `ir.agents.Motion`.
+        motion: (games, agents) how they move there, see `ir.progress.Motion`.
         now: (games,) of the turn, from 0 to 1: when the agents that are asked decide.
         sources: of the entries of `streets.targets`.
         back: (edges,) the row of the edge by which one turns round on each; -1: none.
@@ -555,7 +555,7 @@ def _motion(legs: Legs) -> IntArray:
 
 
 def motion_along(way: FloatArray) -> IntArray:
-    """Return how agents move that cover such shares of an edge; see `ir.agents.Motion`."""
+    """Return how agents move that cover such shares of an edge; see `ir.progress.Motion`."""
     return np.where(way > 0.0, Motion.FORWARD, np.where(way < 0.0, Motion.BACK, Motion.STOPPED))
 
 
