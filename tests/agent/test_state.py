@@ -199,3 +199,13 @@ def test_a_removed_node_under_an_agent_is_a_key_error_until_it_moves(ctx, anna):
     anna.state["action"] = 4
     with pytest.raises(KeyError):
         anna.set_state()
+
+
+@pytest.mark.parametrize("name", ["name", "type", "state", "sensors"])
+def test_an_attribute_that_agents_have_is_not_set(ctx, name):
+    agent = ctx.agent.create_agent("anna", start_node_id=0)
+    before = getattr(agent, name)
+    for _ in range(2):
+        with pytest.raises(AttributeError, match=f"agent.{name} cannot be set; alive, .*, team can"):
+            setattr(agent, name, "bert")
+    assert getattr(agent, name) == before

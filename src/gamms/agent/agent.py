@@ -100,15 +100,19 @@ class BaseAgent(ContextPart, IAgent):
         object.__setattr__(self, name, value)
 
     def _look_at(self, name: str, value: object) -> None:
-        """Check a strategy; warn of another name that looks misspelt, once in a context."""
+        """Check a strategy; refuse what cannot be set; warn of a name that looks misspelt, once in a context."""
         if name == "strategy":
             if value is not None:
                 as_strategy(self._ctx, value)
             self._phase.strategy_changes += 1
             self._block.structure.note((self._row,))
             return
+        known = getattr(type(self), name, None)
+        if isinstance(known, property) and known.fset is None:
+            settable = ", ".join(sorted({"strategy", *self._SETTABLE}))
+            raise AttributeError(f"agent.{name} cannot be set; {settable} can, and attributes of other names.")
         self._phase.known_names.add(name)
-        if isinstance(getattr(type(self), name, None), (Attribute, type(None))):
+        if isinstance(known, (Attribute, type(None))):
             for hint in misspelt([name], sorted({"strategy", *self._SETTABLE}), "attribute"):
                 self._ctx.logger.warning(f"Agent {shown(self.name)}: {hint} It is kept as an attribute.")
 
