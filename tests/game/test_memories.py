@@ -1,5 +1,7 @@
 """What agents remember, alone and together."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -102,9 +104,9 @@ def test_who_writes_nothing_changes_nothing(before, copy):
     assert merged(before, [before, copy, before]) == copy
 
 
-PARTS = (
-    st.integers(0, 2) | st.just(float("nan")) | st.tuples(st.integers(0, 2)) | st.builds(np.arange, st.integers(0, 2))
-)
+NUMBERS = st.integers(0, 2) | st.just(float("nan"))
+OBJECTS = st.builds(np.arange, st.integers(0, 2)) | st.builds(SimpleNamespace, x=NUMBERS)
+PARTS = NUMBERS | st.tuples(st.integers(0, 2)) | OBJECTS
 NESTED = st.recursive(
     PARTS,
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.sampled_from("ab"), inner) | st.tuples(inner),
@@ -116,7 +118,7 @@ NESTED = st.recursive(
 def test_copies_are_equal_and_what_is_written_into_one_is_in_no_other(memory):
     def containers(value):
         parts = [*value.values()] if isinstance(value, dict) else [*value] if isinstance(value, (list, tuple)) else []
-        own = [value] if isinstance(value, (dict, list, np.ndarray)) else []
+        own = [value] if isinstance(value, (dict, list, np.ndarray, SimpleNamespace)) else []
         return own + [one for part in parts for one in containers(part)]
 
     copier = copier_of(memory)
@@ -124,9 +126,6 @@ def test_copies_are_equal_and_what_is_written_into_one_is_in_no_other(memory):
     assert repr(copies) == repr([memory, memory])
     kept = [one for given in (memory, *copies) for one in containers(given)]  # so that no id is used again
     assert len({*map(id, kept)}) == len(kept)
-
-
-NUMBERS = st.integers(0, 2) | st.just(float("nan"))
 
 
 @given(

@@ -159,6 +159,15 @@ def test_a_target_is_gone_to_by_the_shorter_way_round():
     assert anna.current_node_id == 0
 
 
+def test_an_agent_goes_on_where_both_ways_to_its_target_are_as_long():
+    ctx = road(0, 10)
+    ctx.graph.add_nodes([2], [5.0], [8.0])
+    ctx.graph.add_edges(range(2, 6), [0, 2, 1, 2], [2, 0, 2, 1], [10.0] * 4)
+    anna = agent(ctx, "anna", 0, 1, 2, speed=5.0)
+    ctx.game.run(2)
+    assert anna.current_node_id == 1
+
+
 def test_an_agent_without_a_speed_goes_one_edge_a_turn():
     ctx = road(0, 90, 100)
     anna = agent(ctx, "anna", 0, 1, 2)
