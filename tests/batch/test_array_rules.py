@@ -289,6 +289,14 @@ MISTAKES = {
     "too few agents": (lambda turn: turn.emit("x", [0, 0], agents={"agent": [1]}), BadValue, "agent has a value for"),
     "no such node": (lambda turn: turn.emit("x", [0], nodes={"node": [25]}), BadValue, "no number 25 of 25 nodes"),
     "one value": (lambda turn: turn.emit("x", [0], values={"how": "fast"}), BadValue, "how has a value for each of 1"),
+    "a kind that is no text": (lambda turn: turn.emit(3, [0]), BadType, "a kind of event must be a string, not 3"),
+    "NaN": (lambda turn: turn.add_score("red", [0], np.nan), BadType, "The score of 'red' must be a number, not"),
+    "nodes by their ids": (lambda turn: turn.visits([1, 2]), BadType, "which must be an array of booleans"),
+    "some nodes": (
+        lambda turn: turn.visits(np.ones(3, bool)),
+        BadValue,
+        r"\(3,\), which does not broadcast to \(25,\)",
+    ),
     "points of no number": (
         lambda turn: turn.add_score("red", [0], "3"),
         BadType,

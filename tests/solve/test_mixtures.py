@@ -32,7 +32,7 @@ def test_no_action_gains_against_an_equilibrium_whose_value_is_that_of_scipy(sha
         assert (payoffs @ columns).max() == pytest.approx(value, abs=1e-9)
 
 
-@pytest.mark.parametrize("payoffs", [[], [1, 2], [["a"]], [[1.0, float("nan")]], [[float("inf")]]])
+@pytest.mark.parametrize("payoffs", [[], [1, 2], [[1, 2], [3]], [["a"]], [[1.0, float("nan")]], [[float("inf")]]])
 def test_a_matrix_that_is_none_is_refused(payoffs):
     with pytest.raises(BadValue, match="payoffs"):
         matrix_game(payoffs)

@@ -58,7 +58,10 @@ def matrix_game(payoffs: ArrayLike) -> MatrixGame:
     Raises:
         BadValue: it is no matrix of finite numbers.
     """
-    matrix = np.asarray(payoffs)
+    try:
+        matrix = np.asarray(payoffs)
+    except ValueError:  # rows of several lengths
+        matrix = np.empty(0, object)
     if matrix.ndim != 2 or not matrix.size or matrix.dtype.kind not in "biuf":
         raise BadValue(
             "payoffs must be a matrix of numbers, of at least one row and one column, not an array of "

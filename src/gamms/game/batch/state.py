@@ -448,6 +448,8 @@ class GameArrays:
 
     def add_score(self, key: Hashable, games: IntArray, points: float | FloatArray) -> None:
         """Add points to the score of a key, in each of these games; one may be there several times."""
+        if not isinstance(points, int) and np.isnan(points).any():
+            raise BadType(f"The score of {shown(key)} must be a number, not {shown(points)}.")
         if key not in self.scores:
             self.scores[key] = np.zeros(len(self), np.float64)
             self.has_score[key] = np.zeros(len(self), np.bool_)

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Self, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_array, as_numbers_of, as_one_shape
+from gamms.arguments import as_array, as_name, as_numbers_of, as_one_shape
 from gamms.errors import BadValue
 from gamms.game.batch.columns import lock, once, places_of, put_locked, some_rows
 from gamms.game.batch.deeds import ArrayDeeds, joined
@@ -25,9 +25,7 @@ T = TypeVar("T")
 ArrayRule = Callable[["ArrayTurn"], None]
 """The array form of a rule; `gamms.array_rule` declares it."""
 
-
 IN_ARRAYS_ALONE = "is_in_arrays_alone"  # an attribute of rules whose scalar form is made of the array form
-
 
 _READ_ONLY = ("games", "turn", "seeds", "starts", "ends", "took_part", "node", "alive")
 
@@ -289,7 +287,8 @@ class MovesOfTurn:
             which: (games, agents) of them, or (nodes,) of the nodes.
             passing: whether those count that they have passed; False: those where they are at the end of the turn.
         """
-        is_of_nodes, paths = which.ndim == 1, self.paths
+        is_of_nodes, paths = np.ndim(which) == 1, self.paths
+        which = as_array(which, "which", "booleans", self.streets.counts.shape if is_of_nodes else self.node.shape)
         if paths is None or not passing:
             counts = self.alive & (which[self.node] if is_of_nodes else which)
             if paths is not None and paths.edge is not None:
@@ -383,7 +382,7 @@ class ArrayTurn(MovesOfTurn):
             fields[name] = self._each(name, self.streets.ids(rows).tolist(), at)
         for name, those in (values or {}).items():
             fields[name] = self._each(name, those, at)
-        self._note(kind, at, fields)
+        self._note(as_name(kind, "a kind of event"), at, fields)
 
     def _places(self, at: object) -> IntArray:
         return as_numbers_of(at, "at", len(self.games), "games of this turn")
