@@ -7,7 +7,7 @@ nothing here. `batch` plays many games at once. May import: typing, kernels, ir 
 from gamms.errors import IllegalMutation
 from gamms.game.decisions import TeamArrays
 from gamms.game.game import Game
-from gamms.game.order import IllegalAction
+from gamms.game.legality import IllegalAction
 from gamms.game.result import Result
 from gamms.game.settings import Plan, Settings
 from gamms.game.snapshots import Snapshot, SnapshotError

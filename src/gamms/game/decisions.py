@@ -12,7 +12,8 @@ from gamms import kernels
 from gamms.deciding import DecidePhase
 from gamms.errors import BadType, BadValue, GammsError
 from gamms.game.facts import FactsOf
-from gamms.game.order import Commanded, IllegalAction, Legality, Part, ResolvedAction
+from gamms.game.legality import IllegalAction, Legality, ResolvedAction
+from gamms.game.order import Commanded, Part
 from gamms.game.random_streams import TeamDraws
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
@@ -189,11 +190,12 @@ class Decisions:
         starts: the nodes they are on.
         actions: what agents do that not only go to a node, by slot; of each part a dict of its own.
         awaited: what is to be collected.
+        staying: the slots of those that stay where they are; None: the nodes say so.
     """
 
     __slots__ = (
         *("_copiers", "_ends", "_failures", "_legality", "_phase", "_settings", "_written"),
-        *("actions", "awaited", "observe", "slots", "starts", "state"),
+        *("actions", "awaited", "observe", "slots", "starts", "state", "staying"),
     )
 
     def __init__(
@@ -206,18 +208,24 @@ class Decisions:
     ) -> None:
         self._settings, self.state = settings, state
         self._phase, self._legality, self.observe = phase, legality, observe
+        self._forget()
         self.begin([], [])
 
     def begin(self, slots: Sequence[AgentSlot], starts: MutableSequence[int]) -> Self:
         """Forget what was decided, for agents that are on these nodes; return this."""
         self.slots, self.starts = slots, starts
         self.actions: dict[int, ResolvedAction] = {}
+        self._ends: Any = None  # until they are asked for
+        self.staying: list[int] | None = None
+        if self._written or self._failures or self.awaited or self._copiers:  # in few games (benchmarks: turns)
+            self._forget()
+        return self
+
+    def _forget(self) -> None:
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
         self.awaited: list[tuple[_Question, Any]] = []
-        self._ends: Any = None  # until they are asked for
         self._copiers: dict[Any, Callable[[], Memory]] = {}  # of the memories of teams
-        return self
 
     @property
     def ends(self) -> Any:
@@ -230,7 +238,7 @@ class Decisions:
 
     def ask(self, i: int, state: State | None) -> None:
         """Ask the strategy of an agent of any kind, with this state; None: it observes now."""
-        slot, self._phase.agent = self.slots[i], None
+        slot, self._phase.agent, self.staying = self.slots[i], None, None
         if state is None:
             state = self.observe(slot)
         slot.last[0] = state
@@ -249,6 +257,7 @@ class Decisions:
         """
         turn, shared, phase = self.state.turn, self.state.team_memories, self._phase
         ends, asked = self.ends, zip(part.asked, starts, part.individuals, strict=True)
+        self.staying = staying = []
         for i, here, (agent, strategy, template, carried, last) in asked:
             if template is None:
                 self.ask(i, None)
@@ -280,12 +289,11 @@ class Decisions:
                 continue
             if type(action) is int and action in legal:
                 ends[i] = action
+                if action == here:
+                    staying.append(i)
             else:
                 self.take(i, state)
-            try:
-                mine = state["team_memory"]
-            except KeyError:  # it has removed it
-                mine = None
+            mine = state.get("team_memory")
             if mine or (shared and template["team"] in shared):
                 self.note(i, mine)
 
@@ -329,6 +337,7 @@ class Decisions:
 
     def wait_for(self, i: int, state: State, awaitable: Awaitable[object]) -> None:
         """Collect what an agent's strategy decides later with all others that are awaited."""
+        self.staying = None
         self.awaited.append((self._question(i, state), awaitable))
 
     def collect(self, loop: "EventLoop") -> None:
@@ -383,7 +392,8 @@ class Decisions:
 
     def take(self, i: int, state: State) -> None:
         """Take the action that is in the state of an agent."""
-        slot, here, self._phase.agent = self.slots[i], self.starts[i], None
+        slot, here = self.slots[i], self.starts[i]
+        self._phase.agent = self.staying = None
         if "action" in state:
             action = state["action"]
             if type(action) is int and slot.is_plain and action in self._legality.reachable(slot, here):
@@ -398,7 +408,7 @@ class Decisions:
 
     def fail(self, i: int, state: State, error: Exception) -> None:
         """Handle what a strategy has raised: raise it, or take the default action, by the settings."""
-        self._phase.agent = None
+        self._phase.agent = self.staying = None
         if isinstance(error, KeyError) and "action" not in state and error.args == ("action",):
             self.take(i, state)  # not the strategy's error: it has set no action
             self._note(self._question(i, state))

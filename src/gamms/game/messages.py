@@ -13,7 +13,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.channels import Channel, Jammer, Outgoing, checked_outbox, matching, receivers_of, unknown_in
-from gamms.game.order import IllegalAction
+from gamms.game.legality import IllegalAction
 from gamms.game.settings import Settings
 from gamms.game.slots import AgentSlot
 from gamms.ir.chances import as_chances, chances_at

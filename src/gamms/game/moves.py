@@ -11,7 +11,8 @@ import numpy as np
 
 from gamms import kernels
 from gamms.arguments import as_array
-from gamms.game.order import ResolvedAction, TurnOrder, action_of
+from gamms.game.legality import ResolvedAction, action_of
+from gamms.game.order import TurnOrder
 from gamms.game.slots import LazySlots
 from gamms.game.streets import Streets
 from gamms.game.travel import Travel

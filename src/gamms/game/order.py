@@ -1,34 +1,26 @@
-"""The living agents in the order of a turn, what each turn needs of them, and which of their actions are legal."""
+"""The living agents in the order of a turn, and what each turn needs of them."""
 
 from collections import Counter
 from collections.abc import Callable, Hashable, Mapping, Sequence
 from functools import cached_property, partial
-from itertools import chain, compress, pairwise
-from math import floor, inf
+from itertools import compress
 from operator import eq
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import numpy as np
 
 from gamms import kernels
 from gamms.deciding import Deciders
-from gamms.errors import BadValue, GammsError, NoPath, UnknownName
-from gamms.game.around import Around, Surroundings
-from gamms.game.deeds import wanted_deeds
+from gamms.errors import UnknownName
 from gamms.game.settings import Plan, Settings
 from gamms.game.slots import AgentSlot, LazySlots
-from gamms.game.streets import Streets
-from gamms.game.travel import Travel, Way
-from gamms.ir.agents import AgentBlock, Position, Quat
+from gamms.ir.agents import AgentBlock
 from gamms.ir.columns import Selection, Succession
 from gamms.ir.graph import IntArray, RowArray
-from gamms.ir.progress import Progress
 from gamms.kernels.draws import BitArray
 from gamms.text import shown
-from gamms.typing.actions import as_node, flight, heading_in
 from gamms.typing.agent_engine import IAgent
 from gamms.typing.context import HostContext
-from gamms.typing.game import Leg, Track
 
 
 class Commanded:
@@ -300,12 +292,18 @@ class TurnOrder:
                 return ends
         return self.selection.of(self.block.node)
 
-    def count_moves(self, starts: Sequence[int], ends: Sequence[int]) -> None:
-        """Count the agents that have moved, which have come to the nodes where these moves end."""
+    def count_moves(self, starts: Sequence[int], ends: Sequence[int], staying: list[int] | None) -> None:
+        """Count the agents that have moved, which have come to the nodes where these moves end.
+
+        Args:
+            starts: their nodes before, by slot.
+            ends: and after.
+            staying: the slots of those for which both are one; None: they are compared.
+        """
         if self._moved is None:
             # NOTE: in C, and those that stay, who are fewer, because every turn does this (benchmarks: turns).
             self._turns += 1
-            self._stayed += compress(self.whole.members, map(eq, starts, ends))
+            self._stayed += compress(self.whole.members, map(eq, starts, ends)) if staying is None else staying
             if len(self._stayed) > self._most_stayed:
                 self.update_counts()
         else:
@@ -370,226 +368,3 @@ def _commanded(members: Sequence[tuple[int, AgentSlot]], team: Hashable, plan: P
     are_plain = all(slot.is_plain for _, slot in own)
     names = [slot.name for _, slot in own]
     return Commanded(team, plan, [i for i, _ in own], names, partial(kernels.name_keys, names), are_plain=are_plain)
-
-
-SLACK = 1e-9  # of the edges of a turn: a path that is as long as these must not fail by rounding
-
-
-class IllegalAction(GammsError, ValueError):
-    """An action that is malformed, or not legal."""
-
-
-class ResolvedAction(NamedTuple):
-    """What one agent is going to do."""
-
-    end: int  # node id
-    path: tuple[int, ...]  # node ids, from the agent's node to the end
-    heading: Any = ()  # (cos, sin) to face from now on, None to follow moves again; () leaves it
-    times: tuple[float, ...] = ()  # when it is at each node of the path, from 0 to 1; (): evenly
-    progress: Progress | None = None  # along the edge behind the end of the path
-    legs: tuple[Leg, ...] = ()  # of one that travels by metres
-    begun: Progress | None = None  # where on an edge such a one is before the turn
-    position: Position | None = None  # of a flyer
-    quat: Quat | None = None
-    deeds: Mapping[str, dict[str, Any]] | None = None  # what it does besides: deed -> the values of its fields
-
-
-class Legality:
-    """Which actions of agents are legal, and where they lead.
-
-    Args:
-        ctx: the context, whose graph and agents count.
-        settings: of the game.
-    """
-
-    def __init__(self, ctx: HostContext, settings: Settings) -> None:
-        self._ctx, self._settings = ctx, settings
-        self.travel = Travel(ctx, settings)
-        self._streets: Streets | None = None  # of the graph as it was when they were asked for
-        self._surroundings = Surroundings()
-        self._ids: tuple[Streets | None, tuple[int, ...]] = None, ()  # of all nodes, and of which map
-
-    def resolve(self, mover: AgentSlot, here: int, action: object) -> ResolvedAction:
-        """Return what an action leads to.
-
-        Raises:
-            GammsError: it is malformed, or not legal; the message says why.
-        """
-        deeds = None
-        if isinstance(action, dict) and "do" in action:
-            deeds = wanted_deeds(action["do"], self._settings.deeds, self._ctx) or None
-            action = {key: value for key, value in action.items() if key != "do"}
-            if not mover.flies:
-                action.setdefault("node_id", None if mover.travels else here)
-        if mover.flies:
-            position, quat = flight(self._ctx.agent.block, mover.row, action)
-            return ResolvedAction(here, (here,), position=position, quat=quat, deeds=deeds)
-        heading: Any = ()
-        if isinstance(action, dict):
-            heading = heading_in(action)
-            action = action["node_id"]
-        if mover.travels and action is None:
-            resolved = self.travelled(mover, here, None)
-        elif isinstance(action, list) or (isinstance(action, np.ndarray) and action.ndim == 1):
-            nodes = list(map(self._node, action))
-            resolved = self.travelled(mover, here, nodes) if mover.travels else self.walked(mover, here, nodes, True)
-        else:
-            node = self._node(action)
-            resolved = self.travelled(mover, here, node) if mover.travels else self.walked(mover, here, [node], False)
-        if heading == () and deeds is None:
-            return resolved
-        return resolved._replace(heading=heading, deeds=deeds)
-
-    def travelled(self, mover: AgentSlot, here: int, wanted: int | list[int] | None) -> ResolvedAction:
-        """Return where an agent that travels gets on its way to a node, along nodes, or to a stop."""
-        travel = self.travel
-        place = travel.place(mover.row)
-        if wanted is None:
-            way = travel.stay(place, here)
-        elif isinstance(wanted, list):
-            way = travel.along(place, here, mover.speed, wanted)
-        else:
-            way = travel.towards(place, here, mover.speed, wanted)
-        return action_of(way, place)
-
-    def is_open(self, track: Track) -> bool:
-        """Return whether all edges of a legal move are there still."""
-        path, _, legs = track
-        if legs:
-            return all(self.travel.roads.on(leg.edge) is not None for leg in legs)
-        near = self._ctx.graph.graph.neighborhoods
-        has_node = self._ctx.graph.graph.has_node
-        if self._settings.legal == "any" or not all(map(has_node, path)):
-            return all(map(has_node, path))
-        return all(end in near[start] for start, end in pairwise(path))
-
-    def reachable(self, mover: AgentSlot, here: int) -> tuple[int, ...]:
-        """Return the nodes that an agent may move to in this turn, its own first; none for a flyer."""
-        if mover.flies:
-            return ()
-        graph = self._ctx.graph.graph
-        if mover.is_plain:
-            return tuple(graph.neighborhoods[here])
-        if mover.travels:
-            return self.travel.reachable(self.travel.place(mover.row), here, mover.speed)
-        if self._settings.legal == "any":
-            return self._anywhere(here)
-        speed = mover.speed or 0.0
-        near = self._around(here, speed).legal
-        begun, covered = self._begun(mover, here)
-        if begun is None:
-            return near
-        left = edges_within(speed + covered) - 1.0  # less than the speed
-        onward = [node for node, far in self._around(begun, speed).hops.items() if far <= left]
-        return tuple(dict.fromkeys([*near, *onward]))
-
-    def _anywhere(self, here: int) -> tuple[int, ...]:
-        """Return all nodes, the agent's own first."""
-        streets = self.streets
-        if self._ids[0] is not streets:
-            self._ids = streets, tuple(streets.columns.node_ids.tolist())
-        ids, row = self._ids[1], int(streets.rows([here])[0])
-        return (here, *ids[:row], *ids[row + 1 :])
-
-    @property
-    def streets(self) -> Streets:
-        """Where agents may go along one edge, in arrays."""
-        columns = self._ctx.graph.graph.columns()
-        if self._streets is None or self._streets.columns is not columns:
-            self._streets = Streets(columns, self._ctx.graph.routes)
-        return self._streets
-
-    def reachable_each(self, movers: Sequence[AgentSlot], starts: Sequence[int]) -> tuple[IntArray, IntArray]:
-        """Return what `reachable` returns for each of several agents: offsets (agents + 1,) and ids."""
-        legal = [self.reachable(mover, here) for mover, here in zip(movers, starts, strict=True)]
-        offsets = np.zeros(len(legal) + 1, np.int64)
-        np.cumsum(list(map(len, legal)), out=offsets[1:])
-        return offsets, np.fromiter(chain.from_iterable(legal), np.int64, int(offsets[-1]))
-
-    def _node(self, action: object) -> int:
-        node = as_node(action)
-        if not self._ctx.graph.graph.has_node(node):
-            raise UnknownName("node", node)
-        return node
-
-    def _checked_path(self, here: int, path: list[int]) -> list[int]:
-        """Return a list of nodes that was given as an action, without the node the agent is on."""
-        path = path[1:] if path and path[0] == here else path
-        near = self._ctx.graph.graph.neighborhoods
-        if self._settings.legal == "edges":
-            for start, end in zip([here, *path], path, strict=False):
-                if end not in near[start]:
-                    raise BadValue(f"No edge leads from node {start} to node {end}.")
-        return path
-
-    def walked(self, mover: AgentSlot, here: int, nodes: list[int], is_route: bool) -> ResolvedAction:
-        """Return where a path, or the shortest one to its only node, leads in this turn."""
-        path = self._checked_path(here, nodes) if is_route else nodes
-        if not path or (path == [here] and not is_route):
-            return ResolvedAction(here, (here,))
-        if self._settings.legal == "any":
-            return ResolvedAction(path[-1], (here, *path))
-        if mover.speed is None:
-            near = self._ctx.graph.graph.neighborhoods[here]
-            if len(path) > 1 or path[0] not in near:
-                raise BadValue(f"Node {path[-1]} is not next to node {here}; legal are {list(near)}.")
-            return ResolvedAction(path[0], (here, path[0]))
-        begun, covered = self._begun(mover, here)
-        if not is_route:
-            path = self._shortest(mover.speed, here, path[0], begun, covered)
-        return self._advance_along(mover.speed, here, path, covered if path[0] == begun else 0.0)
-
-    def _shortest(self, speed: float, here: int, target: int, begun: int | None, covered: float) -> list[int]:
-        """Return the shortest path to a node, on from `here` or along the edge that the agent has begun."""
-        try:
-            path = self._path(speed, here, target)
-            if begun is not None and begun != path[0]:
-                onward = self._ctx.graph.graph.distance(begun, target, None)
-                if 1.0 - covered + onward <= len(path):
-                    path = [begun, *self._path(speed, begun, target)]
-        except NoPath as error:
-            raise BadValue(str(error)) from None
-        return path
-
-    def _path(self, speed: float, start: int, target: int) -> list[int]:
-        """Return the shortest path between nodes, without the first."""
-        if speed != inf and target in (around := self._around(start, speed)).before:
-            return around.path(target)
-        path: list[int] = self._ctx.graph.graph.shortest_path(start, target, None)[1:]
-        return path
-
-    def _advance_along(self, speed: float, here: int, route: list[int], covered: float) -> ResolvedAction:
-        """Follow a path as far as the edges of this turn go; `covered` is the part of one that was gone before it."""
-        budget = speed + covered
-        whole = len(route) if budget >= len(route) else floor(edges_within(budget))
-        path, left, progress = (here, *route[:whole]), budget - whole, None
-        if whole < len(route) and route[whole] != path[-1] and SLACK < left < 1.0:
-            progress = Progress(path[-1], route[whole], left)
-        return ResolvedAction(path[-1], path, progress=progress)
-
-    def _begun(self, mover: AgentSlot, here: int) -> tuple[int | None, float]:
-        """Return the end of the edge that an agent has covered part of, and how much of it."""
-        progress = self._ctx.agent.block.progress[mover.row]
-        near = self._ctx.graph.graph.neighborhoods
-        if progress is None or progress.source != here or progress.target not in near[here]:
-            return None, 0.0
-        return progress.target, progress.share
-
-    def _around(self, node: int, speed: float) -> Around:
-        """Return the nodes within one turn at a speed."""
-        graph = self._ctx.graph.graph
-        if speed == inf:
-            hops: dict[int, float] = graph.distances(source=node, weight=None)
-            return Around(tuple(dict.fromkeys([*graph.neighborhoods[node], *hops])), hops, {})
-        return self._surroundings.of(graph, self.streets, node, floor(edges_within(speed)))
-
-
-def action_of(way: Way, begun: Progress | None) -> ResolvedAction:
-    """Return a way as an action; it began on an edge, or on a node."""
-    path, times, legs, progress = way
-    return ResolvedAction(path[-1], path, times=times, progress=progress, legs=legs, begun=begun)
-
-
-def edges_within(budget: Any) -> Any:
-    """Return the largest number of edges that counts as within a budget; of a number or an array."""
-    return budget * (1.0 + SLACK)

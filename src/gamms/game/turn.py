@@ -14,9 +14,10 @@ from gamms.errors import BadValue, UnknownName
 from gamms.game.arrivals import MOST_ARRIVALS, NO_DEEDS, WAITS, Arrivals
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
+from gamms.game.legality import Legality, ResolvedAction, action_of
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
-from gamms.game.order import Legality, Part, ResolvedAction, TurnOrder, action_of, note_lost
+from gamms.game.order import Part, TurnOrder, note_lost
 from gamms.game.settings import RuleSet, Settings, refuse_unused
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.agents import AgentBlock
@@ -250,7 +251,10 @@ class TurnEngine:
         spent, began, self.part = self._state.timings, perf_counter(), 0
         turn = self._state.moves = self._ask(order, order.whole, [])
         now = perf_counter()
-        self._apply(turn, order.whole)
+        order.block.move_all(order.selection, turn.ends)
+        order.count_moves(turn.starts, turn.ends, self._decisions.staying)
+        if turn.actions:
+            self._apply_actions(turn, order.whole, order.block)
         spent["decide"] += now - began
         spent["apply"] += perf_counter() - now
 
@@ -565,7 +569,7 @@ class TurnEngine:
         """Write the moves of a part into the columns of the agents."""
         order, ends, block = turn.order, turn.ends, turn.order.block
         block.move_all(part.ground, ends if part.on_ground is None else part.of_ground(ends))
-        order.count_moves(turn.starts, ends)
+        order.count_moves(turn.starts, ends, None)
         if part.paced or turn.actions:
             self._apply_actions(turn, part, block)
 

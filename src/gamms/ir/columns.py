@@ -312,11 +312,11 @@ class Selection:
         # NOTE: gathered in C, a fifth of the time of loops over many rows (benchmarks: turns).
         if len(self._places) != len(node):
             self._fit(len(node))
-        others = self._others
-        given = [*values, *[node[row] for row in others]] if others else values
-        for row in others:
-            node[row] = previous[row]
-        return [*self._gather(given)], node
+        if self._others:
+            values = [*values, *[node[row] for row in self._others]]
+            for row in self._others:
+                node[row] = previous[row]
+        return [*self._gather(values)], node
 
     def _fit(self, size: int) -> None:
         """Find the other rows of columns of a size, and how such a column is gathered from the values of both."""

@@ -16,7 +16,7 @@ from gamms.game.batch.sight import DELAYS
 from gamms.game.batch.state import Failure, GameArrays
 from gamms.game.batch.turn import ArrayTurn, in_turns
 from gamms.game.batch.view import ArrayView
-from gamms.game.order import IllegalAction
+from gamms.game.legality import IllegalAction
 from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.text import shown

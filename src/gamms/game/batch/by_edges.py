@@ -7,7 +7,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.game.batch.movement import AIMS, BY_HOPS, Movement, Moves, Paths
-from gamms.game.order import SLACK, ResolvedAction, edges_within
+from gamms.game.legality import SLACK, ResolvedAction, edges_within
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray

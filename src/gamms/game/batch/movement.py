@@ -11,7 +11,7 @@ from gamms.arguments import as_key
 from gamms.errors import BadValue
 from gamms.game.batch.columns import some_rows
 from gamms.game.batch.routes import RouteTable, shared_routes
-from gamms.game.order import ResolvedAction
+from gamms.game.legality import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.obstacles import BoolArray

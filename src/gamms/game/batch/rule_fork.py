@@ -12,8 +12,9 @@ from gamms.game.batch.columns import PlayedGame, put_locked
 from gamms.game.batch.forms import form_in
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
+from gamms.game.legality import ResolvedAction
 from gamms.game.moves import Refusals, TurnMoves
-from gamms.game.order import ResolvedAction, TurnOrder
+from gamms.game.order import TurnOrder
 from gamms.game.settings import NamedRule
 from gamms.game.snapshots import SnapshotTaker, Start
 from gamms.ir.columns import Selection

@@ -16,7 +16,7 @@ from gamms.game.batch.movement import Moves, Paths
 from gamms.game.batch.rule_fork import Admit, GameColumns, LeavesArrays, NeedsTurnEngine, NoRow, OwnState, RuleFork
 from gamms.game.batch.state import GameArrays
 from gamms.game.batch.turn import ArrayTurn
-from gamms.game.order import ResolvedAction
+from gamms.game.legality import ResolvedAction
 from gamms.game.result import Collector
 from gamms.game.settings import NamedRule
 from gamms.ir.graph import IntArray

@@ -22,8 +22,9 @@ from gamms.game.batch.view import ArrayView
 from gamms.game.channels import Outgoing
 from gamms.game.decisions import Decisions
 from gamms.game.facts import PrivateForks
+from gamms.game.legality import Legality, ResolvedAction
 from gamms.game.messages import Inboxes
-from gamms.game.order import Legality, Part, ResolvedAction
+from gamms.game.order import Part
 from gamms.game.random_streams import DrawTable
 from gamms.game.slots import AgentSlot, restart_draws
 from gamms.game.snapshots import copies_of

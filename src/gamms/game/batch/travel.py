@@ -15,8 +15,8 @@ from gamms.game.batch.columns import PlayedGame, Roster, agents_of, some_rows
 from gamms.game.batch.forms import form_of
 from gamms.game.batch.movement import AIMS, STOP, Anywhere, Illegal, Legs, Movement, Moves, Paths, Places
 from gamms.game.batch.reach import Reach, TravelTerms
+from gamms.game.legality import ResolvedAction
 from gamms.game.moves import SHORT
-from gamms.game.order import ResolvedAction
 from gamms.game.streets import Streets
 from gamms.game.travel import ROUNDED, SLACK, no_end, one_way
 from gamms.ir.graph import FloatArray, IntArray
