@@ -27,8 +27,8 @@ _ENGINES = ("SQLITE", "MEMORY")
 _INTRODUCTION = """# Results
 
 Written by `make reproduce` (`scripts/reproduce.py --expect`) from [its raw data](results). Each case takes turns with
-its floor in one process, by CPU time: medians, and the median of the ratios by round with the least and the greatest.
-[Benchmarks](README.md) says more."""
+its floor in a process of its own, by CPU time: medians, and the median of the ratios by round with the least and the
+greatest. [Benchmarks](README.md) says more."""
 
 
 def page(results: Path = RESULTS) -> str:
