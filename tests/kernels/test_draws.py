@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gamms import kernels
+from gamms.kernels import draws as draws_of_kernels
 
 KEY = kernels.purpose_key(7, "conflicts")
 WORDS = st.integers(0, 2**64 - 1)
@@ -25,6 +26,14 @@ def test_a_draw_follows_from_seed_purpose_name_turn_and_count():
 
 def test_draws_are_the_same_on_every_machine():
     assert [draws(), draws(name="ünï"), draws(turn=-1), draws(turn=2**70)] == PINNED
+
+
+@given(st.lists(st.text(), min_size=3, max_size=5))
+def test_the_keys_of_many_names_are_those_of_each(names):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(draws_of_kernels, "_MOST_NAMES", 2)
+        keys = kernels.name_keys(iter(names))
+    assert (keys.tolist(), keys.dtype) == ([kernels.name_key(name) for name in names], np.uint64)
 
 
 @given(WORDS, st.lists(st.text(), max_size=5), st.integers(-(2**70), 2**70), st.integers(0, 2**40))

@@ -30,6 +30,7 @@ _WEYLS = np.array(_WEYL, np.uint64)[:, None]
 _FACTORS_OF_PHILOX = np.array([[one & 0xFFFFFFFF for one in _PHILOX], [one >> 32 for one in _PHILOX]], np.uint64)[
     ..., None
 ]
+_MOST_NAMES = 1 << 16  # whose hashes are kept
 _FEW_STREAMS = 128  # for which NumPy's generator is faster than arrays
 
 
@@ -39,7 +40,7 @@ def purpose_key(seed: int, *purpose: str | int) -> int:
     return _hash(repr((seed, *purpose)))
 
 
-@lru_cache(maxsize=1 << 16)
+@lru_cache(maxsize=_MOST_NAMES)
 def name_key(name: str) -> int:
     """Return the 64-bit hash of a name."""
     return _hash(name)
@@ -47,7 +48,11 @@ def name_key(name: str) -> int:
 
 def name_keys(names: Iterable[str]) -> BitArray:
     """Return the hashes of names, (names,)."""
-    return np.array([name_key(name) for name in names], np.uint64)
+    names = list(names)
+    if len(names) <= _MOST_NAMES:
+        return np.array([name_key(name) for name in names], np.uint64)
+    # NOTE: a quarter of the time, where what is kept of single ones would not last (benchmarks: sizes).
+    return np.frombuffer(b"".join(_digests(names)), "<u8").astype(np.uint64)
 
 
 def turn_key(purpose: int, name: int, turn: int) -> int:
@@ -222,9 +227,14 @@ def _signed(number: int) -> int:
 
 
 def _hash(text: str) -> int:
+    return int.from_bytes(_digests([text])[0], "little")
+
+
+def _digests(texts: Sequence[str]) -> list[bytes]:
+    """Return the 8 bytes of the hash of each text."""
     from hashlib import blake2b
 
-    return int.from_bytes(blake2b(text.encode(errors="surrogatepass"), digest_size=8).digest(), "little")
+    return [blake2b(text.encode(errors="surrogatepass"), digest_size=8).digest() for text in texts]
 
 
 def stream(seed: int, *names: str | int) -> "Generator":
