@@ -133,11 +133,11 @@ def test_copies_are_equal_and_what_is_written_into_one_is_in_no_other(memory):
     st.lists(st.dictionaries(st.sampled_from("vwxyz"), NUMBERS | st.none()), max_size=4),
     st.booleans(),
 )
-def test_the_last_of_those_that_changed_a_key_counts(before, writes, anew):
-    """Those that write None remove the key; they change their copies, or put others in their places."""
+def test_the_last_of_those_that_changed_a_key_counts(before, writes, in_another_order):
+    """Those that write None remove the key; copies have their keys in the same order, or in another."""
     copies, after = [], dict(before)
     for written in writes:
-        copy = {**written, **before} if anew else dict(before)
+        copy = {**written, **before} if in_another_order else dict(before)
         copies.append({key: one for key, one in (copy | written).items() if one is not None})
     for key in "vwxyz":
         old, new = before.get(key), [copy.get(key) for copy in copies]

@@ -190,7 +190,7 @@ class Decisions:
         starts: the nodes they are on.
         actions: what agents do that not only go to a node, by slot; of each part a dict of its own.
         awaited: what is to be collected.
-        staying: the slots of those that stay where they are; None: the nodes say so.
+        staying: the slots of those that stay where they are; None: not known, compare starts and ends.
     """
 
     __slots__ = (
@@ -217,11 +217,12 @@ class Decisions:
         self.actions: dict[int, ResolvedAction] = {}
         self._ends: Any = None  # until they are asked for
         self.staying: list[int] | None = None
-        if self._written or self._failures or self.awaited or self._copiers:  # in few games (benchmarks: turns)
+        if self._written or self._failures or self.awaited or self._copiers:
             self._forget()
         return self
 
     def _forget(self) -> None:
+        """Empty what few games collect in a turn."""
         self._written: list[tuple[int, Any]] = []  # what agents have made of their copies of the team's memory
         self._failures: list[tuple[int, str, str]] = []  # not published before all have decided
         self.awaited: list[tuple[_Question, Any]] = []
@@ -238,7 +239,8 @@ class Decisions:
 
     def ask(self, i: int, state: State | None) -> None:
         """Ask the strategy of an agent of any kind, with this state; None: it observes now."""
-        slot, self._phase.agent, self.staying = self.slots[i], None, None
+        slot = self.slots[i]
+        self._phase.agent = self.staying = None
         if state is None:
             state = self.observe(slot)
         slot.last[0] = state

@@ -53,7 +53,7 @@ def _copier(value: Any, seen: set[int]) -> Callable[[], Any] | None:
         raise _NeedsDeepcopyError
     seen.add(id(value))
     if kind is dict:
-        _copiers(value, value.keys(), seen)  # which have none
+        _copiers(value, value.keys(), seen)  # raises where a key has to be copied
         copiers = _copiers(value, value.values(), seen)
     else:
         copiers = _copiers(count(), value, seen)

@@ -22,7 +22,7 @@ from gamms.typing.on_edges import Line, OnEdge, placed
 
 ROUNDED = 1e-12  # of a turn: who arrives so shortly before its end is not asked again in it
 SLACK = 1e-9  # of a turn: a way that takes exactly as long must not fail by rounding
-_MOST_KEPT = 1 << 17  # nodes that are in reach of others, about 100 bytes each
+_MOST_KEPT = 1 << 17  # nodes in reach of others and on paths, about 100 bytes each
 LEAST, MOST = 5e-324, 1.0 - 2.0**-53  # of an edge: who is under way is on it, though these shares may be rounded
 
 

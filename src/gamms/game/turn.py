@@ -88,12 +88,12 @@ class TurnEngine:
         is_public = not (state.agent_facts or state.team_facts)
         key = block, self._phase.setting_changes, state.stream_version, is_public, block.structure.version
         if self._order is None or self._order_key != key:
-            self._order = self._order_now(block, key)
+            self._order = self._new_order(block, key)
             self._order_key, self._near = key, self._ctx.graph.graph.neighborhoods
         return self._order
 
-    def _order_now(self, block: AgentBlock, key: tuple[Any, ...]) -> TurnOrder:
-        """Make the order anew, of what counts that it depends on."""
+    def _new_order(self, block: AgentBlock, key: tuple[Any, ...]) -> TurnOrder:
+        """Return the order of turns from now on; `key` has the versions of all that it depends on, of the agents last."""
         settings = self._settings
         refuse_unused(settings)
         before = None if self._order_key[:-1] != key[:-1] else self._order
@@ -473,7 +473,7 @@ class TurnEngine:
         return bool(action.legs)
 
     def _leave_closed_edges(self, order: TurnOrder, part: Part) -> None:
-        """Let agents on an edge that is gone, which has no places, be on the node that they had passed last."""
+        """Put agents whose edge was removed on the node that they had passed last."""
         block, travel = self._ctx.agent.block, self._legality.travel
         for i in part.paced:
             slot = order.slots[i]
