@@ -53,3 +53,13 @@ def test_raw_data_do_not_say_where_other_pythons_are(monkeypatch):
 
     assert reproduce._unnamed(["--peer", "/home/me/python", "--python=/x/y"]) == ["--peer", "PYTHON", "--python=PYTHON"]
     sys.modules.pop("run", None)
+
+
+def test_data_of_a_part_that_has_failed_are_not_expected(results_page, monkeypatch, tmp_path):
+    import reproduce
+
+    expected = []
+    monkeypatch.setattr(reproduce, "PARTS", {"laws": ["-c", "1 / 0"], "values": ["-c", "print(1)"]})
+    monkeypatch.setattr(reproduce, "_expect", lambda _, parts: expected.append(parts))
+    monkeypatch.setattr(sys, "argv", ["reproduce.py", "--out", str(tmp_path), "--only", "laws", "values", "--expect"])
+    assert (reproduce.main(), expected) == (1, [["values"]])
