@@ -93,7 +93,7 @@ class TurnEngine:
         return self._order
 
     def _new_order(self, block: AgentBlock, key: tuple[Any, ...]) -> TurnOrder:
-        """Return the order of turns from now on; `key` has the versions of all that it depends on, of the agents last."""
+        """Return the order of turns from now on; `key` has the versions of what it depends on, of the agents last."""
         settings = self._settings
         refuse_unused(settings)
         before = None if self._order_key[:-1] != key[:-1] else self._order
