@@ -23,6 +23,7 @@ from gamms.ir.columns import copied_column
 from gamms.ir.game_state import GameState
 from gamms.ir.graph import IntArray, RowArray
 from gamms.text import shown
+from gamms.typing.sensor_engine import Carried
 
 if TYPE_CHECKING:
     from gamms.game.awaiting import EventLoop
@@ -260,20 +261,17 @@ class Decisions:
         turn, shared, phase = self.state.turn, self.state.team_memories, self._phase
         ends, asked = self.ends, zip(part.asked, starts, part.individuals, strict=True)
         self.staying = staying = []
-        for i, here, (agent, strategy, template, carried, last) in asked:
+        for i, here, (agent, strategy, template, key, kind, result, last) in asked:
             if template is None:
                 self.ask(i, None)
                 continue
             # NOTE: the usual agent is served in line (benchmarks: turns); `ask` does the same.
-            legal, sensed = near[here], {}
-            for key, result, kind, look in carried:
-                if look is None:
-                    result[0] = seen = [*legal]
-                    sensed[key] = kind, seen
-                else:
-                    phase.agent = None
-                    look.sense(here)
-                    sensed[key] = look.type, result[0]
+            legal = near[here]
+            if key is not None:
+                result[0] = seen = [*legal]
+                sensed = {key: (kind, seen)}
+            else:
+                sensed = self._look(result, here, legal) if result else {}
             last[0] = state = template.copy()
             state["curr_pos"] = here
             state["sensor"] = sensed
@@ -298,6 +296,18 @@ class Decisions:
             mine = state.get("team_memory")
             if mine or (shared and template["team"] in shared):
                 self.note(i, mine)
+
+    def _look(self, carried: Sequence[Carried], here: int, legal: Sequence[int]) -> dict[str, Any]:
+        """Return what the sensors of an agent sense at its node, by their names."""
+        self._phase.agent, sensed = None, dict[str, Any]()
+        for key, result, kind, look in carried:
+            if look is None:
+                result[0] = seen = [*legal]
+                sensed[key] = kind, seen
+            else:
+                look.sense(here)
+                sensed[key] = look.type, result[0]
+        return sensed
 
     def ask_plan(self, commanded: Commanded, states: list[State]) -> None:
         """Ask the plan of a team, with the states of its agents."""

@@ -119,14 +119,21 @@ class AgentSlot:
 
     @property
     def asked(self) -> tuple[Any, ...]:
-        """What a usual turn needs of it: the agent, its strategy, its template, its sensors and its last state.
+        """What a usual turn needs of it, in one flat tuple.
 
-        There is no template if it is not plain, or has no strategy.
+        The agent, its strategy and its template; the name, type and last result of its only sensor if that just copies
+        the neighbourhood, else None, None and its sensors; its last state. There is no template if it is not plain, or
+        has no strategy.
         """
+        # NOTE: flat, as each object more is read from memory where agents are many (benchmarks: turns).
         agent = self.agent
         if self._asked is None or self._asked[1] is not agent.strategy:
             template = self.template if self.is_plain and agent.strategy is not None else None
-            self._asked = agent, agent.strategy, template, self.carried, self.last
+            sensors: tuple[Any, ...] = None, None, self.carried
+            if len(self.carried) == 1 and self.carried[0][-1] is None:
+                name, result, kind, _ = self.carried[0]
+                sensors = name, kind, result
+            self._asked = (agent, agent.strategy, template, *sensors, self.last)
         return self._asked
 
     def _new_template(self) -> dict[str, Any]:
