@@ -299,7 +299,8 @@ class Decisions:
 
     def _look(self, carried: Sequence[Carried], here: int, legal: Sequence[int]) -> dict[str, Any]:
         """Return what the sensors of an agent sense at its node, by their names."""
-        self._phase.agent, sensed = None, dict[str, Any]()
+        sensed: dict[str, Any] = {}
+        self._phase.agent = None
         for key, result, kind, look in carried:
             if look is None:
                 result[0] = seen = [*legal]
