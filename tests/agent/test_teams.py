@@ -125,9 +125,21 @@ def test_what_a_team_is_asked_wrongly_is_explained(ctx):
         team["hat"]
 
 
+def test_names_and_agents_are_in_their_team(ctx):
+    team, other = ctx.agent.create_team("red", [3, 4]), ctx.agent.create_team("blue", [5])
+    assert "red_1" in team
+    assert ctx.agent.storage.made() == []
+    assert team.agents[1] in team
+    assert not any(one in team for one in ("red_2", "blue_0", other.agents[0], 1, None))
+    with ctx.game.fork(1).ctx as copy:
+        assert copy.agent.agents["red_1"] not in team
+
+
 def test_a_deleted_member_stays_in_its_team(ctx):
     team = ctx.agent.create_team("red", [3, 4, 5], columns={"fuel": 5})
     ctx.agent.delete_agent("red_1")
+    assert "red_1" in team
+    assert team.agents[1] in team
     assert (len(team), team.node_ids.tolist(), team.alive.tolist()) == (3, [3, 4, 5], [True, True, True])
     team.set("speed", [2, 3, 4])
     team.set("fuel", 7, where=[False, True, True])
@@ -146,7 +158,7 @@ def test_members_beside_a_deleted_one_are_read_and_moved_without_being_made(ctx)
 def test_another_agent_of_the_name_of_a_deleted_member_is_no_member(ctx):
     team = ctx.agent.create_team("red", [3, 4, 5])
     ctx.agent.delete_agent("red_1")
-    ctx.agent.create_agent("red_1", start_node_id=9)
+    assert ctx.agent.create_agent("red_1", start_node_id=9) not in team
     assert team.node_ids.tolist() == [3, 4, 5]
 
 

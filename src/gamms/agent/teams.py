@@ -181,6 +181,12 @@ class Team:
     def __iter__(self) -> Iterator[Agent]:
         return map(self._agent, self.names)
 
+    def __contains__(self, one: object) -> bool:
+        """Return whether a name, or an agent, is that of a member."""
+        if isinstance(one, Agent):
+            return one.name in self._members.numbers and self._agent(one.name) is one
+        return one in self._members.numbers if isinstance(one, str) else False
+
     @property
     def agents(self) -> list[Agent]:
         """The members."""
