@@ -205,6 +205,18 @@ def as_known(value: T, kind: str, known: Collection[Any]) -> T:
     return value
 
 
+def refuse_keywords(given: Iterable[str], known: Collection[str], taker: str, hint: str = "") -> None:
+    """Refuse keywords that are unknown; `hint` is the end of the message where none is much like one.
+
+    Raises:
+        BadType: there is one.
+    """
+    for name in given:
+        if name not in known:
+            way_out = nearest(name, known) or hint or f" There are: {', '.join(known)}."
+            raise BadType(f"{taker} takes no keyword {shown(name)}.{way_out}")
+
+
 def as_float(value: object, name: str) -> float:
     """Return a plain, finite float.
 

@@ -135,6 +135,14 @@ def test_names_and_agents_are_in_their_team(ctx):
         assert copy.agent.agents["red_1"] not in team
 
 
+def test_a_keyword_that_teams_lack_is_refused_with_what_to_write(ctx):
+    with pytest.raises(BadType, match=r"no keyword 'speed'\. Members get it by columns=\{'speed': …\}"):
+        ctx.agent.create_team("red", [0], speed=2)
+    with pytest.raises(BadType, match=r"'sensor'\. Did you mean 'sensors'"):
+        ctx.agent.create_team("red", [0], sensor="near")
+    assert ctx.agent.agents == {}
+
+
 def test_a_deleted_member_stays_in_its_team(ctx):
     team = ctx.agent.create_team("red", [3, 4, 5], columns={"fuel": 5})
     ctx.agent.delete_agent("red_1")

@@ -5,7 +5,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from contextlib import suppress
 from numbers import Integral
 from types import MappingProxyType
-from typing import Any, Literal, overload
+from typing import Any, Literal, Never, overload
 from weakref import WeakSet
 
 import numpy as np
@@ -185,6 +185,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         sensors: SensorsOfAgent = (),
         strategy: Strategy | AsyncStrategy | None = None,
         columns: Mapping[str, object] = MappingProxyType({}),
+        **_others: Never,
     ) -> Team:
         """Create the agents of a team in one call: `red_0`, `red_1`, … on the ground.
 
@@ -210,7 +211,7 @@ class AgentEngine(ContextPart, IAgentEngine):
         taken = next((one for one in names if one in self._agents), None)
         if taken is not None:
             raise Duplicate("an agent", taken)
-        values = values_in(columns, len(nodes))
+        values = values_in(columns, len(nodes), _others)
         carried = _listed(sensors)
         self._found_sensors(team, carried, skips_unknown=False)
         if self._block.journal is PLAIN and not carried and all(map(is_attribute, values)):

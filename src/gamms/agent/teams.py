@@ -8,7 +8,7 @@ import numpy as np
 
 from gamms import kernels
 from gamms.agent.agent import Agent, Attribute, BaseAgent
-from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_name, as_range, misspelt
+from gamms.arguments import as_array, as_bool, as_ids, as_key, as_mapping, as_name, as_range, misspelt, refuse_keywords
 from gamms.deciding import phase_of
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.ir.agents import AgentBlock
@@ -423,12 +423,14 @@ def _read_only(values: Column) -> Column:
     return values
 
 
-def values_in(columns: object, count: int) -> dict[str, list[Any]]:
+def values_in(columns: object, count: int, others: Iterable[str]) -> dict[str, list[Any]]:
     """Return name -> one plain value for each of several agents, of the columns of a team.
 
     Raises:
-        BadType, BadValue: they are no attributes of agents, or have more or fewer values.
+        BadType, BadValue: they are no attributes of agents, or have more or fewer values; there are other keywords.
     """
+    lost = next((f" Members get it by columns={{{name!r}: …}}." for name in others if name not in _NO_COLUMNS), "")
+    refuse_keywords(others, ("sensors", "strategy", "columns"), "create_team", lost)
     given = as_mapping(columns, "columns")
     for column in given:
         if as_name(column, "a column") in _NO_COLUMNS:

@@ -11,8 +11,8 @@ from typing import Unpack
 
 import numpy as np
 
-from gamms.arguments import as_bool, as_text
-from gamms.errors import BadType, BadValue, nearest
+from gamms.arguments import as_bool, as_text, refuse_keywords
+from gamms.errors import BadValue
 from gamms.ir.draw import DrawCommands
 from gamms.ir.graph import FloatArray
 from gamms.text import shown
@@ -65,8 +65,7 @@ def style_of(ctx: IContext, **options: Unpack[PictureOptions]) -> PageStyle:
     Raises:
         BadType, BadValue: an unknown keyword, a value of the wrong type, an unknown `fit`, or no colour.
     """
-    for name in options.keys() - PictureOptions.__annotations__.keys():
-        raise BadType(f"A picture takes no keyword {shown(name)}.{nearest(name, PictureOptions.__annotations__)}")
+    refuse_keywords(options, PictureOptions.__annotations__, "A picture")
     fit, scale_bar = options.get("fit", _FITS[0]), options.get("scale_bar")
     if fit not in _FITS:
         raise BadValue(f"fit is one of {', '.join(map(repr, _FITS))}, not {shown(fit)}.")
