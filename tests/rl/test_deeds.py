@@ -147,8 +147,10 @@ def test_deeds_without_an_end_of_choices_are_refused_by_name():
         rl.parallel_env(scene({"pay": {"amount": "number"}}, [TAG]), team="red")
     with pytest.raises(BadValue, match="With the deed 'mark' there are 10001 choices"):
         rl.parallel_env(scene({"mark": {"x": list(range(100)), "y": list(range(100))}}, [TAG]), team="red")
+    games = rl.vector_env(scene(), num_games=2, team="red")
+    games.reset()
     with pytest.raises(BadValue, match="each a pair of a move and a deed"):
-        rl.vector_env(scene(), num_games=2, team="red").step(np.zeros(4, int))
+        games.step(np.zeros(4, int))
 
 
 def test_a_saved_policy_moves_and_does_deeds(tmp_path):

@@ -4,6 +4,7 @@ import hashlib
 import subprocess
 import sys
 import warnings
+from functools import partial
 
 import numpy as np
 import pytest
@@ -350,18 +351,30 @@ def test_wrong_arguments_are_refused_by_name():
         rl.vector_env(scene(), num_games=2, observation=rl.graph)
     with pytest.raises(BadType, match=r"call it, rl.neighbourhood\(2\)"):
         rl.vector_env(scene(), num_games=2, observation=rl.neighbourhood)
+    games = rl.vector_env(scene(), num_games=2, team="red")
+    games.reset()
     for actions in (np.zeros(3, int), np.zeros(4), [["a"] * 4], None):
         with pytest.raises(BadValue, match="Actions are"):
-            rl.vector_env(scene(), num_games=2, team="red").step(actions)
+            games.step(actions)
     with pytest.raises(UnknownName, match="Unknown agent that learns 'red_9'"):
         rl.parallel_env(scene(), team="red").step({"red_9": 1})
     with pytest.raises(BadType, match="reward must be a function"):
         rl.vector_env(scene(), num_games=2, reward=3)
+    games = rl.vector_env(scene(), num_games=2, team="red", reward=lambda _: np.zeros(3))
+    games.reset()
     with pytest.raises(BadValue, match=r"reward must give numbers for 2 games and 2 agents"):
-        games = rl.vector_env(scene(), num_games=2, team="red", reward=lambda _: np.zeros(3))
         games.step(np.zeros(4, int))
     with pytest.raises(BadType, match=r"gamms.scenario.load\(file\)"):
         rl.parallel_env("tag.yaml")
+
+
+def test_no_turn_is_played_before_a_game_has_begun():
+    env, games = rl.single_agent_env(scene(), agent="red_0"), rl.vector_env(scene(), num_games=2, team="red")
+    for step in (partial(env.step, 0), partial(rl.parallel_env(scene()).step, {}), partial(games.step, [0] * 4)):
+        with pytest.raises(BadValue, match=r"No game has begun: call reset\(\)"):
+            step()
+    env.reset()
+    env.step(0)
 
 
 def test_two_processes_play_the_same_game():

@@ -167,8 +167,10 @@ def test_agents_in_the_air_and_on_the_ground_have_spaces_of_their_own():
     assert {one["observation"].shape for one in observed.values()} == {(2 + 15 + 12 + 2,)}
     with pytest.raises(BadValue, match="'red_drone_0' flies and 'red_car_0' does not, and vector_env has one action"):
         rl.vector_env(scene(cars=1), num_games=2, team="red")
+    games = rl.vector_env(scene(), num_games=2, team="red")
+    games.reset()
     with pytest.raises(BadValue, match="3 numbers from -1 to 1 for each of 4 agents"):
-        rl.vector_env(scene(), num_games=2, team="red").step(np.zeros(4))
+        games.step(np.zeros(4))
     with pytest.raises(BadValue, match="'red_drone_0' flies and 'red_car_0' does not, and a policy has one action"):
         rl.save_policy(None, "red.safetensors", scene(cars=1), team="red")
 

@@ -61,8 +61,10 @@ def as_actions(learners: Learners, games: int, agents: IntArray, actions: object
     """Return actions of some agents, all on the ground or all in the air, as an array that begins (games, agents).
 
     Raises:
-        BadValue: they are not of the action space.
+        BadValue: they are not of the action space, or no game has begun.
     """
+    if not learners.has_begun:
+        raise BadValue("No game has begun: call reset() before step().")
     shape, choices = (games, len(agents)), 0 if learners.deeds is None else len(learners.deeds)
     if learners.flies[agents[0]]:
         wide = AXES + choices

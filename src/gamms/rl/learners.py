@@ -105,6 +105,7 @@ class Learners:
         alive: (games, agents) which agents take part.
         is_there: (games, agents) which agents are in the game, dead or alive; the others have not come yet.
         is_over: (games,) which games have ended.
+        has_begun: whether games were begun, without which environments play no turn.
         stride: how many games there are, those of other processes included.
         may_return: whether a rule brings back agents that are out: then they wait, and end with their games.
 
@@ -181,6 +182,7 @@ class Learners:
         self.deeds = choices_of(on_host(views[0]), fields)
         if self._hand is not None:
             self._hand.begin(self.games, self.deeds)
+        self.has_begun = False
         self._seed: int | None = None  # of the game that `begin_next` began last
         ends = np.cumsum([0, *(len(view.agents) for view in views)]).tolist()
         self._columns = [slice(first, last) for first, last in pairwise(ends)]  # of the agents of each team
@@ -309,6 +311,7 @@ class Learners:
     def begin(self, which: IntArray, seeds: Sequence[int]) -> None:
         """Begin games again, with these seeds."""
         self.games.reset(which, seeds=seeds)
+        self.has_begun = True
         self._remember()
 
     def whole(self) -> Float32Array:

@@ -76,6 +76,7 @@ class ProcessesEnv(GamesEnv):
         """Begin all games: game i with the seed `seed + i`; see `GamesEnv`."""
         first = None if seed is None else as_int(seed, "seed")
         self._ask([_task(reset, None if first is None else first + game) for game in self._first[:-1]])
+        self.learners.has_begun = True
         return self._observed(_OBSERVED), self._infos()
 
     def step(self, actions: ActionArray) -> tuple[Observed, Any, Any, Any, Infos]:
