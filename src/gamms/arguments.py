@@ -353,13 +353,14 @@ _VARIADIC = 0x04  # the flag of code objects that take *args
 _GENERATOR = 0x220  # the flags of those with a yield
 
 
-def as_function_of(value: object, name: str, argument: str) -> Any:
+def as_function_of(value: object, name: str, argument: str, most: int = 1) -> Any:
     """Check that a value is a function that is called with one argument, such as a strategy or a rule.
 
     Args:
         value: what the caller passed.
         name: what it is to be, such as "A strategy".
         argument: what it is called with, such as "the state".
+        most: with how many arguments it may be called instead.
 
     Raises:
         BadType: it cannot be called so, or makes such a function, as `gamms.rules.tag` does, and was not called.
@@ -370,7 +371,7 @@ def as_function_of(value: object, name: str, argument: str) -> Any:
     made_by = getattr(value, "__name__", "it")
     if getattr(annotations_of(value).get("return"), "__origin__", None) is Callable:
         raise BadType(f"{made_by} makes such a function: call it, {made_by}(…), and pass what it returns.")
-    if not _takes_one(value):
+    if not _takes(value, 1) and (most == 1 or not _takes(value, most)):
         raise BadType(
             f"{name} must be a function of {argument} alone, and {made_by}{signature_of(value)} is not. If it "
             f"makes such a function, call it, {made_by}(…), and pass what it returns."
@@ -381,8 +382,8 @@ def as_function_of(value: object, name: str, argument: str) -> Any:
     return value
 
 
-def _takes_one(function: Callable[..., Any]) -> bool:
-    """Whether a Python function can be called with one argument; True for every other callable."""
+def _takes(function: Callable[..., Any], given: int) -> bool:
+    """Whether a Python function can be called with so many arguments; True for every other callable."""
     # NOTE: from the code object, because inspect.signature takes 10 us and every agent comes here.
     bound = int(hasattr(function, "__self__"))
     plain = getattr(function, "__func__", function)
@@ -391,7 +392,8 @@ def _takes_one(function: Callable[..., Any]) -> bool:
         return True
     required = code.co_argcount - bound - len(plain.__defaults__ or ())
     missing = code.co_kwonlyargcount - len(plain.__kwdefaults__ or ())
-    return required <= 1 and missing <= 0 and (code.co_argcount > bound or bool(code.co_flags & _VARIADIC))
+    has_places = code.co_argcount - bound >= given or bool(code.co_flags & _VARIADIC)
+    return required <= given and missing <= 0 and has_places
 
 
 def annotations_of(function: object) -> dict[str, Any]:

@@ -163,8 +163,12 @@ def test_what_takes_no_form_is_refused():
         gamms.array_rule(of=3)
     with pytest.raises(BadType, match="the function whose form it declares"):
         gamms.array_strategy(of=len)
-    with pytest.raises(BadType, match="needs a function in arrays"):
+    with pytest.raises(BadType, match="must be a function of a turn"):
         gamms.array_rule(of=lambda ctx: None)(4)
+    with pytest.raises(BadType, match="must be a function of a turn"):
+        gamms.array_rule(of=lambda ctx: None)(lambda turn, ends, more: None)
+    with pytest.raises(BadType, match="must be a function of a view"):
+        gamms.array_strategy(of=lambda state: None)(lambda view, turn: None)
 
 
 def test_forms_that_remember_outside_of_their_games_are_refused():

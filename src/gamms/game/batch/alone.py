@@ -65,7 +65,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
         BadType: one of them cannot be called.
     """
     if of is not None:
-        return form_declared(of, "array_strategy")
+        return form_declared(of, "array_strategy", "a view")
     function: ArrayStrategy = as_function_of(form, "An array strategy", "a view")
     name = getattr(function, "__name__", "array strategy")
 
@@ -87,7 +87,7 @@ def array_strategy(form: ArrayStrategy | None = None, /, *, of: Callable[..., ob
             else:
                 state["action"] = {"node_id": action, "do": done} if done else action
 
-        form_declared(strategy, name)(function)
+        form_declared(strategy, name, "a view")(function)
         return _documented(strategy, function)
 
     return _documented(make, function)
@@ -122,7 +122,7 @@ def array_rule(
     if begins is not None and (of is None or not callable(begins)):
         raise BadType(f"array_rule(of=…, begins=…) needs a rule and a function of its context, not {shown(begins)}.")
     if of is not None:
-        declare = form_declared(of, "array_rule")
+        declare = form_declared(of, "array_rule", "a turn (of a check: of a turn and where agents go)", 2)
         of.__dict__.update({} if begins is None else {BEGINS: begins})
         return declare
     function: ArrayRule = as_function_of(form, "An array rule", "a turn")
@@ -135,7 +135,7 @@ def array_rule(
         function(turn)
 
     rule.__dict__.update({IN_ARRAYS_ALONE: True, BEGINS: _kept_alone})
-    form_declared(rule, name)(function)
+    form_declared(rule, name, "a turn")(function)
     return _documented(rule, function)
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from typing import Any, TypeVar
 
+from gamms.arguments import as_function_of
 from gamms.errors import BadType
 from gamms.game.batch.columns import PlayedGame
 from gamms.text import shown
@@ -13,15 +14,13 @@ _FORM = "array_form"  # the attribute of a scalar form that has its array form
 BY_EDGES = "array_form_by_edges"  # of rules: whether the form is not for games by metres
 
 
-def form_declared(of: object, decorator: str) -> Callable[[F], F]:
-    """Return what declares a function as the array form of another."""
+def form_declared(of: object, decorator: str, argument: str, most: int = 1) -> Callable[[F], F]:
+    """Return what declares a function as the array form of another; what it is called with see `as_function_of`."""
     if not callable(of) or not hasattr(of, "__dict__") or hasattr(of, "__func__"):
         raise BadType(f"{decorator}(of=…) needs the function whose form it declares, not {shown(of)}.")
 
     def declare(form: F) -> F:
-        if not callable(form):
-            raise BadType(f"{decorator}(of=…) needs a function in arrays, not {shown(form)}.")
-        of.__dict__[_FORM] = form
+        of.__dict__[_FORM] = as_function_of(form, f"What {decorator}(of=…) declares", argument, most)
         return form
 
     return declare
