@@ -9,7 +9,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO
 
-from gamms.errors import WriteConflict
+from gamms.errors import BadValue, WriteConflict
 
 _LOCK = "lock"
 _held: set[Path] = set()  # folders of this process, whose locks do not exclude each other
@@ -40,9 +40,13 @@ def made_folder(folder: Path) -> Iterator[None]:
     """Make a folder for what the `with` block writes; an error that leaves nothing in it takes it away again.
 
     Raises:
+        BadValue: there is a file of this name, or of that of a folder that it is in.
         OSError: it cannot be made.
     """
     made = [one for one in (folder, *folder.parents) if not one.exists()]
+    last = [folder, *folder.parents][len(made)]
+    if not last.is_dir():
+        raise BadValue(f"There is {str(last)!r} already, and it is not a folder. Name another folder.")
     folder.mkdir(parents=True, exist_ok=True)
     try:
         yield

@@ -143,6 +143,14 @@ def test_a_run_that_is_refused_leaves_no_folder(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.parametrize("out", ["file", "file/of/rows"])
+def test_a_file_in_the_place_of_the_folder_is_named(out, tmp_path):
+    (tmp_path / "file").write_text("mine")
+    with pytest.raises(BadValue, match=r"There is '.*file' already, and it is not a folder"):
+        experiment.run(HUNT, [1], out=tmp_path / out)
+    assert (tmp_path / "file").read_text() == "mine"
+
+
 PROGRAM = """
 import sys, time
 from pathlib import Path

@@ -123,8 +123,6 @@ def _sentence(error: GammsError | OSError) -> str:  # noqa: PLR0911 - one for ea
         if not folder.is_dir():
             return f"There is no folder {str(folder)!r}, and so no {str(path)!r}."
         return f"There is no file {str(path)!r}.{nearest(path.name, sorted(one.name for one in folder.iterdir()))}"
-    if isinstance(error, FileExistsError):
-        return f"There is {str(path)!r} already, and it is not a folder."
     if isinstance(error, IsADirectoryError):
         return f"{str(path)!r} is a folder, not a file."
     return f"{str(path)!r}: {error.strerror}."
