@@ -7,7 +7,7 @@ from dataclasses import fields, is_dataclass
 from enum import Enum
 from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType, NoneType
-from typing import Any, NoReturn, cast
+from typing import Any, ClassVar, NoReturn, cast
 
 import numpy as np
 
@@ -23,6 +23,21 @@ Otherwise = Callable[[Any], Any]  # what becomes of an object of which nothing i
 
 class ReadOnly(GammsError, TypeError, AttributeError):
     """A value that is only shown was written to."""
+
+
+class Fixed:
+    """Mix-in: no public attribute can be set, but by the class itself."""
+
+    _way_out: ClassVar[str]  # what to do instead
+
+    def __setattr__(self, name: str, value: object) -> None:
+        """Refuse to set a public attribute."""
+        if name[0] != "_":
+            raise ReadOnly(f"{name} of a {type(self).__name__.lower()} cannot be set: {self._way_out}")
+        object.__setattr__(self, name, value)
+
+    def _put_public(self, **attributes: object) -> None:
+        vars(self).update(attributes)
 
 
 class ReadOnlyMapping(Mapping[Any, Any]):

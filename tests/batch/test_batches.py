@@ -13,6 +13,7 @@ from batch_scenes import plain, scene
 import gamms
 from gamms import recorder
 from gamms.errors import BadType, BadValue, TooLarge, UnknownName
+from gamms.readonly import ReadOnly
 from gamms.scenario import Scenario
 
 TAG = {"rule": "tag", "with": {"taggers": "red", "tagged": "blue"}}
@@ -647,6 +648,16 @@ def test_ctrl_c_comes_between_two_turns_of_a_batch():
                 assert set(games.turn.tolist()) == {turn}
             games.run()
             assert set(games.scores["red"].tolist()) == {8}
+
+
+@pytest.mark.parametrize("name", ["max_turns", "turn", "seeds"])
+def test_attributes_of_batches_and_scenarios_cannot_be_set(name):
+    game = scene()
+    with game.batch(2) as games:
+        for one, way_out in ((games, "settings are those of the scenario"), (game, r"scenario\.replace")):
+            with pytest.raises(ReadOnly, match=rf"{name} of a (batch|scenario) cannot be set: {way_out}"):
+                setattr(one, name, 3)
+        assert games.seeds == (0, 1)
 
 
 @pytest.mark.parametrize("copied", [pickle.dumps, copy.deepcopy])

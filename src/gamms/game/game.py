@@ -504,7 +504,8 @@ class Game(RuleVerbs):
             MissingExtra: array-api-compat is not installed, which `xp` needs.
             SnapshotError: a turn is being played.
         """
-        from gamms.game.batch.games import Batch, BatchSource, as_seeds  # which few programs need
+        from gamms.game.batch.columns import as_seeds  # which few programs need
+        from gamms.game.batch.games import Batch, BatchSource
         from gamms.game.batch.libraries import as_library
 
         chosen, library = as_seeds(num_games, seed, seeds), as_library(xp, device)

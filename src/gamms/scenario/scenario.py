@@ -11,11 +11,13 @@ from typing import Any
 from gamms.arguments import as_bool, as_int, as_items, as_known, as_mapping, as_path
 from gamms.context import Context, create_context
 from gamms.errors import BadType, UnknownName
-from gamms.game.batch.games import ONE_BY_ONE, Batch, BatchSource, MostAgents, as_seeds
+from gamms.game.batch.columns import as_seeds
+from gamms.game.batch.games import ONE_BY_ONE, Batch, BatchSource, MostAgents
 from gamms.game.batch.libraries import as_library
 from gamms.game.result import Result
 from gamms.graph.storage import MapSnapshot
 from gamms.ir.graph import GraphColumns, IntArray
+from gamms.readonly import Fixed
 from gamms.recorder import Recording
 from gamms.recorder.resuming import builders
 from gamms.scenario import documents, maps
@@ -33,7 +35,7 @@ _PROBES, _AMONG = 2, 1000  # with how many other seeds, among the first, it is l
 _GALLERY = Path(__file__).parent.parent / "data" / "gallery"
 
 
-class Scenario:
+class Scenario(Fixed):
     """A game, described completely; it does not change.
 
     Args:
@@ -53,6 +55,12 @@ class Scenario:
         ScenarioError: it makes no sense; the message names the place and the nearest valid key.
     """
 
+    folder: Path | None
+    file: Path | None
+    allow: tuple[str, ...]
+    spec: Spec
+    _way_out = "scenario.replace(…) returns a scenario with other values."
+
     def __init__(
         self,
         *,
@@ -61,13 +69,12 @@ class Scenario:
         allow: Iterable[str] = (),
         **given: object,
     ) -> None:
-        self.folder = None if folder is None else as_path(folder, "folder").absolute()
-        self.file = None if file is None else as_path(file, "file")
-        self.allow = allowed(allow)
+        within = None if folder is None else as_path(folder, "folder").absolute()
+        self._put_public(folder=within, file=None if file is None else as_path(file, "file"), allow=allowed(allow))
         self._library = Library(Sources(self.folder, self.allow))
         with named(self.file, given):
             self._raw: dict[str, Any] = documents.copied(given)
-            self.spec: Spec = checked(self._raw, Spec)
+            self._put_public(spec=checked(self._raw, Spec))
             check_sense(self.spec)
         self._digests: dict[str, str] | None = None
         self._loaded = cache(partial(maps.load, self.spec.map, self.folder, self._library))

@@ -1,4 +1,4 @@
-"""What a batch consists of: the game that it is made from, the agents of each of its games, and their logs."""
+"""What a batch consists of: the game that it is made from, the seeds and agents of its games, and their logs."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
@@ -8,7 +8,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from gamms import kernels
-from gamms.arguments import as_count, as_items, as_key, as_name
+from gamms.arguments import as_count, as_ids, as_int, as_items, as_key, as_name
 from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.libraries import Tensor
 from gamms.game.result import Result
@@ -277,3 +277,20 @@ class ScoresOfGames(dict[Any, Any]):
 
     def __missing__(self, key: object) -> Any:
         return self._zeros()
+
+
+def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
+    """Return the seeds of a batch: those that were given, or so many that follow each other."""
+    if seeds is None:
+        if num_games is None:
+            raise BadValue("batch needs the number of games, or seeds=.")
+        first = as_int(seed, "seed")
+        return range(first, first + as_count(num_games, "num_games"))
+    if as_int(seed, "seed"):
+        raise BadValue(f"batch got seed={shown(seed)} and seeds: give one of both.")
+    given = tuple(as_ids(seeds, "seeds"))
+    if not given:
+        raise BadValue("seeds is empty: a batch has at least one game.")
+    if num_games is not None and as_count(num_games, "num_games") != len(given):
+        raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
+    return given

@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, NoReturn, Self, TypeVar
 
 import numpy as np
 
-from gamms.arguments import as_array, as_bool, as_choice, as_count, as_int, as_items, as_key, as_mapping, as_path
+from gamms.arguments import as_array, as_bool, as_choice, as_count, as_ids, as_int, as_key, as_mapping, as_path
 from gamms.errors import BadType, BadValue, UnknownName
 from gamms.game.batch.arrays import ArrayEngine, teams_asked, why_not_in_arrays
 from gamms.game.batch.columns import BYTES_PER_AGENT, PlayedGame, Roster, ScoresOfGames, agents_of, reserved
@@ -28,6 +28,7 @@ from gamms.ir.obstacles import BoolArray
 from gamms.limits import max_memory, refuse_above
 from gamms.progress import progress as progress_line
 from gamms.progress import uninterrupted
+from gamms.readonly import Fixed
 from gamms.text import shown
 from gamms.typing import AgentType
 
@@ -56,7 +57,7 @@ class BatchSource(NamedTuple):
     build: Callable[[int], Any] | None
 
 
-class Batch:
+class Batch(Fixed):
     """Many games of one kind, each with a seed of its own: `scenario.batch(1000)`, `ctx.game.batch(1000)`.
 
     Game i is the one that `scenario.play(seed=seeds[i])` plays. Where strategies, rules and conflicts have array forms,
@@ -68,6 +69,11 @@ class Batch:
         library: which has the arrays of the batch, and on which device; None: NumPy.
     """
 
+    seeds: Sequence[int]
+    slow: str | None
+    library: ArrayLibrary | None
+    _way_out = "settings are those of the scenario, or of ctx.game, when it is made; reset(seeds=…) begins other games."
+
     def __init__(
         self,
         source: BatchSource,
@@ -77,8 +83,8 @@ class Batch:
         library: ArrayLibrary | None,
         most_agents: MostAgents | None,
     ) -> None:
-        self._source, self.seeds, self.library = source, seeds, library
-        self.slow, asked = source.follows_seed or why_not_in_arrays(source.game), teams_asked(source.game)
+        self._source, asked = source, teams_asked(source.game)
+        self._put_public(seeds=seeds, library=library, slow=source.follows_seed or why_not_in_arrays(source.game))
         agents = agents_of(source.game)
         self._roster = Roster.of(agents)
         if most_agents is not None:
@@ -86,18 +92,19 @@ class Batch:
         start_of = source.game.internals.start_of
         self._first_nodes = [start_of(agent) for agent in self._roster.agents]  # before they move in that context
         self._refuse_too_many(BYTES_PER_AGENT if self.slow is None and not asked else _BYTES_PER_RESULT)
-        self.seeds = tuple(seeds)
+        self._put_public(seeds=tuple(seeds))
         self._engine: ArrayEngine | OneByOneEngine
         if self.slow is not None:
             self._engine = OneByOneEngine(source.game, self._roster, seeds)
         elif library is None:
             self._engine = ArrayEngine(source.game, seeds, self._starts(seeds), self._roster)
         else:
-            self._engine, self.slow = engine_for(library, source.game, seeds, self._starts(seeds), self._roster)
+            self._engine, slow = engine_for(library, source.game, seeds, self._starts(seeds), self._roster)
+            self._put_public(slow=slow)
         scalar = [f"{one}, which is called game by game" for one in called_one_by_one(source.game)]
         scalar += [f"{why}, which is asked agent by agent" for why in asked.values()]
         if scalar and self.is_in_arrays:
-            self.slow = scalar[0]
+            self._put_public(slow=scalar[0])
         who_are_asked = [one for one in agents if one.team in asked]
         why = why_slower(source.game, who_are_asked, len(seeds), are_called=bool(called_one_by_one(source.game)))
         self._why_slower = why if library is None and self.is_in_arrays else None  # to be played to the ends
@@ -281,7 +288,8 @@ class Batch:
         if game.settings()["max_turns"] is None and not game.rules:
             raise BadValue("These games have no rule that could end them: set max_turns or add a rule.")
         if self._why_slower is not None and not self._steps:
-            self.slow, self._why_slower, self._is_said = self._why_slower, None, True
+            self._put_public(slow=self._why_slower)
+            self._why_slower, self._is_said = None, True
             self._engine = OneByOneEngine(self._source.game, self._roster, self.seeds)
         with progress_line() as show:
             if isinstance(self._engine, OneByOneEngine):
@@ -324,7 +332,7 @@ class Batch:
                 each.
         """
         numbers = self._numbers_of(which)
-        given = [self.seeds[game] for game in numbers] if seeds is None else _integers(seeds)
+        given = [self.seeds[game] for game in numbers] if seeds is None else as_ids(seeds, "seeds")
         if len(given) != len(numbers):
             raise BadValue(f"reset got {len(given)} seeds for {len(numbers)} games: give one for each.")
         if not numbers:
@@ -332,7 +340,7 @@ class Batch:
         changed, of_all = dict(zip(numbers, given, strict=True)), [*self.seeds]
         for game, seed in changed.items():
             of_all[game] = seed
-        self.seeds = tuple(of_all)
+        self._put_public(seeds=tuple(of_all))
         if isinstance(self._engine, ArrayEngine):
             self._engine.start(np.array(numbers), given, self._starts(given))
             if self._apart is not None:
@@ -577,24 +585,3 @@ class Batch:
         nodes = starts(seeds)
         some = next(iter(nodes.values()))  # for names that are reserved, any will do
         return np.stack([nodes.get(name, some) for name in self._roster.names], axis=1)
-
-
-def _integers(seeds: object) -> tuple[int, ...]:
-    return tuple([as_int(one, "Each of seeds") for one in as_items(seeds, "seeds", "integers")])
-
-
-def as_seeds(num_games: int | None, seed: int, seeds: object) -> Sequence[int]:
-    """Return the seeds of a batch: those that were given, or so many that follow each other."""
-    if seeds is None:
-        if num_games is None:
-            raise BadValue("batch needs the number of games, or seeds=.")
-        first = as_int(seed, "seed")
-        return range(first, first + as_count(num_games, "num_games"))
-    if as_int(seed, "seed"):
-        raise BadValue(f"batch got seed={shown(seed)} and seeds: give one of both.")
-    given = _integers(seeds)
-    if not given:
-        raise BadValue("seeds is empty: a batch has at least one game.")
-    if num_games is not None and as_count(num_games, "num_games") != len(given):
-        raise BadValue(f"batch got num_games={shown(num_games)} and {len(given)} seeds: give one of both.")
-    return given
