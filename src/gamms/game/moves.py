@@ -145,7 +145,7 @@ class TurnMoves:
         order = self.order
         if block.travellers or order.structure_version != block.structure.version:
             return False
-        if any(map(_is_long, self.actions.values())):
+        if self.actions and any(map(_is_long, self.actions.values())):
             return False
         nodes, ground = order.nodes(), order.whole.on_ground
         if not block.flyers or ground is None:

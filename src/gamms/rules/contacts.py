@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Iterator, 
 from functools import cache
 from itertools import pairwise
 from math import inf, sqrt
+from operator import sub
 from typing import Annotated, Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -190,9 +191,11 @@ def _are_apart(ctx: Context, a: Side, b: Side, nearness: Nearness) -> bool:
         return False
     if nearness.unit is None:
         return not moves.may_meet(a, b, crossing=nearness.crossing)
-    here, there = (moves.order.of_side(side).of(moves.ends) for side in (a, b))
-    are_near = bool(_MEASURES[nearness.unit](ctx.graph.graph, nearness.limit)(here, there))
-    return not are_near and not (nearness.crossing and moves.may_meet(a, b, crossing=True))
+    order, ends = moves.order, moves.ends
+    measure = _MEASURES[nearness.unit](ctx.graph.graph, nearness.limit)
+    if measure(order.of_side(a).of(ends), order.of_side(b).of(ends)):
+        return False
+    return not (nearness.crossing and moves.may_meet(a, b, crossing=True))
 
 
 def _met_on_travels(
@@ -474,8 +477,14 @@ def _straight(graph: Graph, limit: float) -> _Measure:
             rows, columns, far = kernels.pairs_within(np.array(a), np.array(b), limit)
             pairs = zip(rows.tolist(), columns.tolist(), far.tolist(), strict=True)
             return {(one[i], other[k]): distance for i, k, distance in pairs}
-        # NOTE: the same numbers, in a fifth of the time for a game of 5 against 5 (benchmarks: turns).
-        square, near, ends = limit * limit, _Distances(), list(zip(other, b, strict=True))
+        # NOTE: the same numbers, without the calls of NumPy. In most turns no two agents are near each other from west
+        # to east, which takes half the time to see (benchmarks: 5 against 5).
+        square, near = limit * limit, _Distances()
+        xs = sorted([x for x, _, _ in (*a, *b)])
+        gap = min(map(sub, xs[1:], xs))
+        if gap * gap > square:
+            return near
+        ends = list(zip(other, b, strict=True))
         for place, (x, y, z) in zip(one, a, strict=True):
             for there, (end_x, end_y, end_z) in ends:
                 dx = x - end_x
