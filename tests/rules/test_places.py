@@ -157,6 +157,15 @@ def test_a_node_is_discovered_when_a_sensor_has_it_in_view(road, kind):
     assert ctx.game.facts_of("red") == {"discovered": {4: "decoy", 5: "flag"}}
 
 
+def test_what_members_of_a_team_discover_in_one_turn_is_counted_once_and_known_together(road):
+    ctx = with_eyes(road(a=("red", 3), b=("red", 5)))
+    ctx.graph.add_nodes([10], [40.0], [0.0])  # where node 4 is
+    ctx.game.add(discover([1, 4, 7, 10]))
+    events = ctx.game.run(1).events
+    assert [(event["agent"], event["node"]) for event in events] == [("a", 1), ("a", 4), ("a", 10), ("b", 7)]
+    assert [*ctx.game.facts_of("red")["discovered"]] == [1, 4, 7, 10]
+
+
 def test_the_first_team_gets_points_and_both_do_in_one_turn(road):
     ctx = with_eyes(road(a=("red", 0, 1, 2), b=("blue", 6, 5, 4), c=("blue", 9)))
     ctx.game.add(discover([3, 4], score=2))

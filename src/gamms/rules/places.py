@@ -249,24 +249,29 @@ class _Discovery(NamedTuple):
 
     def play(self, ctx: Context) -> None:
         """Let all agents look."""
-        by, left = self._found_by(ctx), dict[Any, IntArray]()
+        by, known, grown = self._found_by(ctx), dict[Any, set[int]](), dict[Any, None]()
         before = {node for found in by.values() for node in found}
+        hidden = _Places(np.array([*self.what], np.int64), ctx.graph.graph.positions([*self.what]))
         for agent in ctx.game.agents:
             team = agent.team
             if team is None or not (self.teams is None or team in self.teams):
                 continue
-            if team not in left:
-                left[team] = np.setdiff1d([*self.what], by.get(team, ()))
-            new = _in_view(ctx, agent, left[team], self.hops)
+            if team not in known:
+                known[team] = set(by.get(team, ()))
+            if len(known[team]) == len(self.what):
+                continue
+            new = sorted(_in_view(ctx, agent, hidden, self.hops) - known[team])
             for node in new:
-                by[team] = sorted([*by.get(team, ()), node])
                 is_first = node not in before
                 ctx.game.emit("discover", agent=agent.name, team=team, node=node, first=is_first)
                 if self.score and is_first:
                     ctx.game.scores[team] += self.score
             if new:
-                del left[team]
-                ctx.game.publish(to=team, **{self.key: {node: to_plain(self.what[node]) for node in by[team]}})
+                known[team].update(new)
+                grown[team] = None
+        for team in grown:
+            by[team] = sorted(known[team])
+            ctx.game.publish(to=team, **{self.key: {node: to_plain(self.what[node]) for node in by[team]}})
 
     def prepare_arrays(self, state: GameArrays) -> None:
         """Publish what teams have discovered in many games: team -> (games, nodes), the nodes in their order."""
@@ -315,12 +320,27 @@ class _Discovery(NamedTuple):
         return found
 
 
+class _Places:
+    """Some nodes, found by their ids and by where they are.
+
+    Attributes:
+        ids: of the nodes.
+        at: (x, y) -> the ids of the nodes there.
+    """
+
+    def __init__(self, ids: IntArray, xy: FloatArray) -> None:
+        self.ids, self.at = set[int](ids.tolist()), dict[tuple[float, float], list[int]]()
+        for node, x, y in zip(ids.tolist(), *xy.T.tolist(), strict=True):
+            self.at.setdefault((x, y), []).append(node)
+
+
 class _Views:
     """Which of some nodes the sensors of agents show from each node, found when an agent is first there."""
 
     def __init__(self, turn: ArrayTurn, hidden: IntArray) -> None:
         self._roster, self._streets = turn.roster, turn.streets
-        self._ids, self._xy = turn.streets.ids(hidden), turn.streets.columns.xy[hidden]
+        self._ids = turn.streets.ids(hidden)
+        self._places = _Places(self._ids, turn.streets.columns.xy[hidden])
         self._number = np.full((len(turn.roster.names), len(turn.streets.counts)), -1)
         self._seen = np.zeros((1, len(hidden)), np.bool_)  # one row at least, for -1 is looked up, too
 
@@ -333,7 +353,7 @@ class _Views:
             carriers, rows = np.divmod(pairs, self._number.shape[1])
             ids = self._streets.ids(rows).tolist()
             fresh = [
-                _shown(self._roster.agents[agent], here, self._ids, self._xy)
+                np.isin(self._ids, [*_shown(self._roster.agents[agent], here, self._places)])
                 for agent, here in zip(carriers.tolist(), ids, strict=True)
             ]
             self._number[carriers, rows] = len(self._seen) + np.arange(len(pairs))
@@ -354,28 +374,23 @@ def _why_not_looked(agents: Iterable[IAgent]) -> str | None:
     return None
 
 
-def _shown(agent: IAgent, here: int, ids: IntArray, places: FloatArray) -> BoolArray:
-    """Return which nodes, at these places, the sensors of an agent show from a node."""
-    is_seen = np.zeros(len(ids), np.bool_)
+def _shown(agent: IAgent, here: int, places: _Places) -> set[int]:
+    """Return which nodes, by their ids, the sensors of an agent show from a node."""
+    shown_ids = set[int]()
     for sensor in agent.sensors.values():
         try:
-            is_seen |= np.isin(ids, sensor.coverage(here, agent.name).node_ids)
+            shown_ids.update(sensor.coverage(here, agent.name).node_ids.tolist())
         except NotOffered:  # it is no sensor of agents
             try:
                 seen = sensor.view_from(here, agent.name).nodes
             except NotOffered:
                 continue
-            is_seen |= (places[:, None] == seen[None]).all(axis=2).any(axis=1)
-    return is_seen
+            shown_ids.update(*(places.at.get((x, y), ()) for x, y in seen.tolist()))
+    return shown_ids & places.ids
 
 
-def _in_view(ctx: Context, agent: IAgent, ids: IntArray, hops: float) -> list[int]:
-    """Return which of these nodes an agent has in view, or so many edges ahead."""
-    if not len(ids):
-        return []
+def _in_view(ctx: Context, agent: IAgent, places: _Places, hops: float) -> set[int]:
+    """Return which nodes an agent has in view, or so many edges ahead."""
     here = agent.current_node_id
     around = () if agent.type is AgentType.AERIAL else nodes_within(ctx.graph.graph, here, hops)
-    is_seen = np.isin(ids, np.array([*around], np.int64))
-    is_seen |= _shown(agent, here, ids, ctx.graph.graph.positions(ids))
-    seen_ids: list[int] = ids[is_seen].tolist()
-    return seen_ids
+    return _shown(agent, here, places) | places.ids.intersection(around)
