@@ -90,6 +90,19 @@ def test_agents_are_seen_in_space_whether_they_walk_or_fly(ctx, look):
     assert list(look(SensorType.AERIAL_AGENT, fov=pi / 2, quat=DOWN)) == ["walker"]
 
 
+@pytest.mark.parametrize("metres", [0.0, 2.0, 5.0, inf])
+def test_many_looks_at_one_moment_see_what_the_first_does(ctx, drone, metres):
+    for number in range(12):
+        flyer = ctx.agent.create_agent(f"flyer_{number}", type=AgentType.AERIAL, start_node_id=0, speed=1.0)
+        flyer.position = (number - 5.0, number % 3, 2.0)
+    ctx.agent.get_agent("flyer_6").alive = False
+    eyes = ctx.sensor.create_sensor("eyes", SensorType.AERIAL_AGENT, sensor_range=metres)
+    drone.register_sensor("eyes", eyes)
+    looks = eyes.sense_many([0] * 20)
+    assert all(looks[i].tolist() == looks[0].tolist() for i in range(20))
+    assert bool(len(looks[0])) == (metres > 0)
+
+
 def test_an_agent_at_the_very_point_of_the_drone_is_not_seen_as_in_the_original(ctx, look, drone):
     twin = ctx.agent.create_agent("twin", type=AgentType.AERIAL, start_node_id=0, speed=1.0)
     twin.position = drone.position

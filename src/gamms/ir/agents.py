@@ -440,8 +440,9 @@ class AgentBlock:
         if not self.flyers or self.journal is CLOSED:
             return
         self._renew_flyer_nodes()
-        for row in sorted(self._unlocated):
-            self._locate(row)
+        if self._unlocated:  # NOTE: a set that was large takes long to go through, empty as it is
+            for row in sorted(self._unlocated):
+                self._locate(row)
 
     def _renew_flyer_nodes(self) -> None:
         """Let the nodes below all flyers be found again if the graph has changed."""

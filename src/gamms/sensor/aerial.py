@@ -305,17 +305,19 @@ class AerialAgentSensor(DetectingSensor, FlyingSensor):
         if pose is None:
             return np.zeros(0, np.int64)
         positions, own = self.ctx.agent.positions, self._owner if self._at is None else None
-        xyz, living, names = memory_of(self.ctx).nearby.coordinates().xyz, positions.living, positions.names
-        offsets = xyz - pose.position
-        rows = living[self._reaches(offsets[living], pose.axis)]
-        rows = rows[offsets[rows].any(axis=1)]
+        nearby, (x, y, _) = memory_of(self.ctx).nearby, pose.position.tolist()
+        near, names = nearby.living_near(x, y, self.range), positions.names
+        xyz = nearby.coordinates().xyz
+        offsets = xyz[near] - pose.position
+        reached = self._reaches(offsets, pose.axis)
+        rows = near[reached[offsets[reached].any(axis=1)]]
         wanted = self.notice.wanted([row for row in rows.tolist() if names[row] != own], positions.teams)
         rows = np.array(wanted, np.int64)
         if self._is_occluded:
-            rows = rows[memory_of(self.ctx).nearby.coordinates().is_outside[rows]]
+            rows = rows[nearby.coordinates().is_outside[rows]]
             rows = rows[self.ctx.graph.visible(pose.position, xyz[rows])]
         if self.notice.needs_chance:
-            distances = np.linalg.norm(offsets[rows], axis=1)
+            distances = np.linalg.norm(xyz[rows] - pose.position, axis=1)
             seen = [names[row] for row in rows.tolist()]
             rows = rows[self.notice.is_noticed(look, seen, distances)]
         return rows

@@ -33,6 +33,7 @@ _MOST_RANGES = 64  # at which looks are counted
 _MOST_PLACES = 1 << 16  # looked from once that are remembered
 _FAR = 1e150  # of which squares are infinite
 _WIDE = 4096  # nodes: a disc with more is compared with the places of all agents instead
+_LOOKS_WITHOUT_CELLS = 8  # of those in space at one moment: with fewer, looking at all is cheaper than making cells
 
 
 class Coordinates(NamedTuple):
@@ -68,6 +69,9 @@ class NearbyAgents:
         self._key: tuple[Positions | None, int, int | None] = (None, 0, None)
         self._places: FloatArray | None = None
         self._coordinates: Coordinates | None = None  # at these places
+        self._living = np.zeros(0, np.int64)  # their rows
+        self._cells: kernels.CellIndex | None = None  # of these
+        self._looks_in_space = 0  # at these coordinates
         self._travellers = Travellers(ctx)
         self._positions: Positions | None = None  # of which the looks are
         self._version = 0  # of them
@@ -109,7 +113,21 @@ class NearbyAgents:
             is_flying = np.zeros(len(xy), np.bool_)
             xyz[positions.flyers], is_flying[positions.flyers] = positions.flyer_xyz, True
             self._coordinates = Coordinates(xyz, is_flying, is_on_surface | is_flying)
+            self._living, self._cells, self._looks_in_space = positions.living, None, 0
         return self._coordinates
+
+    def living_near(self, x: float, y: float, radius: float) -> IntArray:
+        """Return the rows of the living agents above and below a disc, ascending, and perhaps of others that live.
+
+        Raises:
+            UnknownName (KeyError): an agent stands on a node that was removed.
+        """
+        xyz, living = self.coordinates().xyz, self._living
+        self._looks_in_space += 1
+        if self._looks_in_space > _LOOKS_WITHOUT_CELLS and self._cells is None:
+            self._cells = kernels.build_cells(xyz[living, :2])
+        rows = None if self._cells is None else kernels.candidate_rows(self._cells, x, y, radius)
+        return living if rows is None else living[np.sort(rows)]
 
     def xy(self, rows: list[int]) -> FloatArray:
         """Return where some agents are on the map (rows, 2)."""
