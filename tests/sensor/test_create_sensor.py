@@ -156,6 +156,13 @@ def test_an_impossible_orientation_is_refused(ctx, value):
     assert ctx.sensor.sensors == {}
 
 
+def test_a_keyword_that_is_set_as_an_attribute_is_warned_about(ctx, heard):
+    sensor = ctx.sensor.create_sensor("s", SensorType.AGENT_RANGE, sensor_range=3)
+    sensor.sensor_range, sensor.team = 5, "red"
+    kept = "is kept as an attribute of your own: set sensor."
+    assert heard == [f"Sensor 's': sensor.sensor_range {kept}range.", f"Sensor 's': sensor.team {kept}notice.team."]
+
+
 def test_an_orientation_is_kept_at_length_one_and_numpy_numbers_are_welcome(ctx):
     sensor = ctx.sensor.create_sensor(
         "s", SensorType.ARC, sensor_range=np.float32(5), fov=np.int64(2), orientation=np.array([2.0, 2.0])

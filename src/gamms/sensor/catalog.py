@@ -21,7 +21,7 @@ from gamms.sensor.ground import (
     OccludedAgentSensor,
     OccludedMapSensor,
 )
-from gamms.sensor.sensor import Sensor
+from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.typing import IContext
 from gamms.typing.sensor_engine import ISensor, SensorType
 
@@ -48,7 +48,7 @@ class Kind(NamedTuple):
 
     def is_of(self, sensor: object) -> bool:
         """Whether a sensor of this type is a built-in one, and not of a class of the caller's."""
-        wanted = [_ATTRIBUTES.get(name, name) for name in self.keywords]
+        wanted = [ATTRIBUTES_OF.get(name, name) for name in self.keywords]
         wanted += [setting.partition(".")[0] for setting in self.settings]
         return isinstance(sensor, Sensor) and all(
             hasattr(type(sensor), name) or hasattr(sensor, name) for name in wanted
@@ -56,7 +56,7 @@ class Kind(NamedTuple):
 
     def keywords_of(self, sensor: ISensor) -> dict[str, Any]:
         """Return the keywords that make such a sensor again."""
-        given = {name: getattr(sensor, _ATTRIBUTES.get(name, name)) for name in self.keywords}
+        given = {name: getattr(sensor, ATTRIBUTES_OF.get(name, name)) for name in self.keywords}
         for setting in self.settings:
             part, _, name = setting.rpartition(".")
             value = getattr(getattr(sensor, part) if part else sensor, name)
@@ -67,7 +67,7 @@ class Kind(NamedTuple):
     def apply(self, sensor: ISensor, keywords: dict[str, Any]) -> None:
         """Set a sensor by what `keywords_of` returned."""
         for name in self.keywords:
-            setattr(sensor, _ATTRIBUTES.get(name, name), keywords[name])
+            setattr(sensor, ATTRIBUTES_OF.get(name, name), keywords[name])
         for setting in self.settings:
             part, _, name = setting.rpartition(".")
             owner = getattr(sensor, part) if part else sensor
@@ -90,14 +90,8 @@ class Kind(NamedTuple):
         return {*self.keywords, *(setting.rpartition(".")[2] for setting in self.settings)}
 
 
-_ATTRIBUTES = {"sensor_range": "range"}  # keyword -> attribute, where they differ
-
 _PLACE = ("at",)
-_DETECTION = (
-    *_PLACE,
-    *("notice.team", "notice.exclude", "notice.detection"),
-    *("notice.position_noise_m", "notice.false_alarm_rate", "notice.delay_turns"),
-)
+_DETECTION = (*_PLACE, *(path for path in ATTRIBUTES_OF.values() if path.startswith("notice.")))
 
 _RANGE = {"sensor_range": 30.0}
 _FIELD = {"fov": 2.0 * pi, "orientation": FORWARD}

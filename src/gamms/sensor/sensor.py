@@ -20,6 +20,11 @@ Heading = tuple[float, float]  # (cos, sin); (0.0, 0.0) sees all around
 R = TypeVar("R")
 S = TypeVar("S", bound="Sensor")
 
+ATTRIBUTES_OF = {  # keyword of `create_sensor` -> the attribute that it sets, where that is called otherwise
+    "sensor_range": "range",
+    **{name: f"notice.{name}" for name in ("team", "exclude", "detection")},
+    **{name: f"notice.{name}" for name in ("position_noise_m", "false_alarm_rate", "delay_turns")},
+}
 _OURS = "gamms.sensor."
 _UNIT = 1e-9  # how much the length of a direction that is given may miss 1, to be read back as it was given
 
@@ -96,10 +101,19 @@ class Sensor(ContextPart, ISensor):
             self._phase.refuse(f"set sensor.{name}")
             if name == "type" and self._is_ours:
                 raise FixedType(f"The type of sensor {self.sensor_id!r} cannot be set: create another sensor.")
+            if name in ATTRIBUTES_OF and self._is_ours:
+                self._warn_of_keyword(name)
             self._phase.sensor_changes += name != "data"
             check = self._CHECKS.get(name)
             value = value if check is None else check(value, f"{name} of {getattr(self, 'sensor_id', None)!r}")
         object.__setattr__(self, name, value)
+
+    def _warn_of_keyword(self, name: str) -> None:
+        path = ATTRIBUTES_OF[name]
+        if hasattr(self, path.partition(".")[0]):
+            self.ctx.logger.warning(
+                f"Sensor {self.sensor_id!r}: sensor.{name} is kept as an attribute of your own: set sensor.{path}."
+            )
 
     @property
     def data(self) -> Any:
