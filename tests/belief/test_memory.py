@@ -310,6 +310,12 @@ def test_errors_name_what_is_missing(make_ctx, add):
     with pytest.raises(MissingKey, match=r"state\['name'\]. ctx.game puts it there; in a loop of your own, set name"):
         belief.observe(ctx, agent.get_state())
     state = agent.get_state() | {"name": "a", "team": "red", "turn": 0, "memory": {}}
+    with pytest.raises(BadType, match="observe takes a context"):
+        belief.observe(state, ctx)
+    with pytest.raises(BadType, match="note takes a context"):
+        belief.note(state, state, "a", 0)
+    with pytest.raises(BadType, match="A memory must be a dict, not 3"):
+        belief.merge(3)
     with pytest.raises(BadValue, match="horizon must be at least 1"):
         belief.observe(ctx, state, horizon=0)
     state["memory"]["belief", 0, "b"] = "nonsense"

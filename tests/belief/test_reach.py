@@ -290,6 +290,9 @@ def test_agents_that_are_dead_fly_or_are_unknown(make_ctx, add):
         known.reachable("drone")
     with pytest.raises(UnknownName, match="nobody"):
         known.probability("nobody")
+    for asked in (known.are_reachable, known.probabilities):
+        with pytest.raises(BadType, match="targets must be a list of names, not 'prey'"):
+            asked("prey")
 
 
 @pytest.mark.parametrize("phase", ["before", "deeds", "after"])

@@ -9,7 +9,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_range
+from gamms.arguments import as_context, as_items, as_range
 from gamms.belief.evidence import (
     Look,
     Observation,
@@ -20,6 +20,7 @@ from gamms.belief.evidence import (
     is_by_metres,
     last_sightings,
     note_senses,
+    required,
     turns_in,
 )
 from gamms.belief.filter import Filter, by_node
@@ -70,8 +71,8 @@ def observe(ctx: Context, state: State | AerialState, *, share: bool = True, hor
 
 def believed(ctx: Context, state: State | AerialState) -> "Belief":
     """Return what follows from what an agent and its team remember, without looking."""
-    memories = state["memory"], state.get("team_memory", {})
-    return Belief(ctx, turns_in(*memories), state["turn"], state.get("time", 0.0))
+    memories = required(state, "memory"), state.get("team_memory", {})
+    return Belief(as_context(ctx, "believed"), turns_in(*memories), state["turn"], state.get("time", 0.0))
 
 
 def belief_of(ctx: Context, observer: str) -> "Belief":
@@ -80,7 +81,7 @@ def belief_of(ctx: Context, observer: str) -> "Belief":
     Raises:
         UnknownName (KeyError): there is no such agent.
     """
-    team = getattr(ctx.agent.get_agent(observer), "team", None)
+    team = getattr(as_context(ctx, "belief_of").agent.get_agent(observer), "team", None)
     shared = {} if team is None else ctx.game.team_memories.get(team, {})
     return Belief(ctx, turns_in(ctx.game.memories.get(observer, {}), shared), ctx.game.turn)
 
@@ -130,7 +131,7 @@ class Belief:
 
     def are_reachable(self, targets: Sequence[str], speed: float | None = None) -> BoolArray:
         """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
-        agents = [agent_on_ground(self._ctx, name) for name in targets]
+        agents = [agent_on_ground(self._ctx, name) for name in as_items(targets, "targets", "names")]
         paces = [getattr(agent, "speed", None) if speed is None else as_range(speed, "speed") for agent in agents]
         game = None if self._ctx.current_game is None else self._ctx.game
         in_metres = is_by_metres(self._ctx)
@@ -184,7 +185,7 @@ class Belief:
 
     def probabilities(self, targets: Sequence[str], motion: Motion | None = None) -> FloatArray:
         """Return the same for several targets: (targets, nodes), with the nodes as in `ctx.graph.columns()`."""
-        agents = [agent_on_ground(self._ctx, name) for name in targets]
+        agents = [agent_on_ground(self._ctx, name) for name in as_items(targets, "targets", "names")]
         model = random_walk() if motion is None else as_motion(motion, "motion")
         paces = [self._metres_of(agent) for agent in agents]
         if len(set(paces)) == 1:

@@ -22,7 +22,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from gamms.arguments import as_count, as_int
+from gamms.arguments import as_context, as_count, as_int, as_mapping
 from gamms.belief.ground import Arc, Ground, ground_of
 from gamms.context import Context
 from gamms.deciding import phase_of
@@ -152,7 +152,7 @@ def turns_in(*memories: Mapping[Any, Any]) -> dict[int, Turn]:
     alone: dict[int, dict[str, str]] = {}
     reports: dict[int, list[tuple[str, Report]]] = {}
     for memory in memories:
-        for key, text in memory.items():
+        for key, text in as_mapping(memory, "A memory").items():
             if type(key) is not tuple or len(key) != 3:
                 continue
             kind, turn, by = key
@@ -238,7 +238,7 @@ def last_sightings(turns: Mapping[int, Turn]) -> dict[str, Sighting]:
 
 def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizon: int) -> None:
     """Write into memory what the sensors of an agent show in this turn of agents that are not of its team."""
-    agent = ctx.agent.get_agent(_required(state, "name"))
+    agent = as_context(ctx, "observe").agent.get_agent(required(state, "name"))
     is_between = state.get("edge") is not None
     found: dict[str, Any] = dict(_respawned(ctx, state, share=share))
     looks = []
@@ -266,7 +266,7 @@ def note_senses(ctx: Context, state: State | AerialState, *, share: bool, horizo
         looks = []
     _note(ctx, state, {"found": dict(sorted(found.items())), "looks": [look for look in looks if look]}, share=share)
     shared = state.get("team_memory", {})
-    for memory in (_required(state, "memory"), shared):
+    for memory in (required(state, "memory"), shared):
         _prune(memory, state["turn"], as_count(horizon, "horizon"))
     _join(shared, state["turn"])
 
@@ -288,8 +288,8 @@ def note(
         UnknownName (KeyError): there is no such agent or node.
         BadValue: the turn is still to come.
     """
-    where, now = as_int(node, f"node of agent {shown(name)}"), _required(state, "turn")
-    if not ctx.graph.graph.has_node(where):
+    where, now = as_int(node, f"node of agent {shown(name)}"), required(state, "turn")
+    if not as_context(ctx, "note").graph.graph.has_node(where):
         raise UnknownName("node", where)
     agent, then = ctx.agent.get_agent(name), now if turn is None else as_count(turn, "turn of note", 0)
     if then > now:
@@ -301,8 +301,8 @@ def note(
 
 
 def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, share: bool) -> None:
-    memory, turn = _required(state, "memory"), _required(state, "turn")
-    key = (ENTRY, turn, _required(state, "name"))
+    memory, turn = required(state, "memory"), required(state, "turn")
+    key = (ENTRY, turn, required(state, "name"))
     known = json.loads(memory.get(key, "{}"))
     found = dict(sorted({**known.get("found", {}), **new["found"]}.items()))
     looks = new["looks"] or known.get("looks", [])
@@ -312,8 +312,8 @@ def _note(ctx: Context, state: State | AerialState, new: dict[str, Any], *, shar
 
 
 def _report(state: State | AerialState, report: Report, *, share: bool) -> None:
-    key = (_REPORTS, _required(state, "turn"), _required(state, "name"))
-    known = json.loads(_required(state, "memory").get(key, "[]"))
+    key = (_REPORTS, required(state, "turn"), required(state, "name"))
+    known = json.loads(required(state, "memory").get(key, "[]"))
     if list(report) not in known:
         _write(state, key, _as_text([*known, report]), share=share)
 
@@ -324,7 +324,12 @@ def _write(state: State | AerialState, key: Key, text: str, *, share: bool) -> N
         state["team_memory"][key] = text
 
 
-def _required(state: State | AerialState, key: str) -> Any:
+def required(state: State | AerialState, key: str) -> Any:
+    """Return what a state has under a key.
+
+    Raises:
+        MissingKey (KeyError): it is not there.
+    """
     if key not in state:
         raise MissingKey(
             f"A belief needs state[{key!r}]. ctx.game puts it there; in a loop of your own, set name, team, turn and "
@@ -335,7 +340,7 @@ def _required(state: State | AerialState, key: str) -> Any:
 
 def _is_other(ctx: Context, state: State | AerialState, name: str) -> bool:
     """Whether an agent is on the ground and not of the team of the observer."""
-    other, team = ctx.agent.get_agent(name), _required(state, "team")
+    other, team = ctx.agent.get_agent(name), required(state, "team")
     is_mate = name == state["name"] or (team is not None and getattr(other, "team", None) == team)
     return not is_mate and other.type is not AgentType.AERIAL
 
@@ -389,7 +394,7 @@ def _respawned(ctx: Context, state: State | AerialState, *, share: bool) -> dict
         return found
     with phase_of(ctx).suspended():  # NOTE: which spares a copy of the events of the whole game, 3 us for each
         events = ctx.game.events
-    memory, turn, known = _required(state, "memory"), state["turn"], set[str]()
+    memory, turn, known = required(state, "memory"), state["turn"], set[str]()
     for event in reversed(events[memory.get(_EVENTS, 0) :]):
         name = event.get("agent")
         if event["kind"] != "respawned" or name in known or name not in ctx.agent.agents:
