@@ -128,8 +128,9 @@ def test_a_state_is_the_callers_own(rec):
 def test_a_turn_that_is_not_there_is_refused(rec, turn):
     with pytest.raises(BadValue, match=r"8 turns|64 bits"):
         rec[turn]
-    with pytest.raises(BadValue):
-        rec.state(turn)
+    for call in (rec.state, rec.map_at, rec.map_hash):
+        with pytest.raises(BadValue):
+            call(turn)
     with pytest.raises(BadValue):
         rec.state(-1)
     with pytest.raises(BadType):
@@ -427,6 +428,11 @@ def test_a_recording_that_was_cut_off_opens_and_says_so(game):
     assert not rec.is_complete
     assert "was not finished" in rec.warning
     assert rec[-1].turn == rec.turns
+
+
+def test_a_path_is_no_reader_of_which_a_recording_is_made(tmp_path):
+    with pytest.raises(BadType, match=r"gamms\.recorder\.open opens a recording"):
+        Recording(tmp_path)
 
 
 def test_version_2_is_refused_with_the_way_out():

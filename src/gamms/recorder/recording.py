@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, BinaryIO, TypeVar, Unpack, overload
 import numpy as np
 
 from gamms.arguments import as_bool, as_context, as_int, as_mapping, as_path, as_target
-from gamms.errors import BadValue
+from gamms.errors import BadType, BadValue
 from gamms.folders import write_whole
 from gamms.ir import events as kinds
 from gamms.ir.events import COMPONENTS, Log
@@ -27,6 +27,7 @@ from gamms.recorder.formats.reader import Reader
 from gamms.recorder.maps import become, given_map, has_map, hash_in, hash_of
 from gamms.recorder.states import State, state_of
 from gamms.recorder.streams import Opened, format_of, readable, written
+from gamms.text import shown
 from gamms.typing import AerialStrategy, AsyncStrategy, IContext, Strategy
 from gamms.typing.context import HostContext
 from gamms.typing.map_storage import IPackedGraph, packed_graphs
@@ -93,6 +94,8 @@ class Recording(Opened):
     """
 
     def __init__(self, reader: Reader, owned: BinaryIO | None = None, graph: object = None) -> None:
+        if not isinstance(reader, Reader):
+            raise BadType(f"gamms.recorder.open opens a recording; this is made of a Reader, not {shown(reader)}.")
         super().__init__(owned)
         self._reader = reader
         self._given = None if graph is None else given_map(graph, reader.header)
@@ -184,11 +187,15 @@ class Recording(Opened):
         for turn in range(self.turns + 1):
             yield self.state(turn)
 
+    def _as_turn(self, turn: int) -> int:
+        number = as_int(turn, "turn")
+        if not 0 <= number <= self.turns:
+            raise BadValue(f"There is no state after {number} turns: this recording has {self.turns} turns.")
+        return number
+
     def detached(self, turn: int) -> DetachedState:
         """Return the state after so many turns, which the next call changes."""
-        turn = as_int(turn, "turn")
-        if not 0 <= turn <= self.turns:
-            raise BadValue(f"There is no state after {turn} turns: this recording has {self.turns} turns.")
+        turn = self._as_turn(turn)
         with refusing(f"The state after turn {turn} cannot be worked out", (Damaged,)):
             return self._computed(turn)
 
@@ -444,7 +451,7 @@ class Recording(Opened):
         """Return the last turn up to this one in which the map changed; 0: none."""
         if self._map_turns is None:
             self._map_turns = sorted({log + 1 for log, *_ in self._reader.events(kinds={kinds.WORLD})})
-        place = bisect_right(self._map_turns, turn)
+        place = bisect_right(self._map_turns, self._as_turn(turn))
         return self._map_turns[place - 1] if place else 0
 
     def map_at(self, turn: int) -> IPackedGraph:
