@@ -294,6 +294,8 @@ def test_arguments_are_checked():
     solution = solve(scenario)
     with pytest.raises(BadType, match=r"strategies\['red'\]"):
         solution.nash_conv({"red": solution.strategy("blue")})
+    with pytest.raises(BadType, match="strategies must be a dict"):
+        solution.exploitability([solution.strategy("red")])
     with pytest.raises(BadValue, match="for agents of team 'blue'"):
         scenario.play(strategies={"red": solution.strategy("blue")})
 

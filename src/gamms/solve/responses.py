@@ -111,6 +111,8 @@ def best_response(
     as_choice(method, "method", METHODS)
     teams = teams_of(scenario, team)
     others = _by_team(against, teams[1:])
+    if team in others:
+        raise BadValue(f"against names team {shown(team)}, which answers: give the strategies of the others.")
     first = as_int(0 if seed is None else seed, "seed")
     cut = _cut(scenario, turns)
     if method != "exact":

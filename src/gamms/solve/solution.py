@@ -344,7 +344,8 @@ class Solution:
             BadValue: one counts turns in a game without a last one.
         """
         teams = self.table.setup.teams
-        given = {**{team: self.strategy(team) for team in teams}, **(strategies or {})}
+        given: dict[str, SolvedStrategy] = {team: self.strategy(team) for team in teams}
+        given |= as_mapping(strategies or {}, "strategies")
         for team, strategy in given.items():
             if getattr(strategy, "team", None) != teams[self._side_of(team)]:
                 raise BadType(
