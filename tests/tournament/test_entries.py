@@ -65,6 +65,7 @@ def test_the_digest_follows_from_the_files_of_an_entry_not_from_where_they_are(f
         ({"a": "stay.py:stay"}, "two entries at least, not 1"),
         ({"a": "stay.py:stay", "b": ["no-such-program"]}, "starts 'no-such-program', and there is no such program"),
         ({"a": "stay.py:stay", "b": []}, "The entry 'b' is empty"),
+        ({"a": "stay.py:stay", "b": "stay.py"}, "'b' needs the name of a function in 'stay.py'"),
     ],
 )
 def test_what_is_no_entry_is_refused(folder, given, message):

@@ -273,6 +273,13 @@ def test_ratings_follow_the_results_and_grow_certain():
     assert [one.points for one in both.standings()] == [0.0, 0.0]
 
 
+def test_a_table_needs_the_names_of_all_entries():
+    with pytest.raises(UnknownName, match="Unknown entry 'fair'"):
+        Table([row("good", "fair", "red")], ["good", "fare"])
+    with pytest.raises(BadType, match="entries must be a list of names, not 'good'"):
+        Table([], "good")
+
+
 def test_the_page_escapes_what_entries_have_chosen(tmp_path):
     evil = "<script>alert(1)</script>"
     rows = [{**row(evil, "b", "blue", faults=("red",)), "details": {"red": f"'\"><img src=x onerror={evil}>"}}]

@@ -88,8 +88,11 @@ def found_entries(given: Mapping[str, Given], base: Path, out: Path, private: It
 
 def _texts(name: str, given: object) -> list[str]:
     if isinstance(given, str):
+        if given.endswith(".py"):
+            raise BadValue(f"The entry {name!r} needs the name of a function in {given!r}: '{given}:plan'.")
         return [as_name(given, f"the entry {name!r}")]
-    words = [as_name(word, f"a part of the entry {name!r}") for word in as_items(given, f"entry {name!r}", "texts")]
+    words = as_items(given, f"entry {name!r}", "a program and its arguments, or 'file.py:function'")
+    words = [as_name(word, f"a part of the entry {name!r}") for word in words]
     if not words:
         raise BadValue(f"The entry {name!r} is empty. Give 'file.py:function', or a program and its arguments.")
     return words

@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from gamms import kernels
+from gamms.arguments import as_items, as_known
 from gamms.experiment.statistics import Interval, mean_interval
 from gamms.extras import needing
 from gamms.text import printable_line
@@ -91,7 +92,9 @@ class Table:
     """
 
     def __init__(self, rows: Sequence[Row], entries: Sequence[str]) -> None:
-        self.rows, self.entries, self.not_enforced = list(rows), list(entries), list[str]()
+        self.rows, self.entries, self.not_enforced = list(rows), as_items(entries, "entries", "names"), list[str]()
+        for name in {entry for row in self.rows for entry in row["entries"].values()}:
+            as_known(name, "entry", self.entries)
         self._payoffs: dict[tuple[str, str], Payoff] | None = None
 
     def standings(self) -> list[Standing]:
