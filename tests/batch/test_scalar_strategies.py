@@ -224,6 +224,37 @@ def test_a_strategy_that_keeps_state_in_a_closure_is_refused():
         games.run()
 
 
+class Counting:
+    """A strategy that remembers in an attribute, which is there from the beginning or not."""
+
+    def __init__(self, known):
+        self.known = 0
+        if not known:
+            del self.known
+
+    def __call__(self, state):
+        self.known = getattr(self, "known", 0) + 1
+        state["action"] = state["legal"][self.known % len(state["legal"])]
+
+
+@pytest.mark.parametrize("known", [True, False])
+@pytest.mark.parametrize("one_by_one", [True, False])
+def test_a_strategy_that_keeps_state_in_its_object_is_refused(known, one_by_one):
+    made = scene([TAG]).batch(2, strategies={"red": Counting(known)}, one_by_one=one_by_one)
+    with made as games, pytest.raises(BadValue, match="attribute 'known' of Counting"):
+        games.step()
+
+
+def test_a_strategy_that_keeps_state_in_a_generator_is_refused():
+    lots = (number % 3 for number in range(100))
+
+    def ask(state):
+        state["action"] = state["legal"][next(lots) % len(state["legal"])]
+
+    with scene([TAG]).batch(2, strategies={"red": ask}) as games, pytest.raises(BadValue, match="'lots'"):
+        games.step()
+
+
 def test_agents_that_actions_are_given_to_are_not_asked():
     scenario = scene([TAG]).replace(**NEAR)
     with (

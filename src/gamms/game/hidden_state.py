@@ -9,7 +9,7 @@ from dis import get_instructions
 from functools import cached_property, lru_cache, partial
 from itertools import chain, count
 from pathlib import Path
-from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
+from types import BuiltinMethodType, CodeType, FunctionType, GeneratorType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -29,6 +29,7 @@ class _Variable(NamedTuple):
 
 
 _Variables = dict[tuple[int, str], _Variable]
+_MISSING = _Variable("", None, "nothing")
 
 
 class HiddenState:
@@ -48,10 +49,11 @@ class HiddenState:
 
     def changed(self, way_out: str) -> str:
         """Return a sentence about the first variable that has changed since, with a way out; "" if none has."""
-        now = self._now()
-        for key, (name, image, text) in self._before.items():
-            if key in now and now[key].image != image:
-                change = "" if now[key].text == text else f" from {text} to {now[key].text}"
+        known, now = self._looked, self._now()
+        for key, (name, image, text) in now.items():
+            before = self._before.get(key, _MISSING if key[0] in known else now[key])
+            if image != before.image:
+                change = "" if text == before.text else f" from {before.text} to {text}"
                 return (
                     f"{name} changed{change} in the game, which neither ctx.game.reset nor ctx.game.restore takes "
                     f"back. {way_out} What can be worked out again may be cached by functools.cache."
@@ -59,8 +61,8 @@ class HiddenState:
         return ""
 
     def _now(self) -> _Variables:
-        found: _Variables = {}
-        _look(self._function, found, set())
+        found, self._looked = _Variables(), set[int]()
+        _look(self._function, found, self._looked)
         return found
 
 
@@ -185,6 +187,7 @@ _ATOMS: tuple[tuple[Any, Callable[[Any], object]], ...] = (
         lambda one: (type(one).__name__, repr(one)),
     ),
     (np.ndarray, lambda one: (one.dtype.str, one.shape, repr(one) if one.dtype.hasobject else one.tobytes())),
+    (GeneratorType, lambda one: repr(one.gi_frame and (one.gi_frame.f_lasti, one.gi_frame.f_locals))),
     (random.Random, lambda one: one.getstate()),
     (np.random.Generator, lambda one: repr(one.bit_generator.state)),
     ((type(None), FunctionType, ModuleType), lambda _: None),

@@ -153,9 +153,11 @@ class ScalarStrategies:
         self._targets: _Targets
 
     def functions(self) -> list[Callable[..., object]]:
-        """Return the strategies and plans."""
-        plans = self._context.start().settings()["plans"]
-        deciders = [decider_of(self._state.roster.agents[number], plans) for number in self.agents.tolist()]
+        """Return the strategies and plans, those of the context in which agents are asked: objects are copies there."""
+        fork, roster = self._context.fork, self._state.roster
+        plans, known = fork.game.settings()["plans"], fork.ctx.agent.agents
+        agents = [known.get(roster.names[number], roster.agents[number]) for number in self.agents.tolist()]
+        deciders = [decider_of(agent, plans) for agent in agents]
         return [decider for decider in deciders if decider is not None]
 
     def _of(self, game: int) -> Players:
