@@ -490,6 +490,48 @@ def test_what_changes_the_map_of_one_game_does_not_change_that_of_others(is_of_s
                 assert plain(games.result(number)) == plain(expected)
 
 
+def add_hub(ctx):
+    """Join a new node to all others in some games."""
+    if ctx.game.turn == 2 and ctx.seed % 2:
+        ctx.graph.add_nodes([100], [1.0], [1.0])
+        ctx.graph.add_edges(range(1000, 1050), [*range(25), *[100] * 25], [*[100] * 25, *range(25)])
+
+
+def test_games_in_which_agents_reach_new_nodes_are_played_and_recorded_and_not_observed(tmp_path):
+    scenario = scene([{"rule": f"{__name__}:add_hub"}], max_turns=8, allow=[__name__])
+    with scenario.batch(2) as games:
+        games.step()
+        games.run()
+        assert list(games.detached) == [1]
+        assert plain(games.result(1)) == plain(scenario.play(seed=1, record=tmp_path / "alone.ggr"))
+        games.record(1, tmp_path / "batch.ggr")
+        assert (tmp_path / "batch.ggr").read_bytes() == (tmp_path / "alone.ggr").read_bytes()
+        with pytest.raises(BadValue, match="Game 1 cannot be observed, nor be given actions: Unknown node 100"):
+            games.observe("red")
+        games.reset([1], seeds=[2])
+        assert games.observe("red").turn.tolist() == [8, 0]
+
+
+def leave(ctx):
+    """Draw from the global random, which arrays cannot have."""
+    random.random()
+
+
+def test_games_that_have_ended_apart_stay_so_and_are_recorded_with_what_was_given_to_them(tmp_path):
+    scenario = scene([{"rule": f"{__name__}:leave"}], max_turns=6, allow=[__name__])
+    with scenario.batch(2, record=True) as games:
+        games.step({"red": np.ones((2, 3), np.uint8)})
+        games.run()
+        games.record(0, tmp_path / "early.ggr")
+        games.reset([1])
+        games.step({"red": np.ones((2, 3), np.uint8)})
+        with pytest.raises(BadValue, match="action 9 of agent 'red_0' in game 1"):
+            games.step({"red": np.full((2, 3), 9, np.uint8)})
+        assert games.turn.tolist() == [6, 1]
+        games.record(0, tmp_path / "late.ggr")
+    assert (tmp_path / "late.ggr").read_bytes() == (tmp_path / "early.ggr").read_bytes()
+
+
 def test_errors_of_rules_name_the_rule_the_game_and_the_turn():
     def fall(ctx):
         if ctx.game.turn == 3 and ctx.seed == 6:

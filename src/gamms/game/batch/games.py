@@ -179,7 +179,7 @@ class Batch(Fixed):
         if self._apart is not None and given:
             games = [number for number in self.detached if self._apart.over(number) is None]
             self._apart.check(self._on_host(given), np.array(games, np.int64))
-        before, is_played = self._engine.turns(), False
+        before, were_over, is_played = self._engine.turns(), self._engine.is_over, False
         with uninterrupted(at_most_once=True):
             try:
                 with self._watched():
@@ -194,7 +194,7 @@ class Batch(Fixed):
                 if is_played or (self._engine.turns() > before).any():  # or a rule has raised when all had moved
                     self._note(given)
                 else:
-                    self._restart_apart()
+                    self._restart_apart(were_over)
             self._show_apart()
         return self._put(~self._engine.is_over)
 
@@ -230,10 +230,10 @@ class Batch(Fixed):
             if to_the_end and apart.over(number) is None:
                 apart.run(number)
 
-    def _restart_apart(self) -> None:
+    def _restart_apart(self, were_over: BoolArray) -> None:
         """Let games that have left the arrays be as they were before a turn that was not played."""
         if self._apart is not None:
-            for number in self.detached:
+            for number in [number for number in self.detached if not were_over[number]]:
                 self._apart.start(number, self.seeds[number])
         self._play_apart()
         self._show_apart()
@@ -412,6 +412,8 @@ class Batch(Fixed):
         return self._view(np.array([self._roster.names.index(name)]))
 
     def _view(self, agents: IntArray) -> ArrayView:
+        if self._apart is not None:
+            self._apart.refuse_unknown(self.detached)
         view = self._engine.view(agents)
         return view if self.library is None or isinstance(view, DeviceView) else moved(view, self.library)
 
@@ -493,11 +495,12 @@ class Batch(Fixed):
         if self._was_given:
             raise BadValue("The actions that were given to step were not kept: make the batch with record=True.")
         turns, first = int(self._engine.turns()[number]), self._entry_of(number)
+        num_given = turns if self._apart is None else self._apart.ran_from.get(number, turns)
         with self._source.build(self.seeds[number]) as ctx:
             ctx.record.start(file, overwrite=True)
             acting = Acting(ctx.game, self._roster)
             for turn in range(turns):
-                given = {} if self._log is None else self._log[first + turn]
+                given = {} if self._log is None or turn >= num_given else self._log[first + turn]
                 acting.take(self._on_host(given), number)
                 ctx.game.step()
             acting.end()
@@ -517,9 +520,7 @@ class Batch(Fixed):
         """
         number = self._as_game(game)
         if isinstance(self._engine, ArrayEngine):
-            way = (
-                "scenario.batch(…, one_by_one=True)" if self._source.build else "ctx.game.fork(seed) has one for a game"
-            )
+            way = "scenario.batch(…, one_by_one=True)" if self._source.build else "ctx.game.fork(seed) gives one"
             raise BadValue(f"Games in arrays have no context: {way}.")
         return self._engine.load(number).ctx
 
@@ -567,12 +568,10 @@ class Batch(Fixed):
         except ValueError:  # lists of several lengths
             games = np.zeros((1, 1))
         if games.ndim != 1 or (games.dtype == np.bool_ and len(games) != len(self)):
-            raise BadValue(
-                f"which is a list of numbers of games, such as [0], or of {len(self)} booleans, not {shown(which)}."
-            )
-        if games.dtype == np.bool_:
-            games = np.flatnonzero(games)
-        numbers = [self._as_game(game) for game in games.tolist()]
+            wanted = f"a list of numbers of games, such as [0], or of {len(self)} booleans"
+            raise BadValue(f"which is {wanted}, not {shown(which)}.")
+        which_ones = np.flatnonzero(games) if games.dtype == np.bool_ else games
+        numbers = [self._as_game(game) for game in which_ones.tolist()]
         if len({*numbers}) < len(numbers):
             raise BadValue(f"Each game is begun again once, not as {shown(which)} says.")
         return numbers

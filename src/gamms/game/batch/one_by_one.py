@@ -1,13 +1,13 @@
 """Plays the games of a batch one after the other in one context, for games of which some part has no array form."""
 
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import Any
 
 import numpy as np
 
-from gamms.errors import BadValue
+from gamms.errors import BadValue, UnknownName
 from gamms.game.batch.channels import Radio
 from gamms.game.batch.columns import PlayedGame, Roster
 from gamms.game.batch.deeds import DeclaredDeeds
@@ -35,12 +35,15 @@ class OneByOneEngine:
 
     Attributes:
         loaded: the number of the game that the context has; None: of none.
+        ran_from: games that were played to their ends at once -> how many turns they had before.
     """
 
     def __init__(self, game: PlayedGame, roster: Roster, seeds: Sequence[int]) -> None:
         self._game, self._roster, self.seeds = game, roster, list(seeds)
         self._snapshots: list[Snapshot | None] = [None] * len(seeds)  # None: at the start, over, or in the context
         self.loaded: int | None = None
+        self.ran_from = dict[int, int]()
+        self._unknown = dict[int, UnknownName]()  # games with agents at nodes that arrays do not have, or next to them
         self._acting = Acting(game, roster)
         self._results: list[Result | None] = [None] * len(seeds)
         self._over: list[dict[str, Any] | None] = [None] * len(seeds)
@@ -69,6 +72,8 @@ class OneByOneEngine:
         if game == self.loaded:
             self.loaded = None
         self._snapshots[game] = self._results[game] = self._over[game] = None
+        self.ran_from.pop(game, None)
+        self._unknown.pop(game, None)
         self._turns[game], self._scores[game] = self._first
         self._observed.reset(np.array([game]), [seed], self._observed.node[[game]])
         self._is_observed[game] = False
@@ -135,6 +140,7 @@ class OneByOneEngine:
         before = self._snapshots[number]
         game = self.load(number)
         last = None if self._last is None else max(0, self._last - game.turn)
+        self.ran_from[number] = game.turn
         try:
             with self._named(number):
                 game.run(last)
@@ -173,6 +179,16 @@ class OneByOneEngine:
         for number in games[~self._is_observed[games]].tolist():
             self.load(number)
             self._observe(number)
+        self.refuse_unknown(games.tolist())
+
+    def refuse_unknown(self, games: Iterable[int]) -> None:
+        """Refuse to observe games in which agents are at nodes that rules have added, or next to these."""
+        for number in games:
+            if number in self._unknown:
+                raise BadValue(
+                    f"Game {number} cannot be observed, nor be given actions: {self._unknown[number]} A rule has added "
+                    "it to the map of this game, and arrays have the nodes that are there at the start. Have it there."
+                )
 
     def copy_to(self, state: GameArrays, number: int) -> None:
         """Let arrays say what has become of a game."""
@@ -200,7 +216,14 @@ class OneByOneEngine:
         return state
 
     def _observe(self, number: int) -> None:
-        """Note where the agents of the game that the context has are."""
+        """Note where the agents of the game that the context has are, if that is where arrays can say."""
+        self._unknown.pop(number, None)
+        try:
+            self._note(number)
+        except UnknownName as error:
+            self._unknown[number] = error
+
+    def _note(self, number: int) -> None:
         state, ctx, known = self._observed, self._game.ctx, self._game.ctx.agent.agents
         # One that has not come is not there; one that was deleted stays where it was.
         agents = [known.get(name, one) for name, one in zip(self._roster.names, self._roster.agents, strict=True)]
