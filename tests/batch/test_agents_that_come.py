@@ -136,11 +136,13 @@ def test_recordings_of_games_in_which_agents_come_are_those_of_games_alone(tmp_p
 
 def test_an_agent_for_which_no_row_is_reserved_is_an_error_that_says_what_to_do():
     with made().build(seed=1) as ctx:
-        ctx.game.add(reinforce)
+        for rule in (follow, reinforce):
+            ctx.game.add(rule)
         with ctx.game.batch(3) as games, pytest.raises(BadValue, match=r"most_agents=\{'blue': 4\}") as caught:
             games.run()
-    assert "the rule 'reinforce'" in " ".join(caught.value.__notes__)
-    assert "In game 2 of a batch" in " ".join(caught.value.__notes__)
+    (note,) = caught.value.__notes__
+    assert note.startswith("In game 2 of a batch")
+    assert note.endswith("called by the rule 'reinforce'.")
 
 
 def test_a_game_in_which_an_agent_comes_otherwise_than_rows_are_leaves_the_arrays():

@@ -20,7 +20,7 @@ from gamms.game.batch.forms import form_of
 from gamms.game.batch.given import Given
 from gamms.game.batch.grounds import Ground, ViewOfGrounds, is_other_by_roads, key_of
 from gamms.game.batch.movement import Anywhere, Movement, Moves
-from gamms.game.batch.rule_fork import OwnState
+from gamms.game.batch.rule_fork import NoRow, OwnState
 from gamms.game.batch.scalar_rules import RuleContext, called_one_by_one, why_not_called
 from gamms.game.batch.scalar_strategies import Players, ScalarStrategies, why_not_asked
 from gamms.game.batch.sight import DELAYS, reports_late, sees_from_edges, turns_with_its_agent, why_not_seen
@@ -429,6 +429,8 @@ class ArrayEngine:
         turn.lock()
         try:
             form(turn)
+        except NoRow:  # which says itself what rule it was, of several that are called one after the other
+            raise
         except Exception as error:
             error.add_note(f"In the rule {named.name!r} (phase {named.phase!r}) of a batch, {in_turns(turn.turn)}.")
             raise

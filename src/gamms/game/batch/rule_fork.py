@@ -93,7 +93,10 @@ class RuleFork:
         casting: how often it got another cast.
         ctx, game, parts: its context, its game and the parts of that.
         notes: what was looked at that arrays do not have.
+        brought_by: the first of the rules that were called which let agents come, in words; None: none.
     """
+
+    brought_by: str | None = None
 
     def __init__(self, game: PlayedGame, state: GameArrays, admit: Admit) -> None:
         fork = game.fork(0)
@@ -332,9 +335,12 @@ class RuleFork:
 
     def call(self, rules: Sequence[NamedRule]) -> None:
         """Call rules in the game that was loaded."""
+        self.brought_by = None
         for named in rules:
             if named.phase != "before" or self._values.over is None:
                 self.functions[named.name](self.ctx)
+            if self.brought_by is None and self._newcomers():
+                self.brought_by = f"the rule {named.name!r}"
 
     def collect(self) -> None:
         """Collect what is due in the game that was loaded."""

@@ -155,7 +155,8 @@ class RuleContext:
                     self._own[game] = self.fork.taken(at, turn)
                     self._take_map(game, own, phase)
             except NoRow as error:
-                error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {named}.")
+                by = self.fork.brought_by or named
+                error.add_note(f"In game {game} of a batch, in turn {int(turn.turn[at])}, called by {by}.")
                 raise
             except Exception as error:
                 if decides and not isinstance(error, NeedsTurnEngine | LeavesArrays) and not self.fork.notes:
