@@ -133,3 +133,15 @@ def test_a_reset_game_draws_the_same_numbers(ctx):
     assert where() == first
     ctx.game.reset(seed=12)
     assert where() != first
+
+
+def test_what_a_resolver_raises_says_in_which_turn(ctx):
+    def refuse(contest, ctx):
+        raise ZeroDivisionError
+
+    for name, start in (("a", 0), ("b", 2)):
+        ctx.agent.create_agent(name, start_node_id=start, strategy=go(1))
+    ctx.game.conflicts = Conflicts(resolve=refuse)
+    with pytest.raises(ZeroDivisionError) as caught:
+        ctx.game.step()
+    assert "in turn 0" in caught.value.__notes__[0]

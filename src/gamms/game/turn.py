@@ -18,7 +18,7 @@ from gamms.game.legality import Legality, ResolvedAction, action_of
 from gamms.game.messages import Inboxes, Outboxes
 from gamms.game.moves import MovesOfOneGame, Refusals, TurnMoves, as_stopped
 from gamms.game.order import Part, TurnOrder, note_lost
-from gamms.game.settings import RuleSet, Settings, refuse_unused
+from gamms.game.settings import RuleSet, Settings, refuse_unused, stopped_by
 from gamms.game.slots import AgentSlot, LazySlots, SlotMaker, made_slots, restart_draws
 from gamms.ir.agents import AgentBlock
 from gamms.ir.game_state import GameState, in_conflict
@@ -556,7 +556,7 @@ class TurnEngine:
         few = self._involved(turn, places)
         if not few:
             return []
-        names = self._settings.conflicts.resolve(named(few), self._ctx)  # type: ignore[union-attr] # there is one
+        names = stopped_by(self._settings.conflicts, named(few), self._ctx, self._state)
         return [i for i in few if turn.slots[i].name in names]
 
     def _involved(self, turn: TurnMoves, places: tuple[Any, Any]) -> list[int]:
