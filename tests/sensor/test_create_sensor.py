@@ -161,6 +161,8 @@ def test_a_keyword_that_is_set_as_an_attribute_is_warned_about(ctx, heard):
     sensor.sensor_range, sensor.team = 5, "red"
     kept = "is kept as an attribute of your own: set sensor."
     assert heard == [f"Sensor 's': sensor.sensor_range {kept}range.", f"Sensor 's': sensor.team {kept}notice.team."]
+    with pytest.raises(AttributeError, match=r"no attribute 'teem'\. Did you mean 'team'"):
+        sensor.notice.teem = "red"
 
 
 def test_an_orientation_is_kept_at_length_one_and_numpy_numbers_are_welcome(ctx):

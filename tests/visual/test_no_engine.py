@@ -72,6 +72,12 @@ def test_removing_a_missing_artist_only_warns(ctx, caplog):
     assert "ghost" in caplog.text
 
 
+def test_a_time_that_is_none_is_refused(ctx):
+    for seconds in ("a", -1):
+        with pytest.raises((TypeError, ValueError), match=r"ctx\.visual\.turn_seconds must"):
+            ctx.visual.turn_seconds = seconds
+
+
 def test_showing_does_nothing(ctx):
     assert ctx.visual.simulate() is None
     assert ctx.visual.update() is None

@@ -13,11 +13,11 @@ import numpy as np
 from gamms import kernels
 from gamms.arguments import as_count, as_range
 from gamms.deciding import UNDECIDED, DecidePhase, Guarded, refused_while_deciding
-from gamms.errors import BadValue
+from gamms.errors import BadValue, nearest
 from gamms.ir.chances import as_chances, chances_at, chances_given
 from gamms.ir.graph import FloatArray, IntArray
 from gamms.ir.sensed import Coverage, Sensed, ragged
-from gamms.sensor.sensor import Sensor
+from gamms.sensor.sensor import ATTRIBUTES_OF, Sensor
 from gamms.sensor.sighting_errors import MOST_FALSE_ALARMS, Look, delayed, forget_delayed
 from gamms.typing import IContext
 
@@ -59,7 +59,9 @@ class DetectionModel(Guarded):
         self._looks: dict[str | None, tuple[int, int]] = {}  # by owner: the turn of the last look, and which of it
 
     def __setattr__(self, name: str, value: object) -> None:
-        """Set an attribute; refused while a strategy is running."""
+        """Set an attribute that there is; refused while a strategy is running."""
+        if name[0] != "_" and not hasattr(type(self), name):
+            raise AttributeError(f"sensor.notice has no attribute {name!r}.{nearest(name, ATTRIBUTES_OF)}")
         super().__setattr__(name, value)
         if name[0] != "_":
             self._phase.sensor_changes += 1

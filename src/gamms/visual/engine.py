@@ -51,15 +51,16 @@ def _of(part: str, method: Callable[Concatenate[Any, _P], _R]) -> Callable[Conca
 class _Attribute(Generic[_T]):
     """An attribute of a part that an engine offers as its own."""
 
-    def __init__(self, part: str, name: str) -> None:
-        self._part, self._name = part, name
+    def __init__(self, part: str, name: str, check: Callable[[Any, str], _T] | None = None) -> None:
+        self._part, self._name, self._check = part, name, check
 
     def __get__(self, engine: object, owner: type) -> _T:
         value: _T = getattr(getattr(engine, self._part), self._name)
         return value
 
     def __set__(self, engine: object, value: _T) -> None:
-        setattr(getattr(engine, self._part), self._name, value)
+        checked = value if self._check is None else self._check(value, f"ctx.visual.{self._name}")
+        setattr(getattr(engine, self._part), self._name, checked)
 
 
 class PictureEngine(Guarded, IVisualizationEngine):
@@ -97,7 +98,7 @@ class PictureEngine(Guarded, IVisualizationEngine):
         seconds = as_range(simulation_time_constant, "simulation_time_constant")
         self.pictures = Pictures(ctx, self.drawing, self.artists, seconds)
 
-    turn_seconds = _Attribute[float]("pictures", "turn_seconds")
+    turn_seconds = _Attribute[float]("pictures", "turn_seconds", as_range)
     width, height = _Attribute[int]("pictures", "width"), _Attribute[int]("pictures", "height")
     team_colors = _Attribute[Mapping[str, Rgb]]("artists", "team_colors")
     look, followed = _Attribute[Look | None]("viewpoint", "look"), _Attribute[Follow | None]("viewpoint", "followed")
