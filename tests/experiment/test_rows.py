@@ -76,6 +76,11 @@ def test_what_cannot_be_varied_is_refused_with_a_way_out(vary, error, message):
         experiment.run(HUNT, [1], vary)
 
 
+def test_a_collector_that_takes_no_result_is_refused():
+    with pytest.raises(BadType, match="'tags' of collect must be a function of a result"):
+        experiment.run(HUNT, [1], collect={"tags": lambda: 0})
+
+
 def test_what_cannot_be_pickled_is_named_before_anything_starts(pool):
     with pytest.raises(BadValue, match=r"strategies\.red of vary, .*lambda.* Define it with def"):
         experiment.run(HUNT, [1], {"strategies.red": [lambda state: None]}, executor=pool)

@@ -8,7 +8,7 @@ from concurrent.futures import BrokenExecutor, Executor, Future
 from contextlib import ExitStack
 from typing import Any, NamedTuple
 
-from gamms.arguments import as_bool, as_ids, as_mapping, as_path
+from gamms.arguments import as_bool, as_function_of, as_ids, as_mapping, as_path
 from gamms.errors import BadType, BadValue, WriteConflict
 from gamms.experiment import folders
 from gamms.experiment.executors import Here, executor_for
@@ -173,8 +173,9 @@ def _planned(scenario: object, seeds: Iterable[int], vary: Vary | None, collect:
     refuse_above(count * _BYTES, f"An experiment of {count:,} games ({len(variants):,} variants)")
     wanted = dict(as_mapping({} if collect is None else collect, "collect"))
     for name, function in wanted.items():
-        if not isinstance(name, str) or not callable(function):
+        if not isinstance(name, str):
             raise BadType(f"collect is a dict of names and functions of a result, not {shown(wanted)}.")
+        as_function_of(function, f"{name!r} of collect", "a result")
     digests = [digest_of(variant.of(base)) for variant in variants]
     sample = (list(vary.keys), vary.n) if isinstance(vary, Sample) and vary.method == "sobol" else None
     return _Plan(base, variants, digests, chosen, wanted, sample)
