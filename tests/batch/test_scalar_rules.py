@@ -517,6 +517,19 @@ def leave(ctx):
     random.random()
 
 
+def gamble(ctx):
+    """End the game at once, and count by the global random."""
+    ctx.game.end("at once")
+    ctx.game.scores["red"] = random.random()
+
+
+def test_games_that_end_in_the_turn_in_which_a_rule_draws_from_the_global_random_are_those_alone():
+    scenario = scene([{"rule": f"{__name__}:gamble"}], allow=[__name__])
+    with scenario.batch(3) as games:
+        games.step()
+        assert [games.result(i).scores for i in range(3)] == [scenario.play(seed=i).scores for i in range(3)]
+
+
 def test_games_that_have_ended_apart_stay_so_and_are_recorded_with_what_was_given_to_them(tmp_path):
     scenario = scene([{"rule": f"{__name__}:leave"}], max_turns=6, allow=[__name__])
     with scenario.batch(2, record=True) as games:

@@ -163,10 +163,11 @@ class RuleContext:
                     error.add_note(f"In game {game} of a batch, with the seed {self._state.seeds[game]}.")
                     raise
                 # whatever a rule raises, the turn engine raises it again
-                self._leave(game, named, error)
+                self._leave([game], named, error)
                 self._recover(named, error)
         if _global_random() != before:
-            self._leave(int(turn.games[0]), named, NeedsTurnEngine("it draws from the global random"))
+            # those too that have ended in this turn, for the numbers that they got are not their own
+            self._leave(turn.games.tolist(), named, NeedsTurnEngine("it draws from the global random"))
 
     def _take_map(self, game: int, own: OwnState, phase: str) -> None:
         """Put a game on the map that was made of its own."""
@@ -184,7 +185,7 @@ class RuleContext:
             self._known = None
             for game, own in enumerate(self._own):
                 if own is not None and own.came:
-                    self._leave(game, named, LeavesArrays(str(error)))
+                    self._leave([game], named, LeavesArrays(str(error)))
 
     def _in_turns(self, turn: ArrayTurn, phase: str) -> Iterator[tuple[int, int, GameColumns]]:
         """Yield the games of a turn by who has come in them: the place in the turn, and that in columns of some."""
@@ -201,12 +202,12 @@ class RuleContext:
                     self.fork.stand(came)
                 yield at, i, columns
 
-    def _leave(self, game: int, named: str, error: Exception) -> None:
-        """Let a game leave the arrays; all games, where that is for what the rule is rather than for what it did."""
-        games = range(len(self._state)) if isinstance(error, NeedsTurnEngine) else [game]
-        for one in games:
-            if self._state.over[one] is None or one == game:
-                self._state.apart.setdefault(one, f"{named}: {error}")
+    def _leave(self, games: list[int], named: str, error: Exception) -> None:
+        """Let games leave the arrays; all that go on, too, where that is for what the rule is, not for what it did."""
+        over = self._state.over
+        others = range(len(over)) if isinstance(error, NeedsTurnEngine) else ()
+        for one in [*games, *(other for other in others if over[other] is None)]:
+            self._state.apart.setdefault(one, f"{named}: {error}")
 
 
 def _columns(
