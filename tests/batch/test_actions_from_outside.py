@@ -67,6 +67,16 @@ def test_deeds_and_messages_that_are_given_are_those_of_games_one_by_one(order, 
             assert recording.turns == fast.turn[1]
 
 
+@pytest.mark.parametrize("kind", [np.uint8, np.uint16, np.int32, np.uint64])
+def test_integers_of_all_sizes_are_actions_where_some_agents_are_not_asked(kind):
+    by_metres = scene(settings={"speed_unit": "metres", "order": [["red"], ["blue"]]}, max_turns=2)
+    with by_metres.batch(2) as games, by_metres.batch(2, one_by_one=True) as alone:
+        for one in (games, alone):
+            one.step({"red": np.ones((2, 3), kind), "blue": np.ones((2, 3), kind)})
+        assert games.is_in_arrays
+        assert plain(games.result(1)) == plain(alone.result(1))
+
+
 def test_a_team_that_is_given_no_moves_stays():
     with given_scene().batch(2) as games:
         before = games.observe("red").node.copy()

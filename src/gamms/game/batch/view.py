@@ -504,12 +504,12 @@ class ArrayView(Mapping[str, Any]):
         """
         actions = as_actions(given, by)
         refuse_no_actions(actions, self.node.shape, by, np)
-        chosen = np.where(self.mask, actions, self.movement.idle)
+        chosen = np.where(self.mask, actions.astype(np.int64, copy=False), self.movement.idle)  # 64 bits hold STOP
         leads_on = None if chosen.max(initial=0) < STOP else (chosen >= STOP) & (may_aim | ~self.mask)
         if leads_on is not None and leads_on.all():
             return chosen
         # NOTE: one comparison, for a negative number is a large one without its sign (benchmarks: batches).
-        is_wrong = chosen.astype(np.int64, copy=False).view(np.uint64) >= self._counts_of(leads_on).view(np.uint64)
+        is_wrong = chosen.view(np.uint64) >= self._counts_of(leads_on).view(np.uint64)
         if is_wrong.any():
             game, agent = np.argwhere(is_wrong)[0]
             raise BadValue(
