@@ -10,6 +10,7 @@ from batch_scenes import plain, scene
 import gamms
 from gamms.errors import BadType, BadValue, MissingKey, UnknownName
 from gamms.rules import Conflicts, by_priority, discover, last_team
+from gamms.scenario import Scenario
 
 OWNERS = {node: "red" if node % 5 < 2 else "blue" for node in range(25)}
 SEEDS = [1, 2**40]
@@ -360,3 +361,25 @@ def test_where_a_game_has_begun_what_keeps_it_from_arrays_is_named():
         ctx.game.step()
         with ctx.game.batch(2) as games:
             assert games.slow == "a game that is over"
+
+
+def test_a_score_is_an_integer_where_no_other_number_was_added_in_its_own_game():
+    def bonus(ctx):
+        ctx.game.scores["red"] += 0.5 if ctx.seed == 1 else 1
+
+    @gamms.array_rule(of=bonus)
+    def bonus_in_arrays(turn):
+        half = turn.seeds == 1
+        turn.add_score("red", np.flatnonzero(half), 0.5)
+        turn.add_score("red", np.flatnonzero(~half), 1)
+
+    scene = Scenario(map={"grid": {"width": 3, "height": 3}}, teams={"red": {"count": 1}}, max_turns=2)
+    with scene.build(seed=1) as ctx:
+        ctx.game.add(bonus)
+        with ctx.game.batch(seeds=[1, 2]) as games:
+            games.step()
+            games.step()
+            assert [repr(games.result(i).scores["red"]) for i in (0, 1)] == ["1.0", "2"]
+            games.reset([0], seeds=[3])
+            games.step()
+            assert repr(games.result(0).scores["red"]) == "1"

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -228,6 +229,7 @@ class GameArrays:
         turn: (games,) how many turns were played.
         scores: key -> (games,) numbers.
         has_score: key -> (games,) whether the score was set.
+        is_float: key -> (games,) whether anything but integers was added to it.
         counts: of moves, of conflicts and of what was illegal, (games, agents) each.
         note_blocked: notes why an agent of a game does not do what it wanted; None: no strategy asks for it.
         errors: of each game, in order.
@@ -278,7 +280,7 @@ class GameArrays:
         self.turn = np.zeros(games, np.int64)
         self.scores: dict[Hashable, FloatArray] = {}
         self.has_score: dict[Hashable, BoolArray] = {}
-        self._has_fractions: set[Hashable] = set()  # keys of scores to which numbers were added that are no integers
+        self.is_float: dict[Hashable, BoolArray] = {}  # whether numbers were added that are no integers
         self.counts = {name: np.zeros(shape, np.int64) for name in COUNTED}
         self.errors: list[list[dict[str, Any]]] = [[] for _ in seeds]
         self.radio: Radio | None = None
@@ -323,7 +325,8 @@ class GameArrays:
         self.deeds.forget(games)
         if self.radio is not None:
             self.radio.forget(games)
-        for numbers in (*self.counts.values(), *self.scores.values(), *self.has_score.values()):
+        by_key = self.counts, self.scores, self.has_score, self.is_float
+        for numbers in chain.from_iterable(one.values() for one in by_key):
             numbers[games] = 0
         for key, make in self._makers.items():
             for name, rows in make(len(games)).items():
@@ -386,7 +389,7 @@ class GameArrays:
         self.over = [None] * len(self)
         for errors in filter(None, self.errors):
             errors.clear()
-        for numbers in (*self.scores.values(), *self.has_score.values()):
+        for numbers in (*self.scores.values(), *self.has_score.values(), *self.is_float.values()):
             numbers[:] = 0
         for key, points in scores.items():
             self.add_score(key, np.arange(len(self)), points)
@@ -452,9 +455,9 @@ class GameArrays:
             raise BadType(f"The score of {shown(key)} must be a number, not {shown(points)}.")
         if key not in self.scores:
             self.scores[key] = np.zeros(len(self), np.float64)
-            self.has_score[key] = np.zeros(len(self), np.bool_)
+            self.has_score[key], self.is_float[key] = np.zeros((2, len(self)), np.bool_)
         if not isinstance(points, int):
-            self._has_fractions.add(key)
+            self.is_float[key][games] = True
         np.add.at(self.scores[key], games, points)
         self.has_score[key][games] = True
 
@@ -464,8 +467,8 @@ class GameArrays:
             if key not in scores:
                 self.scores[key][game], self.has_score[key][game] = 0.0, False
         for key, points in scores.items():
-            self.add_score(key, np.array([game]), 0 if isinstance(points, int) else 0.0)
-            self.scores[key][game] = points
+            self.add_score(key, np.array([game]), 0)
+            self.scores[key][game], self.is_float[key][game] = points, not isinstance(points, int)
 
     def note_events(self, game: int, events: Sequence[Mapping[str, Any]]) -> None:
         """Note events that are in the log of a game already."""
@@ -478,4 +481,4 @@ class GameArrays:
     def scores_of(self, game: int) -> dict[Any, Any]:
         """Return the scores of a game that were set."""
         found = {key: numbers[game].item() for key, numbers in self.scores.items() if self.has_score[key][game]}
-        return {key: number if key in self._has_fractions else int(number) for key, number in found.items()}
+        return {key: number if self.is_float[key][game] else int(number) for key, number in found.items()}
