@@ -245,16 +245,6 @@ def test_a_strategy_that_keeps_state_in_its_object_is_refused(known, one_by_one)
         games.step()
 
 
-def test_a_strategy_that_keeps_state_in_a_generator_is_refused():
-    lots = (number % 3 for number in range(100))
-
-    def ask(state):
-        state["action"] = state["legal"][next(lots) % len(state["legal"])]
-
-    with scene([TAG]).batch(2, strategies={"red": ask}) as games, pytest.raises(BadValue, match="'lots'"):
-        games.step()
-
-
 def test_agents_that_actions_are_given_to_are_not_asked():
     scenario = scene([TAG]).replace(**NEAR)
     with (

@@ -9,7 +9,7 @@ from dis import get_instructions
 from functools import cached_property, lru_cache, partial
 from itertools import chain, count
 from pathlib import Path
-from types import BuiltinMethodType, CodeType, FunctionType, GeneratorType, MethodType, ModuleType
+from types import BuiltinMethodType, CodeType, FunctionType, MethodType, ModuleType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -187,7 +187,6 @@ _ATOMS: tuple[tuple[Any, Callable[[Any], object]], ...] = (
         lambda one: (type(one).__name__, repr(one)),
     ),
     (np.ndarray, lambda one: (one.dtype.str, one.shape, repr(one) if one.dtype.hasobject else one.tobytes())),
-    (GeneratorType, lambda one: repr(one.gi_frame and (one.gi_frame.f_lasti, one.gi_frame.f_locals))),
     (random.Random, lambda one: one.getstate()),
     (np.random.Generator, lambda one: repr(one.bit_generator.state)),
     ((type(None), FunctionType, ModuleType), lambda _: None),

@@ -520,7 +520,7 @@ class Batch(Fixed):
         """
         number = self._as_game(game)
         if isinstance(self._engine, ArrayEngine):
-            way = "scenario.batch(…, one_by_one=True)" if self._source.build else "ctx.game.fork(seed) gives one"
+            way = "scenario.batch(…, one_by_one=True)" if self._source.build else "ctx.game.fork(seed) has one"
             raise BadValue(f"Games in arrays have no context: {way}.")
         return self._engine.load(number).ctx
 
