@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import gamms
-from gamms.errors import BadType, BadValue, Duplicate, UnknownName
+from gamms.errors import BadType, BadValue, Duplicate, TooLarge, UnknownName
 from gamms.sensor import SensorType
 
 
@@ -313,3 +313,22 @@ def test_attributes_of_a_team_that_are_those_of_its_members_say_how_they_are_rea
         with pytest.raises(AttributeError, match=rf"team.{name} cannot be set: team.set\('{name}', …\)"):
             setattr(team, name, 7)
     assert team["energy"].tolist() == [5, 5]
+
+
+@pytest.mark.parametrize(
+    ("nodes", "wrong"),
+    [
+        (range(4 * 10**9), "team of 4000000000 agents, of which 23 would fit, would take about 1676"),
+        (range(1 << 70), "would fit, would take about an astronomical amount of memory"),
+        (np.zeros(24, np.int64), "team of 24 agents, of which 23 would fit"),
+        ((0 for _ in iter(int, 1)), "team of 24 or more agents, of which 23 would fit"),
+    ],
+)
+def test_a_team_that_would_not_fit_says_so_before_it_is_made(ctx, nodes, wrong):
+    with gamms.limits.allowing(23 * 450), pytest.raises(TooLarge, match=wrong):
+        ctx.agent.create_team("red", nodes)
+    assert not ctx.agent.agents
+    with gamms.limits.allowing(23 * 450):
+        assert len(ctx.agent.create_team("red", np.zeros(23, np.int64))) == 23
+        with pytest.raises(TooLarge, match="team of 23 agents, of which 7 would fit"):
+            ctx.agent.create_team("blue", [0] * 23, sensors=["near"])

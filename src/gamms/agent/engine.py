@@ -12,8 +12,8 @@ import numpy as np
 
 from gamms.agent.agent import AerialAgent, Agent, BaseAgent
 from gamms.agent.snapshots import AgentsSnapshot, attributes_of, copied_attributes, details_of, teams_in
-from gamms.agent.teams import AgentsByName, Members, Team, column_of, is_attribute, make_member, values_in
-from gamms.arguments import as_ids, as_member, as_name, misspelt
+from gamms.agent.teams import AgentsByName, Members, Team, column_of, is_attribute, make_member, starts_in, values_in
+from gamms.arguments import as_member, as_name, misspelt
 from gamms.deciding import ContextPart, Guarded, copied_part, phase_of, refused_while_deciding
 from gamms.errors import BadType, ContextTerminated, Duplicate, GammsError, MissingKey, UnknownName, nearest
 from gamms.ir import events
@@ -201,10 +201,11 @@ class AgentEngine(ContextPart, IAgentEngine):
         Raises:
             UnknownName (KeyError): a node is not on the map, or there is no such sensor.
             Duplicate: there is an agent of such a name.
-            BadType, BadValue: an argument is impossible; nothing has changed then.
+            BadType, BadValue: an argument is impossible, also by its size (TooLarge); nothing has changed then.
         """
         team = as_name(name, "a team")
-        nodes = as_ids(start_node_ids, "start_node_ids")
+        carried = _listed(sensors)
+        nodes = starts_in(start_node_ids, are_made=bool(carried) or self._block.journal is not PLAIN)
         if self._ctx.is_terminated():
             raise ContextTerminated("ctx.agent")
         names = tuple([f"{team}_{number}" for number in range(len(nodes))])
@@ -212,7 +213,6 @@ class AgentEngine(ContextPart, IAgentEngine):
         if taken is not None:
             raise Duplicate("an agent", taken)
         values = values_in(columns, len(nodes), _others)
-        carried = _listed(sensors)
         self._found_sensors(team, carried, skips_unknown=False)
         if self._block.journal is PLAIN and not carried and all(map(is_attribute, values)):
             members = self._added_together(names, nodes, team, strategy, values)

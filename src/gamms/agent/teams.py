@@ -2,6 +2,8 @@
 
 from collections.abc import Callable, ItemsView, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from itertools import islice
+from operator import length_hint
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
@@ -17,6 +19,7 @@ from gamms.ir.graph import IntArray
 from gamms.ir.obstacles import BoolArray
 from gamms.ir.sensed import Sensed
 from gamms.kernels.draws import BitArray
+from gamms.limits import max_memory, refuse_above
 from gamms.text import printable_line, shown
 from gamms.typing import IContext
 from gamms.typing.actions import as_heading, as_strategy
@@ -33,6 +36,7 @@ _OF_BLOCK: dict[str, Callable[[Any, str], Any]] = {"alive": as_bool, "speed": _s
 """Columns of agents in their block -> the check of a value."""
 _NO_COLUMNS = frozenset({"name", "names", "node_ids", "agents", "start_node_id", "sensors", "team", "strategy"})
 _NO_COLUMNS |= {"type", "agent_type"}
+_BYTES_PER_MEMBER, _BYTES_PER_AGENT = 450, 1_400  # measured, of members in columns and of those that are made at once
 _OF_MEMBERS: dict[str, Callable[[Agent, Any], object]] = {
     "current_node_id": lambda agent, node: agent._known(node),
     "prev_node_id": lambda agent, node: agent._known(node),
@@ -421,6 +425,25 @@ def _as_array(values: list[Any]) -> Column:
 def _read_only(values: Column) -> Column:
     values.setflags(write=False)
     return values
+
+
+def starts_in(given: object, *, are_made: bool) -> list[int]:
+    """Return where the members of a team begin, which was given as anything that holds ids.
+
+    Raises:
+        BadType, BadValue: it is no list of integers.
+        TooLarge (ValueError): so many members would not fit into memory; they are counted before they are read.
+    """
+    each = _BYTES_PER_AGENT if are_made else _BYTES_PER_MEMBER
+    most, more = max_memory() // each, ""
+    if isinstance(given, Iterator):
+        given, more = list(islice(given, most + 1)), " or more"
+    try:
+        count = length_hint(given)
+    except OverflowError:  # a range of more than 64 bits
+        count = 1 << 63
+    refuse_above(count * each, f"A team of {count}{more} agents, of which {most} would fit,")
+    return as_ids(given, "start_node_ids")
 
 
 def values_in(columns: object, count: int, others: Iterable[str]) -> dict[str, list[Any]]:
