@@ -112,7 +112,7 @@ def programmes(draw):
     agents, found = {}, []  # number -> (name, whether it flies)
     number_of_next = 0
     whats = ["come", "walk", "fly", "turn", "put", "came", "face", "team", "alive", "speed", "progress", "equip", "go"]
-    whats += ["score", "data", "over", "memory", "sensor", "component", "strategy"]
+    whats += ["attribute", "score", "data", "over", "memory", "sensor", "component", "strategy"]
     for what in draw(st.lists(st.sampled_from(["come", "come", "walk", "walk", "fly", *whats]), max_size=25)):
         walkers = [number for number, (_, flies) in agents.items() if not flies]
         flyers = [number for number, (_, flies) in agents.items() if flies]
@@ -152,6 +152,11 @@ def programmes(draw):
                     ),
                 }[what]
             )
+        elif what == "attribute" and agents:
+            numbers = draw(st.lists(st.sampled_from(sorted(agents)), min_size=1, max_size=3))
+            values = draw(st.none() | st.lists(VALUES, min_size=len(numbers), max_size=len(numbers)))
+            data = {"numbers": numbers, "name": draw(st.sampled_from(["fuel", "load"]))}
+            found.append((kinds.AGENT_ATTRIBUTE, data if values is None else {**data, "values": values}))
         elif what in ("team", "alive", "equip", "strategy", "go") and agents:
             number = draw(st.sampled_from(sorted(agents)))
             name = {"agent_name": agents[number][0]}

@@ -96,6 +96,9 @@ class BaseAgent(ContextPart, IAgent):
             if name not in phase.known_names:
                 self._look_at(name, value)
             self._put_attribute(name, value)
+            journal = self._block.journal
+            if not journal.is_silent and name in self.__dict__:
+                journal.attributed([self._row], name, [value])
             return
         object.__setattr__(self, name, value)
 

@@ -292,9 +292,18 @@ class Team:
                 self._warn_of_misspelt(column)
             known = members.columns[column] if has_column else column_of(listed)
             members.columns[column] = _changed(known, {i: listed[i] for i in places})
+            self._note(column, [i for i in places if self.names[i] not in members.made])
             places = [i for i in places if self.names[i] in members.made]
         for i in places:
             setattr(self._agent(self.names[i]), column, listed[i])
+
+    def _note(self, column: str, numbers: list[int]) -> None:
+        """Note the values that members which were not made have in a column."""
+        block = self._block_of()
+        if numbers and not block.journal.is_silent:
+            rows = block.rows.of_each([self.names[i] for i in numbers])
+            values = self._members.columns[column][numbers]
+            block.journal.attributed(rows, column, values if values.dtype.kind in "biuf" else values.tolist())
 
     def _warn_of_misspelt(self, column: str) -> None:
         known = {*_OF_BLOCK, *_OF_MEMBERS, *self._attributes()}

@@ -47,6 +47,9 @@ class AgentsState:
     def progress(self, numbers: IntArray, columns: "Mapping[str, np.ndarray[Any, Any]]") -> None:
         """Set how far along edges agents are, as arrays by the names in `ir.events.ON_EDGES`."""
 
+    def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
+        """Set an attribute of the caller's, one value for each agent; None: they have it no longer."""
+
     def equip(self, row: Row, name: str, sensor_id: str) -> None:
         """Let an agent carry a sensor."""
 

@@ -295,6 +295,12 @@ def _progress(state: State, data: Mapping[str, Plain]) -> None:
     state.agents.progress(data["numbers"], columns)
 
 
+def _attribute(state: State, data: Mapping[str, Plain]) -> None:
+    numbers, values = np.asarray(data["numbers"], np.int64).tolist(), data.get("values")
+    values = values.tolist() if isinstance(values, np.ndarray) else values
+    state.agents.attribute(numbers, as_name(data["name"], "name"), values)
+
+
 def _above(state: State, data: Mapping[str, Plain]) -> None:
     for name, node, previous in zip(data["names"], data["node"].tolist(), data["previous"].tolist(), strict=True):
         row = state.agents.row(name)
@@ -324,6 +330,7 @@ AGENT_STRATEGY = _event(0x01100013, "AGENT_STRATEGY", _HOST, "agent_name strateg
 AGENT_PROGRESS = _event(
     0x01100014, "AGENT_PROGRESS", _SENSED, f"numbers {' '.join(ON_EDGES[:3])} ?edge_id ?edge_motion", _progress
 )
+AGENT_ATTRIBUTE = _event(0x01100016, "AGENT_ATTRIBUTE", _TEAM, "numbers name ?values", _attribute)
 AERIAL_AGENT_FLIGHT = _event(0x01100020, "AERIAL_AGENT_FLIGHT", _SENSED, "number node x y z", _fly, _flight_records)
 AERIAL_AGENT_TURN = _event(0x01100021, "AERIAL_AGENT_TURN", _SENSED, "number w x y z", _turn, _turn_records)
 FLYERS_ABOVE = _event(0x01100030, "FLYERS_ABOVE", _SENSED, "names node previous", _above)
@@ -585,5 +592,5 @@ def renumbered(kind: int, data: Plain, number_of: Callable[[int], int]) -> Any:
     found = dict(data)
     for key in (key for key, field in fields.items() if field.role is Role.NUMBER):
         found[key] = data[key].copy()
-        found[key][:] = [number_of(number) for number in data[key].tolist()]
+        found[key][:] = [number_of(number) for number in np.asarray(data[key]).tolist()]
     return found

@@ -1,11 +1,12 @@
 """The journal in which a context notes events, in their order, for recordings."""
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
 from gamms.ir.columns import drop
-from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, MOVES, Log, Movers, Moves
+from gamms.ir.events import AERIAL_AGENT_FLIGHT, AERIAL_AGENT_TURN, AGENT_ATTRIBUTE, MOVES, Log, Movers, Moves
 from gamms.ir.graph import IntArray
 from gamms.plain import Plain
 
@@ -20,7 +21,7 @@ class Journal:
         in_arrays: by how much the log is longer than its entries, of which one may hold the moves of many agents; the
             reader sets it to 0.
         progressed: the numbers of agents whose progress along an edge was set; the reader empties it.
-        is_silent: whether it notes nothing; `log`, `flew` and `turned` are then not to be used.
+        is_silent: whether it notes nothing; `log`, `flew`, `turned` and `attributed` are then not to be used.
     """
 
     is_silent: bool = False
@@ -55,6 +56,12 @@ class Journal:
     def turned(self, row: int, quat: tuple[float, float, float, float]) -> None:
         """Note that a flyer has turned."""
         self.log.append((AERIAL_AGENT_TURN, (self.ids[row], *quat)))
+
+    def attributed(self, rows: Iterable[int], name: str, values: Plain) -> None:
+        """Note that an attribute of the caller's was set, one value for each agent; None: they have it no longer."""
+        data = {"numbers": [self.ids[row] for row in rows], "name": name}
+        self.in_arrays += len(data["numbers"]) - 1
+        self.note(AGENT_ATTRIBUTE, data if values is None else {**data, "values": values})
 
     def entered(self, row: int, name: str) -> None:
         """Number an agent that has come, in the last row."""

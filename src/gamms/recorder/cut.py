@@ -267,6 +267,13 @@ class Cut:
                 own["numbers"] = np.array([self._ids[names[row]] for row in rows], np.int64)
             yield kind, own
 
+    def _attribute(self, kind: int, data: Plain) -> Iterator[_Event]:
+        names = [self._names[number] for number in np.asarray(data["numbers"]).tolist()]
+        rows = [row for row, name in enumerate(names) if name in self._own]
+        own = {"numbers": [self._ids[names[row]] for row in rows], "name": data["name"]}
+        if rows:
+            yield kind, own | ({"values": [data["values"][row] for row in rows]} if "values" in data else {})
+
     def _of_agents_and_teams(self, kind: int, data: Plain) -> Iterator[_Event]:
         agents, known = self._of_own(data["agents"]), set(self._own.values())
         teams = [pair for pair in data["teams"] if pair[0] in known]
@@ -471,6 +478,7 @@ def _nothing(_cut: Cut, _kind: int, _data: Plain) -> Iterator[_Event]:
 _SPECIAL: dict[int, Callable[[Cut, int, Any], Iterator[_Event]]] = {
     MOVES: Cut._moves,
     kinds.AGENT_PROGRESS: Cut._of_several,
+    kinds.AGENT_ATTRIBUTE: Cut._attribute,
     kinds.FLYERS_ABOVE: Cut._of_several,
     kinds.GAME_MEMORY: Cut._of_agents_and_teams,
     kinds.GAME_PRIVATE_FACTS: Cut._of_agents_and_teams,

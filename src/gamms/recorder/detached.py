@@ -44,6 +44,7 @@ _APART = _OTHERS - {  # events that change nothing that moves of others look at 
     kinds.AGENT_PREV_NODE,
     kinds.FLYERS_ABOVE,
 }
+_GONE: Any = object()  # in place of the value of an attribute that an agent has no longer
 # Keywords of a creation that do not become attributes of the agent.
 _NO_ATTRIBUTES = {"start_node_id", "sensors", "team", "strategy", "type", "orientation", "speed", "position", "quat"}
 _NO_ATTRIBUTES |= {"prev_node_id", "current_node_id", "alive", *NUMBERS}
@@ -407,6 +408,15 @@ class DetachedAgents(AgentsState):
         keyframes.checked_motions(columns.get("edge_motion", 0))
         for name in ON_EDGES:
             self.columns[name][rows] = columns.get(name, 0)
+
+    def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
+        """Set an attribute of the caller's, or take it away."""
+        attributes = self.columns["attributes"]
+        for number, value in zip(numbers, [_GONE] * len(numbers) if values is None else values, strict=True):
+            row = self.row_of(number)
+            own = {key: one for key, one in attributes[row].items() if key != name}
+            attributes[row] = own if value is _GONE else {**own, name: value}
+        self.version += 1
 
     def equip(self, row: int, name: str, sensor_id: str) -> None:
         """Let an agent carry a sensor."""

@@ -279,6 +279,18 @@ class LiveAgents(AgentsState):
         for number, *where in zip(numbers.tolist(), *places, strict=True):
             self._block.write(self.row_of(number), {"progress": keyframes.progress_of(*where)})
 
+    def attribute(self, numbers: Sequence[int], name: str, values: Sequence[Plain] | None) -> None:
+        """Set an attribute of the caller's, or take it away."""
+        for number, value in zip(numbers, [None] * len(numbers) if values is None else values, strict=True):
+            agent = self._agent(self.row_of(number))
+            known = getattr(type(agent), name, None)
+            if name[0] == "_" or callable(known) or isinstance(known, property):
+                raise BadValue(f"{shown(name)} is no attribute of agent {agent.name!r} that a program may set.")
+            if values is None:
+                agent.__dict__.pop(name, None)
+            else:
+                setattr(agent, name, deepcopy(value))
+
     def _agent(self, row: int) -> Any:
         return self._engine.agents[self._block.names[row]]
 

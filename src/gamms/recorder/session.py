@@ -196,7 +196,7 @@ class RecordingSession:
         if self._followed is None or (self.turn == 1 and is_over and self._followed != self.drawings.edits):
             self._begin_with_followers()
             return
-        heard, self._heard = self._heard, 0 if is_over else len(log)
+        heard, self._heard, self._journal.last_set = self._heard, 0 if is_over else len(log), None
         for follower in self._followers:
             follower.hear(log[heard:], is_over=is_over)
 

@@ -40,6 +40,7 @@ _UNREAD = {  # kinds of events that the viewer does not read
     kinds.GAME_CHANCE,
     kinds.GAME_PRIVATE_FACTS,
     kinds.AGENT_STRATEGY,
+    kinds.AGENT_ATTRIBUTE,
     kinds.DELAYED_LOOKS,
     *kinds.COMPONENTS,
 }
